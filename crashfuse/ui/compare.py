@@ -40,32 +40,32 @@ _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"
 _MOTION, _RESIDUALS = "Motion", "Residuals"
 _CORRIDORS_HELP = (
-    "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test, 0 outside the outer one. Half widths: "
-    "5 % and 50 % of the largest acceleration in the rated window."
+    "ISO/TS 18571: 1 inside the inner corridor about the test, 0 outside the outer one. Half widths: 5 % and 50 % of "
+    "the largest acceleration in the rated window."
 )
 _CURVES = {
     "Over displacement": (
         "displacement",
         "Acceleration over displacement, up to maximum crush: {}",
-        "Marks: maximum crush with its 95 % interval. The area under each curve is the energy per unit mass, ½ v0².",
+        "Marks: maximum crush with its 95 % interval. Area under a curve: energy per unit mass, ½ v0².",
     ),
     "Energy": (
         "energy",
         "Absorbed energy over crush: {}",
-        "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force.",
+        "At maximum crush: all of ½ m v0². Slope: crush force.",
     ),
     _RESIDUALS: (
         "residuals",
-        "Prediction minus what was measured, over time: {}",
-        "Where a band leaves zero, the test left that band. RMS: over the rated window.",
+        "Prediction minus test, over time: {}",
+        "Where a band leaves zero, the test left it. RMS: over the rated window.",
     ),
 }
-"""Figures beside that of the motion: the library's name, the alternative text, and what to see."""
+"""By the figure's name on the page: the library's name, alternative text, what to see."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A held-out test, every prediction of it, and how the reader wants to see them."""
+    """A held-out test, every prediction of it, and how they are shown."""
 
     view: View
     config: StudyConfig  # the settings that were chosen
@@ -210,7 +210,7 @@ def show_why(comparison: Comparison) -> None:
         partial(draw, "rating", approaches=[approach]), alt, "rated curves", approach, comparison.key,
         name=f"rating of {LABELS[approach]}",
     )  # fmt: skip
-    with st.expander("Humps, and stretches outside the corridor, in numbers", icon=":material/table:"):
+    with st.expander("Humps and stretches outside the corridor", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")
         st.caption(glossary.HUMPS)
         show_table(excursions_table(explanation, display), "excursions")

@@ -158,7 +158,7 @@ def reading_of(source: Source) -> Reading:
         travel = _choose(
             st.container(), "Direction of travel", TRAVELS, None, f"{source.key} travel",
             format_func=lambda travel: travel.replace("-", "−").upper(),
-            help="Along which axis of the files the vehicle drives.",
+            help="In the files' axes.",
         )  # fmt: skip
     tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
     if not tables:
@@ -180,7 +180,7 @@ def _reading_of_tables(source: Source) -> Reading:
     forms = forms_of(source)
     columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
     if len(forms) > _MOST_FORMS:
-        st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read as their headers say.")
+        st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read by their headers.")
     role_of = {choice.column: choice.role for choice in columns}
     pulses = [[role_of.get(use.column, use.role) for use in form.proposed.uses] for form in forms]
     chosen = "each"
@@ -276,7 +276,7 @@ def choices_of(
     if role == "cae":
         gap_mm = st.number_input(
             "Gap before the barrier (mm)", value=None, min_value=0.0, placeholder="none", key=f"{source.key} gap",
-            persist_state="session", help="How far the vehicle moves in the run before it meets the barrier.",
+            persist_state="session", help="The vehicle moves so far before contact.",
         )  # fmt: skip
     zero_s, gap_m = (None if value is None else value * MS for value in (zero_ms, gap_mm))
     chosen = Choices(channels, unit, _SIGNS.get(sign or ""), zero_s, gap_m, cfc, condition, share)  # type: ignore[arg-type]
@@ -293,6 +293,6 @@ def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple
         "Channels, averaged", names, default=records[0].proposed,
         format_func=lambda name: name if labels[name] in name else f"{name} · {labels[name]}",
         key=f"{source.key} channels {hash(frozenset(names))}", persist_state="session", wrap=True,
-        help="All that could be the vehicle's pulse along X.",
+        help="What could be the pulse along X.",
     )  # fmt: skip
     return () if tuple(chosen) == records[0].proposed else tuple(chosen)

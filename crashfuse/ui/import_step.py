@@ -72,7 +72,7 @@ def _show_add_form(
             args=(source, reading, choices, role, cae),
         )  # fmt: skip
     if notice and st.session_state.get(_INTO) == "open":
-        st.info(f"The campaign says of itself, and of what is added: “{plain(notice)}”", icon=":material/info:")
+        st.info(f"The campaign says of all in it: “{plain(notice)}”", icon=":material/info:")
 
 
 def _counts_of(settled: Sequence[Settled]) -> str:
@@ -91,7 +91,7 @@ def _ask_folder() -> None:
         st.text_input(
             "Campaign folder on this computer", key=_FOLDER, persist_state="session",
             placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
-            help="A new folder, or a campaign that is there.", width=_FOLDER_PX,
+            help="A new folder, or a campaign.", width=_FOLDER_PX,
         )  # fmt: skip
 
 
@@ -182,7 +182,7 @@ def show_unfinished() -> None:
     if uploads.IMPORT_UNFINISHED in st.session_state:
         sentence, problems = st.session_state[uploads.IMPORT_UNFINISHED]
         needs = "\n".join(f"- {plain(str(problem))}" for problem in problems)
-        then = "What is imported next goes there, too, unless you name another folder."
+        then = "The next import goes there, too, unless you name another folder."
         st.info(f"{sentence} Before it can be opened:\n\n{needs}\n\n{then}", icon=":material/check:")
 
 
@@ -190,7 +190,7 @@ def show_import(source: Source, view: View | None) -> None:
     """Show the import step."""
     several = source.scratch is not None and source.path.parent == source.scratch  # uploads without a common name
     with show_title("Import files" if several else f"Import {plain(source.path.name)}"):
-        st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added before you say so.", width="content")
+        st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added yet.", width="content")
         st.button("Back without importing", icon=":material/arrow_back:", on_click=uploads.leave_import)
     above = st.container()  # what adds is on the first screen, however long what was read
     left, right = st.columns([2, 3], gap="large")
@@ -208,8 +208,8 @@ def show_import(source: Source, view: View | None) -> None:
         show_problems(unread, "Nothing of it can be read", "Correct the fields or the files.")
         return
     with left:
-        for_all = ", of all records; a table of conditions gives each its own" if len(records) > 1 else ""
-        st.caption(f"In grey: what was found. What is filled in overrules it{for_all}.")
+        for_all = ", for all records; a table of conditions gives each its own" if len(records) > 1 else ""
+        st.caption(f"Grey: found. What is filled in overrules it{for_all}.")
         own_class = None
         with suppress(DataError, OSError):
             own_class = own_filter_class(_target())
@@ -259,7 +259,7 @@ def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, 
         )  # fmt: skip
     if look_simulated and (role == "tests" or len(look_simulated) == len(parts)):
         is_stated = any(record.is_simulated for record in records)
-        by = "what the files say of themselves" if is_stated else "name or number of records"
+        by = "what the files say" if is_stated else "name or number of records"
         st.caption(f"Like CAE runs, by {by}: {plain(listed(look_simulated))}. Change it if that is wrong.")
     return role, tuple(chosen)
 

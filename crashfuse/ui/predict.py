@@ -74,7 +74,7 @@ _FIGURES = {"Over time": "motion", "Over displacement": "displacement", "Energy 
 
 
 def choose_condition(campaign: Campaign, display: Display) -> Condition:
-    """Ask for a condition, and warn if it lies outside the CAE runs; factors not given are left out."""
+    """Ask for a condition, and warn if it lies outside the CAE runs."""
     with st.container(key="condition"):
         first, further = st.columns(3 + min(len(campaign.factors), 3)), max(len(campaign.factors) - 3, 0)
     columns = [*first, *(st.columns(further) if further else [])]
@@ -145,7 +145,7 @@ def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The prediction of every approach at a condition, and how the reader wants to see it."""
+    """The prediction of every approach at a condition, and how it is shown."""
 
     view: View
     request: FitRequest  # all tests of the campaign, and the settings that were chosen
@@ -182,7 +182,7 @@ class Answer:
 
     @cached_property
     def others(self) -> list[PredictedPulse]:
-        """Predictions here with other settings, and those at pinned conditions, once this one is whole."""
+        """Predictions with other settings and at pinned conditions, once this one is whole."""
         if not self.whole:
             return []
         pins = [condition for text, condition in pinned().items() if text != self.condition.text]
@@ -198,7 +198,7 @@ class Answer:
 
 
 def show_pins(answer: Answer) -> None:
-    """Offer to pin the condition, with a record among the results of this machine, and to unpin others."""
+    """Offer to pin the condition, which is kept among past results, and to unpin others."""
     pins, here = pinned(), answer.condition.text
 
     def pin() -> None:
@@ -210,7 +210,7 @@ def show_pins(answer: Answer) -> None:
 
     st.button(
         "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=here in pins or len(pins) >= MOST_PINS,
-        help=f"Keeps it in figures, the link, the report and the past results; up to {MOST_PINS}.",
+        help=f"Keeps up to {MOST_PINS} in figures, link, report and past results.",
     )  # fmt: skip
     if pins:
         with st.popover(f"{len(pins)} pinned", key="pinned"):
@@ -222,7 +222,7 @@ def show_pins(answer: Answer) -> None:
 
 
 def show_pulses(answer: Answer) -> None:
-    """Show the prediction, and what was put beside, in the figure that the user picks; below it the metrics."""
+    """Show the prediction, what was put beside it, and the metrics."""
     condition, display = answer.condition, answer.view.display
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
@@ -269,11 +269,11 @@ def show_over_speed(answer: Answer) -> None:
     """Show every metric over speed, at the weights chosen above."""
     view, condition, request = answer.view, answer.condition, answer.request
     if not answer.whole:
-        st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
+        st.info("This waits for every approach.", icon=":material/hourglass_top:")
         return
     sweep = result_or_none(
         sweep_over_speed(request, answer.fitted, condition),
-        invitation="About thirty speeds are predicted in about ten seconds.",
+        invitation="Some thirty speeds take some ten seconds.",
         button="Predict over speed",
     )
     if sweep is None:
@@ -318,14 +318,12 @@ def show_next_test(answer: Answer) -> None:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     show_figure(
-        candidates.plot(display=display), alt="How much each candidate would narrow the band, over its speed",
+        candidates.plot(display=display), alt="How much each candidate would narrow the band",
         name=f"next test {over.low.text} to {over.high.text}",
     )  # fmt: skip
     st.caption(NEXT_TEST_MEANING)
     if answer.subject.approach != DisplacementDomain.name:
-        st.caption(
-            f"Only the displacement domain can rank tests: this does not follow {LABELS[answer.subject.approach]}."
-        )
+        st.caption(f"By the displacement domain: {LABELS[answer.subject.approach]} cannot rank tests.")
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
     usual_kind = "" if answer.condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
@@ -369,7 +367,7 @@ def _range(
     label = view.display.title(axis.label, axis.unit)
     column.slider(
         label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
-        help="The range of interest; all conditions in it are weighted equally.",
+        help="All conditions in it are weighted equally.",
     )  # fmt: skip
     return ends
 
@@ -387,7 +385,7 @@ def show_files(answer: Answer) -> None:
     of = f"{campaign.name} {display.briefly(answer.condition)}"
     form = choose_form(
         "recommendation, pulses, metrics and limits",
-        "the pulse over displacement, how the fits went, the data, the method and its settings",
+        "the pulse over displacement, the fits, the data, the method and its settings",
     )
     with st.container(horizontal=True):
         download_table("pulses.csv", lambda: prediction.pulses, of)

@@ -39,14 +39,14 @@ _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 
 
 def request_of(view: View) -> StudyRequest:
-    """Each test left out in turn, and again with its speed group, but for the paper's settings, which take hours."""
+    """Each test left out in turn, and again with its speed group, unless that takes hours."""
     config = chosen_config()
     both = replace(config, leave_out="both") if config.preset == "fast" else config
     return StudyRequest(view.campaign, view.campaign.test_ids, both)
 
 
 def show(view: View) -> None:
-    """Let the user choose a tab, and show it with the files that it offers."""
+    """Show the tab that the user chooses."""
     row = st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center")
     with row:
         tab = choose("Tab", _TABS, key="study_tab")
@@ -59,12 +59,11 @@ def show(view: View) -> None:
         return
     request = request_of(view)
     config, n = request.config, len(view.campaign.tests)
-    again = "; then again without any other test at about its speed" if config.leave_out == "both" else ""
+    again = "; then again with all at about its speed" if config.leave_out == "both" else ""
     study = result_of(
         request,
-        invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn"
-        f"{again}. This has not been run yet for the {n} tests of this campaign. "
-        + patience(config, "It takes a minute or more the first time; the other pages stay free."),
+        invitation=f"How well does each approach predict a test that it has not seen? Every test is left out in turn"
+        f"{again}. " + patience(config, "It takes a minute or more the first time; other pages stay free."),
         button=f"Leave out each of {n} tests",
     )
     outcome = _Outcome(view, config, study, request.key)
@@ -79,7 +78,7 @@ def show(view: View) -> None:
 
 
 def _show_headline(outcome: "_Outcome", *, grouped: bool) -> list[str]:
-    """Show which approach to use, if the tests can tell, and how it rated; returns why."""
+    """Show which approach to use and how it rated; returns why."""
     study = outcome.study
     first, *others = map(outcome.view.display.words, recommend(study).sentences)
     use, _, why = first.partition(". ")
@@ -115,7 +114,7 @@ class _Outcome:
 
 
 def by_group(request: StudyRequest) -> bool:
-    """Whether the tests shown were left out with all at about their speed; of both ways, as the reader has chosen."""
+    """Whether tests were left out with all at about their speed; of both ways, as the reader has chosen."""
     if request.config.leave_out != "both":
         return request.config.leave_out == "speed group"
     job = jobs().get(request.key)
@@ -125,7 +124,7 @@ def by_group(request: StudyRequest) -> bool:
 
 
 def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
-    """The study by one way of leaving tests out, and which: what is left out with a test."""
+    """The study by one way of leaving tests out, and which."""
     study = outcome.study
     if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
         return study.speed_groups, "speed group"
@@ -152,7 +151,7 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
     st.markdown(f"**Each test, {results.window_label(outcome.view.display.window_ms)}**")
 
     def open_test(cell: str) -> None:
-        """Open a test as this study left it out; *Why* explains the approach whose cell it was."""
+        """Open a test as this study left it out."""
         test_id, _, approach = cell.partition(":")
         choose_held_out(outcome.view.campaign.test(test_id))
         st.session_state["leave_out"] = leave_out
@@ -187,7 +186,7 @@ def _show_bands(outcome: _Outcome) -> None:
     left, right = st.columns(2, gap="medium")
     with left:
         st.subheader(f"How sure the ratings are, {results.window_label(outcome.view.display.window_ms)}")
-        alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
+        alt = f"Rating of each test, {left_out}, by approach, with the interval of single draws"
         show("draws", alt, "ratings of draws")
         st.caption(
             f"Marks: rating of the expected pulse. Lines: {glossary.DRAWS} Grey: where a repeat of the test would rate."
@@ -196,10 +195,10 @@ def _show_bands(outcome: _Outcome) -> None:
         st.subheader("What bands of each level hold")
         alt = f"Share of the time up to TTZV inside bands of each level, each test {left_out}"
         show("calibration", alt, "coverage by level")
-        st.caption("Above the dotted line a band is wider than it claims, below it too narrow.")
+        st.caption("Above the dotted line a band is too wide, below it too narrow.")
     st.subheader("What the 95 % band is worth", help=glossary.TTZV)
     show_table(coverage_table(study.coverage), "coverage")
-    st.caption(f"Left-out tests inside the band; of {len(study.folds)} no more can be promised than these counts.")
+    st.caption(f"Left-out tests inside the band; of {len(study.folds)} no more can be promised.")
 
 
 def _show_files(outcome: _Outcome) -> None:
@@ -218,11 +217,11 @@ def _show_files(outcome: _Outcome) -> None:
 
 def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -> None:
     campaign = view.campaign
-    st.markdown("How good is the prediction with fewer tests, and what would one more add?")
+    st.markdown("How good are predictions from fewer tests, and what would one more add?")
     settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
     whole = result_or_none(
         learn_curve(campaign, settings),
-        invitation="This has not been computed for this campaign yet. It takes a minute or more the first time.",
+        invitation="It takes a minute or more the first time.",
         button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
     )
     if whole is None:
@@ -237,15 +236,15 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     amount = st.number_input(
         "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
         key="cost", persist_state="session", width=260,
-        help="Gains are then also given as the cost of one hundredth of rating.",
+        help="Gains are then given as the cost of 0.01 of rating, too.",
     )  # fmt: skip
     cost = Cost(amount) if amount and 0 < amount < math.inf else None  # a link may hold any number
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
-    alt = "Mean rating, width of the band and decided verdicts, over the number of tests"
+    alt = "Mean rating, width of the band, decided verdicts over the number of tests"
     show_figure(whole.plot(display=view.display), alt, name="learning curve")
     st.caption(
-        f"{LEARNING_CURVE_MEANING} Points: means with their standard error; shaded: the central 80 % of the single "
-        f"ratings. {campaign.rating_basis}."
+        f"{LEARNING_CURVE_MEANING} Points: means with standard errors; shaded: the central 80 % of single ratings. "
+        f"{campaign.rating_basis}."
     )
     if not (steps := gains_table(curve, cost)).empty:
         st.markdown("**What further tests gained**")

@@ -352,7 +352,7 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
 def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_link(asking: Path, visit: Visit) -> None:
     """Its file is uploaded once; another session sees what became of it, and so do report and table."""
     session = tab(certified(visit("certify", **LINK)), "Track record")
-    assert "against what an earlier certification said" in session.words
+    assert "against earlier verdicts" in session.words
     record = json.loads(certification_json(of_library(asking).certification))
     record["cells"]["M1"] = {"crush": ("open", 0.5, 1.0, 2.0), "rating": ("open", 0.5, 0.0, 1.0)}
     last, _ = record["tests_sha256"].popitem()

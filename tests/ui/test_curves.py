@@ -16,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("open_campaign")
 CAE_ONLY = {"campaign": "campaign", "approaches": "cae"}
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 SEED_1 = "by:fast 1 test"
-NOT_YET = "The prediction of {} with {} is not there yet, or is no longer kept."
+NOT_YET = "The prediction of {} with {} is not there (any more)."
 NEVER = "Not shown: {}. There are no such settings."
 HERE = {"campaign": "campaign", "approaches": "displacement_domain", "speed_mph": "30"}
 

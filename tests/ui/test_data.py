@@ -81,7 +81,7 @@ def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, c
     assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
     for tab in ("Tests", "CAE model", "Conditions"):
         assert session.open_tab("data", tab).charts == 1
-    assert "how their paired CAE runs rate" in session.words
+    assert "the ratings of their paired CAE runs" in session.words
     (table,) = session.tables
     assert table["Test"].tolist() == ["T1", "T2", "T3", "T4"]
     assert table["Speed (mph)"].tolist() == ["15.0", "25.0", "26.0", "35.0"]
@@ -298,7 +298,7 @@ def test_what_a_single_test_allows_is_said_on_every_page(visit: Visit, open_camp
     assert session.go("train").buttons == ["Export", "Train on all tests"]
     for page in ("compare", "study"):
         session.go(page)
-        assert "T1 is the only test of this campaign: left out, it would leave nothing to learn from." in session.words
+        assert "T1 is the only test of this campaign: without it there is nothing to learn from." in session.words
         assert not session.buttons
     assert session.go("predict").buttons
 

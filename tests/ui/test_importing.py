@@ -281,7 +281,7 @@ def test_a_new_session_goes_on_with_an_import(visit: Visit, monkeypatch: pytest.
     key = session.run().go("train").go("data").app.query_params["import"]
     assert field(session, "Speed (").value == 56.0
     again = visit(**{"import": key})
-    assert "Nothing is added before you say so" in again.words
+    assert "Nothing is added yet" in again.words
     assert field(again, "Speed (").value == 56.0
     assert field(again, "Take it as").value == "cae"
     again.press("Back without importing")
@@ -295,8 +295,8 @@ def test_who_follows_the_link_of_an_import_ends_it_for_themselves_only(visit: Vi
     session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
     key = session.app.query_params["import"]
     visit(**{"import": key}).press("Back without importing")
-    assert "Nothing is added before you say so" in session.run().words
-    assert "Nothing is added before you say so" in visit(**{"import": key}).words
+    assert "Nothing is added yet" in session.run().words
+    assert "Nothing is added yet" in visit(**{"import": key}).words
 
 
 @pytest.mark.slow
@@ -466,7 +466,7 @@ def test_what_says_that_it_is_simulated_is_proposed_as_a_cae_run(visit: Visit) -
     test = IsommeTest("P1", [("Velocity test object 1", "15.5"), *weights], (channel,))
     session = drop(visit(), own_zip=zipped(isomme_files(test)))
     assert field(session, "Take it as").value == "cae"
-    assert "Like CAE runs, by what the files say of themselves: own." in session.words
+    assert "Like CAE runs, by what the files say: own." in session.words
     assert "Add as CAE run" in session.buttons
     field(session, "Take it as").set_value("tests")
     assert "by its own account 10VEHC000000ACXP (simulation)" in session.run().words

@@ -397,7 +397,7 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("crashfuse.ui.kit.computation.learning_curve", partial(learning_curve, workers=1, repeats=1))
     session = start("study")
     session.open_tab("study", "Number of tests")
-    assert "not been computed for this campaign yet" in session.words
+    assert "a minute or more the first time" in session.words
     session.press("Predict from 1 to 3 tests").finish()
     assert session.charts == 1
     assert "With 3 of 4 tests the displacement domain rates" in session.words

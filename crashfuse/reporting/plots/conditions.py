@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import marks_of_runs, new_figure
+from crashfuse.reporting.plots.canvas import marks_of_runs, points_figure
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import CURSOR, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
@@ -27,10 +27,10 @@ def condition_space(
     library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None, display: Display = DEFAULT
 ) -> go.Figure:
     """Draw front and rear weight over speed: CAE runs, their range, and the tests, open where that is extrapolation."""
-    figure = new_figure(height=640)
+    figure = points_figure(640)
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(2, 1, shared_xaxes=True, vertical_spacing=0.06)
-    figure.update_xaxes(style, title=None, range=None, showspikes=False, unifiedhovertitle=None)
+    figure.update_xaxes(style)
     figure.update_xaxes(title=display.title("Impact speed", "mph"), row=2)
     figure.update_yaxes(other_style)
     runs = display.vectors(library.vectors)
@@ -82,7 +82,7 @@ def condition_space(
             range=[bottom[row] - margin[row], top[row] + margin[row]],
             row=row,
         )
-    figure.update_layout(hovermode="closest", margin_l=72)
+    figure.update_layout(margin_l=72)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Curves of a figure of pulses: the prediction by one approach with its band, and what is chosen beside it."""
+"""Curves of a figure of pulses: a prediction with its band, and what is chosen beside it."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from contextlib import suppress
@@ -42,9 +42,7 @@ from crashfuse.wording import read_out
 
 REPRESENTATIVE = "representative"  # stands among the curves for a pulse that looks like a test
 _NEAREST = 3
-_NEAREST_HELP = (
-    f"The {_NEAREST} nearest tests by shares of speed and mass, and any that stands apart near the condition."
-)
+_NEAREST_HELP = f"The {_NEAREST} nearest tests by speed and mass, and any that stands apart near the condition."
 _MOST = 24  # added curves: with the test and the approaches some thirty
 _PIN, _SETTINGS = "at:", "by:"  # begin what stands for them in the address: no id of a test has a colon in it
 _LOOK_AGAIN_S = 60.0  # the command line may have computed more
@@ -153,13 +151,13 @@ class Subject:
         return tuple(EarlierPrediction(own, config, self.shown) for config, own in found if own is not None)
 
     def offer(self) -> None:
-        """Offer to predict with settings that were chosen, by a link perhaps, or show how far that is."""
+        """Offer to predict with settings that were chosen, or show how far that is."""
         for config in self.wanted:
             if self._estimate(config) is None:
                 words = otherwise(config, self.shown)
                 of = plain(self.test) if self.test else "this condition"
-                then = patience(config, "This takes a minute or two; then it stands beside the others.")
-                lacking = f"The prediction of {of} with {words} is not there yet, or is no longer kept."
+                then = patience(config, "This takes a minute or two.")
+                lacking = f"The prediction of {of} with {words} is not there (any more)."
                 button = " ".join(["Predict", *([of] if self.test else []), "with", words])
                 result_or_none(self._request(config), invitation=f"{lacking} {then}", button=button)
 
@@ -189,7 +187,7 @@ def predicted(campaign: Campaign, config: StudyConfig, condition: Condition) -> 
 
 
 def choose_approach(subject: Subject, known: Sequence[str], advice: Recommendation | None) -> None:
-    """Let the user choose the approach that the page shows, at first the recommended one."""
+    """Let the user choose an approach, at first the recommended one."""
     usual = by_preference(known)[0] if advice is None else advice.approach
     address.default(subject.chosen_approach, usual, known)
     st.selectbox(
@@ -199,7 +197,7 @@ def choose_approach(subject: Subject, known: Sequence[str], advice: Recommendati
 
 
 def choose_curves(subject: Subject, known: Sequence[str]) -> Shown:
-    """Let the user choose what a figure shows beside the prediction by the chosen approach."""
+    """Let the user choose what a figure shows beside the prediction."""
     approach = subject.approach
     others = [name for name in known if name != approach]
     offered = [TEST, *others] if subject.test else [*others, REPRESENTATIVE]
@@ -208,7 +206,7 @@ def choose_curves(subject: Subject, known: Sequence[str]) -> Shown:
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
         chosen = kept_choice(
             key, offered, st.pills, "Beside the prediction", selection_mode="multi", width="content",
-            format_func=_label, help="The choice stays on this page, and is in the link.",
+            format_func=_label, help="Stays on this page, and is in the link.",
         )  # fmt: skip
         also, missing = _add(subject)
     if st.toggle("Nearest tests", key=f"{subject.page}_nearest", persist_state="session", help=_NEAREST_HELP):
@@ -255,7 +253,7 @@ def _add(subject: Subject) -> tuple[tuple[Further, ...], list[str]]:
     unknown = [name.removeprefix(RUN)[:80] for name in wanted_pulses if name not in {*campaign.test_ids, *offered}]
     missing = [f"Not among the tests in use and the CAE runs: {plain(', '.join(unknown))}."] if unknown else []
     if wanted and not at_pins:
-        missing.append("Pinned predictions are shown once the page Predict has an answer with these settings.")
+        missing.append("Pinned predictions are shown once Predict has an answer with these settings.")
     if wrong := [text for text in subject.settings_asked if _settings_of(text, subject.shown) is None]:
         texts = " or ".join(text.removeprefix(_SETTINGS)[:80] for text in wrong)
         missing.append(f"Not shown: {plain(texts)}. There are no such settings.")
