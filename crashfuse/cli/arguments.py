@@ -34,7 +34,7 @@ def parser() -> argparse.ArgumentParser:
     commands = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(name: str, run: str, about: str, campaign: str | None = "campaign") -> argparse.ArgumentParser:
-        """A command that is run by a function of a module in this room, as ``module.function``."""
+        """A command, run by a function of this room: ``module.function``."""
         added = commands.add_parser(name, help=about)
         added.set_defaults(run=run)
         if campaign:
@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
     app = command("app", "data.app", "start the dashboard on 127.0.0.1", None)
     app.add_argument("--port", type=whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
     app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
-    help_ = "the pages open and write to what is in it only; one option a folder"
+    help_ = "pages open and write to what is in it only; one option a folder"
     app.add_argument("--root", type=Path, action="append", default=[], metavar="DIR", help=help_)
     app.add_argument("--log", type=Path, metavar="FILE", help="append the log to it (default: standard error)")
     app.add_argument("--allow-host", action="append", default=[], metavar="NAME", help="its name at a reverse proxy")
@@ -53,17 +53,17 @@ def parser() -> argparse.ArgumentParser:
     sample = command("sample", "data.sample", "write the synthetic sample campaign", None)
     sample.add_argument("folder", type=Path, metavar="DIR", help="a new or empty folder")
 
-    command("check", "data.check", "show what a campaign holds and what is wrong with it")
+    command("check", "data.check", "show what a campaign holds, and what is wrong")
     _add_edit_options(command("edit", "data.edit", "leave tests out of use, take them out, undo the last change"))
     _add_import_options(command("import", "data.import_", "import files of other formats into a campaign", None))
 
     study = command("study", "studies.study", "leave out each test in turn, predict it, rate the prediction", None)
     study.add_argument("campaigns", type=Path, nargs="+", metavar="CAMPAIGN")
-    _add_out(study, "folder for the results; of several campaigns, presets or seeds each has a folder in it")
+    _add_out(study, "folder for the results; of several studies each has a folder in it")
     study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
     _add_model_options(study, several=True)
     _add_windows(study)
-    help_ = "alone, with all at about its speed, or both (default: both; test with --held-out or --preset paper)"
+    help_ = "default: both; with --held-out or --preset paper: test"
     study.add_argument("--leave-out", choices=("test", "speed-group", "both"), help=help_)
     _add_report(study)
     _add_workers(study)
@@ -77,18 +77,18 @@ def parser() -> argparse.ArgumentParser:
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
-    certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one: tell what became of its verdicts")
+    certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one, whose verdicts are compared")
     _add_settings(certify)
     _add_units(certify)
     _add_workers(certify)
     certify.add_argument("--seal", type=Path, metavar="KEY", help="sign it with this private key (crashfuse key)")
 
     key = command("key", "certification.make_key", "make a pair of keys for seals", None)
-    key.add_argument("key", type=Path, metavar="KEY", help="file of the private key; the public one is KEY.pub")
+    key.add_argument("key", type=Path, metavar="KEY", help="private key; the public one is KEY.pub")
     verify = command("verify", "certification.verify", "say what of a sealed certification was changed", "folder")
     verify.add_argument("--key", type=Path, metavar="PUB", help="the public key of its maker")
-    verify.add_argument("--campaign", type=Path, metavar="CAMPAIGN", help="compare the files that it rests on, too")
-    verify.add_argument("--seal", type=Path, metavar="KEY", help="sign as reviewer, if all is as it was sealed")
+    verify.add_argument("--campaign", type=Path, metavar="CAMPAIGN", help="compare its files, too")
+    verify.add_argument("--seal", type=Path, metavar="KEY", help="sign as reviewer")
 
     curve = command("learning-curve", "studies.learning_curve", "predict tests from 1, 2, 3 … of the others")
     _add_out(curve)
@@ -149,13 +149,13 @@ def parser() -> argparse.ArgumentParser:
 def _add_edit_options(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--leave-out", nargs="+", metavar="ID", help="tests that nothing learns from or rates")
-    parser.add_argument("--because", metavar="WHY", help="why they are left out, for the reports")
+    parser.add_argument("--because", metavar="WHY", help="why, for the reports")
     what.add_argument("--use", nargs="+", metavar="ID", help="tests to use again")
     what.add_argument("--remove", nargs="+", metavar="ID", help="tests to take out of the folder")
     what.add_argument("--cae-tuned", nargs="+", metavar="ID", help="tests that the CAE model was tuned to")
     what.add_argument("--not-cae-tuned", nargs="+", metavar="ID", help="tests that it was not tuned to")
     what.add_argument("--about", nargs="+", metavar="ID|NAME=VALUE", help="a test's id, then laboratory=…, date=…")
-    what.add_argument("--undo", action="store_true", help="undo the last change: an import or one of these")
+    what.add_argument("--undo", action="store_true", help="undo the last change")
 
 
 def _add_import_options(parser: argparse.ArgumentParser) -> None:
@@ -163,10 +163,8 @@ def _add_import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
     parser.add_argument("--format", choices=(*FORMATS, *BROKEN_FORMATS), help="default: by the files' names")
     parser.add_argument("--as", dest="role", choices=("tests", "cae"), help="default: tests, asked if it is doubtful")
-    parser.add_argument(
-        "--cae", nargs="+", default=(), metavar="NAME", help="files or ids of records that are CAE runs"
-    )
-    parser.add_argument("--cae-tuned", choices=("yes", "no"), help="whether the CAE model was tuned to these tests")
+    parser.add_argument("--cae", nargs="+", default=(), metavar="NAME", help="CAE runs among them, by file or id")
+    parser.add_argument("--cae-tuned", choices=("yes", "no"), help="was the CAE model tuned to these tests?")
     parser.add_argument("--id", metavar="ID", help="id for a source of one record")
     parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
     parser.add_argument("--column", nargs="+", default=(), metavar="COLUMN=ROLE[:UNIT]", help="such as Zeit=time:ms")
@@ -183,7 +181,7 @@ def _add_import_options(parser: argparse.ArgumentParser) -> None:
         for flag, factor in axes[name].items():
             help_ = f"{what} in {flag.rpartition('-')[2]}"
             group.add_argument(flag, dest=name, type=in_si(factor), metavar=metavar, help=help_)
-    parser.add_argument("--front-share", type=number, metavar="S", help="share of the mass on the front axle, 0 to 1")
+    parser.add_argument("--front-share", type=number, metavar="S", help="share of the mass, 0 to 1")
 
 
 def _add_export_options(parser: argparse.ArgumentParser, *default: str) -> None:
@@ -191,7 +189,7 @@ def _add_export_options(parser: argparse.ArgumentParser, *default: str) -> None:
     help_ = f"%(choices)s (default: {' '.join(default) or 'none'})"
     formats = ("isomme", "lsdyna", "radioss")
     group.add_argument("--export", nargs="+", choices=formats, metavar="FORMAT", default=default, help=help_)
-    group.add_argument("--draws", type=int, metavar="N", help="whole draws, beside the expected pulse (default: 0)")
+    group.add_argument("--draws", type=int, metavar="N", help="whole draws, too (default: 0)")
     group.add_argument("--unit-system", choices=_UNIT_SYSTEMS, help="of the solver's model; has no default")
     group.add_argument("--deceleration-sign", choices=("negative", "positive"), help="in curves (default: negative)")
     group.add_argument("--start-ms", type=number, metavar="T", help="time of contact in curves (default: 0)")
@@ -201,12 +199,12 @@ def _add_export_options(parser: argparse.ArgumentParser, *default: str) -> None:
 
 
 def _add_rating_options(parser: argparse.ArgumentParser) -> None:
-    files = "a table (time_ms or _s, acceleration_g or _mps2), or anything that import reads"
+    files = "a table (time_ms, acceleration_g), or what import reads"
     parser.add_argument("reference", type=Path, nargs="?", metavar="REFERENCE", help=files)
     parser.add_argument("comparison", type=Path, nargs="?", metavar="COMPARISON", help="the same")
     parser.add_argument("--pairs", type=Path, metavar="FILE.csv", help="a table with columns reference and comparison")
     parser.add_argument("--each-channel", action="store_true", help="of two ISO-MME tests, by channel code")
-    parser.add_argument("--explain", action="store_true", help="what ratings are made of: shift, corridor left, humps")
+    parser.add_argument("--explain", action="store_true", help="what ratings are made of")
     _add_windows(parser)
     parser.add_argument("--also", nargs="+", default=(), metavar="NAME", help="beside it: sprague-geers, anova")
     parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
@@ -235,7 +233,7 @@ def _add_report(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_units(parser: argparse.ArgumentParser) -> None:
-    help_ = "of speeds and weights in the report (default: the campaign's); tables keep theirs"
+    help_ = "of speeds and weights in the report (default: the campaign's)"
     parser.add_argument("--units", type=_one_of(*SYSTEMS), metavar="|".join(SYSTEMS), help=help_)
 
 
@@ -243,7 +241,7 @@ def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
     _add_factor(parser, "of the tests' table (powertrain=V6, say)")
     _add_out(parser)
     _add_units(parser)
-    parser.add_argument("--models", type=Path, metavar="DIR", help="predict with the models that train saved there")
+    parser.add_argument("--models", type=Path, metavar="DIR", help="models that train has saved")
     _add_model_options(parser)
 
 
@@ -277,11 +275,11 @@ def _add_device(parser: argparse.ArgumentParser) -> None:
 def _add_workers(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=whole(1), metavar="N", help="processes (default: one for each core)")
-    where.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster, which you trust, to compute on")
+    where.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster that you trust")
 
 
 class _Approaches:
-    """Names of all approaches, looked up only when the help is shown: that imports SciPy."""
+    """Names of all approaches, looked up for the help alone: that imports SciPy."""
 
     def __iter__(self) -> Iterator[str]:
         from crashfuse.approaches.registry import APPROACHES

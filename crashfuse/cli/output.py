@@ -1,7 +1,6 @@
-"""Output folder of a command, checked before anything is computed.
+"""Output folder of a command, checked before anything is computed; it holds results of one kind.
 
-A folder holds results of one kind. Once new ones are written, what is left of older ones (speed groups, say) is
-removed; the folder of another kind is refused. While a command runs, the folder is its own.
+Once new ones are written, what is left of older ones (speed groups, say) is removed.
 """
 
 import argparse

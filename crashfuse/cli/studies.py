@@ -94,7 +94,7 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
 
 
 def _plan(campaign: Campaign, given: Mapping[str, Any], held_out: Sequence[str], resumed: Path | None) -> StudyPlan:
-    """Plan of a study, with settings not given taken from the study to be resumed; raises if it can't be resumed."""
+    """Plan of a study; what is not given, is taken from the one to be resumed."""
     if resumed is None:
         whole = not held_out and given.get("preset") != "paper"  # a paper-preset fit takes minutes, or a GPU
         return StudyPlan(campaign, StudyConfig(**{"leave_out": "both" if whole else "test", **given}), tuple(held_out))
@@ -111,7 +111,6 @@ def _plan(campaign: Campaign, given: Mapping[str, Any], held_out: Sequence[str],
 
 
 def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
-    """Campaign folders by name, numbered where two have the same name."""
     named: dict[str, Path] = {}
     for resolved, folder in {path.resolve(): path for path in campaigns}.items():
         name, number = resolved.name, 1
@@ -208,7 +207,11 @@ def compare(arguments: argparse.Namespace) -> None:
     """Say which of two studies rates better, and by how much."""
     compared = StudyComparison(_past_study(arguments.first), _past_study(arguments.second))
     if arguments.report is not None:
-        _write_report(compared, arguments.report)
+        if (path := arguments.report).is_dir():
+            raise UsageError(f"{path} is a folder; name a file for --report.")
+        output.require_writable(path.parent, "--report")
+        write_atomically(path, comparison_report(compared).encode())
+        print(f"Written to {path}")
         return
     if arguments.csv:
         print(csv_bytes(compared.ratings).decode(), end="")
@@ -219,14 +222,6 @@ def compare(arguments: argparse.Namespace) -> None:
         print(*compared.sentences(left_out=way), sep="\n")
     for caution in compared.cautions:
         print(caution)
-
-
-def _write_report(compared: StudyComparison, path: Path) -> None:
-    if path.is_dir():
-        raise UsageError(f"{path} is a folder; name a file for --report.")
-    output.require_writable(path.parent, "--report")
-    write_atomically(path, comparison_report(compared).encode())
-    print(f"Written to {path}")
 
 
 def _past_study(name: str) -> PastResult:

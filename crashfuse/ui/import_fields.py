@@ -157,8 +157,7 @@ def reading_of(source: Source) -> Reading:
     if FORMATS[source.fmt].axes:
         travel = _choose(
             st.container(), "Direction of travel", TRAVELS, None, f"{source.key} travel",
-            format_func=lambda travel: travel.replace("-", "−").upper(),
-            help="In the files' axes.",
+            format_func=lambda travel: travel.replace("-", "−").upper(), help="In the files' axes.",
         )  # fmt: skip
     tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
     if not tables:

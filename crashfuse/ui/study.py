@@ -235,8 +235,7 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     curve = whole.over(view.display.window_ms)
     amount = st.number_input(
         "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
-        key="cost", persist_state="session", width=260,
-        help="Gains are then given as the cost of 0.01 of rating, too.",
+        key="cost", persist_state="session", width=260, help="Gains are then given as the cost of 0.01 of rating, too.",
     )  # fmt: skip
     cost = Cost(amount) if amount and 0 < amount < math.inf else None  # a link may hold any number
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")

@@ -48,10 +48,9 @@ def condition_space(
             hoverinfo="skip", marker=marks_of_runs(len(some)), **place,
         )  # fmt: skip
         figure.add_scatter(
-            x=[low[0], high[0], high[0], low[0], low[0]],
-            y=[low[row], low[row], high[row], high[row], low[row]],
-            mode="lines", name="Their range", legendgroup="range", hoverinfo="skip",
-            line_color=CURSOR, line_width=1.5, line_dash="dash", **place,
+            x=[low[0], high[0], high[0], low[0], low[0]], y=[low[row], low[row], high[row], high[row], low[row]],
+            mode="lines", name="Their range", legendgroup="range", hoverinfo="skip", line_color=CURSOR, line_width=1.5,
+            line_dash="dash", **place,
         )  # fmt: skip
         sides = _label_sides(points[:, [0, row]], (top - bottom + 2 * margin)[[0, row]])
         notes = [library.extrapolation(test.condition) for test in tests]
@@ -72,10 +71,9 @@ def condition_space(
                 )  # fmt: skip
         for i in [i for i, test in enumerate(tests) if test.id == held_out]:
             figure.add_scatter(
-                x=points[[i], 0], y=points[[i], row], mode="markers",
-                name=f"{held_out}: held out", legendgroup="held out", hoverinfo="skip",
-                marker_color=MEASURED_COLOUR, marker_symbol="circle-open", marker_size=17, marker_line_width=1.5,
-                **place,
+                x=points[[i], 0], y=points[[i], row], mode="markers", name=f"{held_out}: held out",
+                legendgroup="held out", hoverinfo="skip", marker_color=MEASURED_COLOUR, marker_symbol="circle-open",
+                marker_size=17, marker_line_width=1.5, **place,
             )  # fmt: skip
         figure.update_yaxes(
             title={"text": display.title(weight.capitalize(), "lb"), "standoff": 8},

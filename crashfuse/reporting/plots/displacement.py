@@ -150,9 +150,8 @@ def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, crush: 
         }
     told = f"{end:.1f}" if crush is None else crush.text
     add_line(
-        figure, curve.x[-1:], curve.y[-1:], mode="markers", error_x=error,
-        marker={"color": colour, "size": 8}, name=f"Maximum crush {told} mm",
-        legendgroup=name, showlegend=False, hovertemplate=" ",
+        figure, curve.x[-1:], curve.y[-1:], mode="markers", error_x=error, marker={"color": colour, "size": 8},
+        name=f"Maximum crush {told} mm", legendgroup=name, showlegend=False, hovertemplate=" ",
     )  # fmt: skip
 
 

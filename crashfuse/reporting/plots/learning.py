@@ -101,10 +101,9 @@ def _ratings(figure: go.Figure, rows: pd.DataFrame, name: str, colour: str, symb
         return
     figure.add_scatter(
         x=rows["n_tests"] + shift, y=rows["rating"], mode="lines+markers" if symbol == "circle" else "markers",
-        name=name, meta={"x": rows["n_tests"].tolist()},
-        error_y_array=rows["error"].fillna(0.0), error_y_width=0, error_y_thickness=1.5, error_y_color=colour,
-        line_color=colour, line_width=2, marker_color=colour, marker_symbol=symbol, marker_size=9,
-        hovertemplate=f"{_RATING}<extra>{name}</extra>",
+        name=name, meta={"x": rows["n_tests"].tolist()}, error_y_array=rows["error"].fillna(0.0), error_y_width=0,
+        error_y_thickness=1.5, error_y_color=colour, line_color=colour, line_width=2, marker_color=colour,
+        marker_symbol=symbol, marker_size=9, hovertemplate=f"{_RATING}<extra>{name}</extra>",
     )  # fmt: skip
 
 

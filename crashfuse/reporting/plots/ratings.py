@@ -101,9 +101,8 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
     """Draw the coverage of left-out tests by approach at each nominal level; on the diagonal a band is calibrated."""
     figure = new_figure(height=440)
     figure.add_scatter(
-        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line_color=AXIS, line_dash="dot",
-        hoverinfo="skip",
-    )  # fmt: skip
+        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line_color=AXIS, line_dash="dot", hoverinfo="skip"
+    )
     for name, shares in observed.items():
         figure.add_scatter(
             x=100 * levels, y=100 * shares, mode="lines+markers", name=LABELS[name],

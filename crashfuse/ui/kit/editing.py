@@ -85,8 +85,7 @@ def show_tests_out_of_use(view: View) -> None:
             )  # fmt: skip
             st.button(
                 f"Take {plain(test_id)} out of the folder", icon=":material/delete:", on_click=_edit,
-                args=(view, partial(remove_tests, view.folder, [test_id])),
-                help="With its pulse. Undo brings it back.",
+                args=(view, partial(remove_tests, view.folder, [test_id])), help="With its pulse. Undo brings it back.",
             )  # fmt: skip
 
 

@@ -198,8 +198,7 @@ def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
         if len(tests) > 1:
             shown = st.multiselect(
                 "Tests shown one by one", tests, key=f"report tests of {view.name}", persist_state="session",
-                placeholder="all tests" if form == "whole" else "the worst",
-                help="Means are over all tests.",
+                placeholder="all tests" if form == "whole" else "the worst", help="Means are over all tests.",
             )  # fmt: skip
     return ReportOptions(form, tuple(test for test in tests if test in shown), notes_of(view))
 

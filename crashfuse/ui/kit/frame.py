@@ -49,14 +49,12 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
     left, right = st.columns(2, gap="large")
     left.radio(
         "Settings", PRESETS, format_func={"fast": "Fast", "paper": "Paper"}.__getitem__, key="preset",
-        captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023)."],
-        persist_state="session",
+        captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023)."], persist_state="session",
     )  # fmt: skip
     with right.expander("Advanced", icon=":material/tune:"):
         st.number_input(  # without bounds, within which a browser would keep the last one and say nothing to the page
-            "Seed", step=1, key="seed", persist_state="session",
-            help="The same seed gives the same results.",
-        )  # fmt: skip
+            "Seed", step=1, key="seed", persist_state="session", help="The same seed gives the same results."
+        )
         if leaving_out:
             choose_left_out("train")
         from torch import cuda  # imported while the first pages are read
