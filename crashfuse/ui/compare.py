@@ -11,7 +11,6 @@ import streamlit as st
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.crash_test import CrashTest
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.rating_tables import REPEAT, excursions_table, humps_table
@@ -86,24 +85,19 @@ class Comparison:
         return cls(view, config, study, fold, others, advice, (request.key, study.config.approaches, view.display))
 
     @property
-    def test(self) -> CrashTest:
-        """The held-out test."""
-        return self.view.held_out
-
-    @property
     def subject(self) -> Subject:
         """What further predictions are of."""
-        return Subject.held_out(self.view)
+        return Subject(self.view, self.view.held_out.condition, self.view.held_out.id)
 
     @property
     def repeat(self) -> Repeatability | None:
         """What a repeat of the test would rate, if it is known."""
-        return self.study.repeatability.get(self.test.id, {}).get(self.view.display.window_ms)
+        return self.study.repeatability.get(self.view.held_out.id, {}).get(self.view.display.window_ms)
 
     def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
         """A figure of the test with the curves that were chosen."""
         drawn = self.study.plot(
-            self.test.id, figure, approaches=shown.approaches, also=shown.also, band=shown.approach,
+            self.view.held_out.id, figure, approaches=shown.approaches, also=shown.also, band=shown.approach,
             measured=shown.test, corridors=corridors, notes=notes, display=self.view.display,
         )  # fmt: skip
         return without_clicks(drawn)
@@ -112,7 +106,7 @@ class Comparison:
 def show_headline(comparison: Comparison) -> None:
     """Show the ratings in a row, and the recommendation."""
     st.html(_row(comparison))
-    for fact in window_facts(comparison.test, comparison.view.display.window_ms):
+    for fact in window_facts(comparison.view.held_out, comparison.view.display.window_ms):
         st.caption(plain(comparison.view.display.words(fact.sentence)))
     with st.container(key="clicks"):  # takes no room; the row is painted without it, only a click has to wait
         component("ratings")(key=_KEY, on_approach_change=_explain)
@@ -168,7 +162,7 @@ def _change(rating: float, raw: float) -> str:
 
 def show_pulses(comparison: Comparison) -> None:
     """Show the test and its prediction in the figure that the user picks."""
-    test = comparison.test
+    test = comparison.view.held_out
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
         corridors = shown == _MOTION and st.toggle(
@@ -189,7 +183,7 @@ def show_pulses(comparison: Comparison) -> None:
 
 def show_why(comparison: Comparison) -> None:
     """Explain the rating of one approach."""
-    display, test, advice = comparison.view.display, comparison.test, comparison.advice
+    display, test, advice = comparison.view.display, comparison.view.held_out, comparison.advice
     approach = comparison.subject.approach
     explanation = comparison.fold.explained(approach, comparison.view.display.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
@@ -232,17 +226,17 @@ def show_ratings(comparison: Comparison) -> None:
     others = comparison.subject.predictions()
     added = dict(prediction.curve(comparison.view.display) for prediction in others)
     for name, estimate in added.items():
-        fold_of = Fold.of(comparison.test, [estimate], comparison.config.windows_ms)
+        fold_of = Fold.of(comparison.view.held_out, [estimate], comparison.config.windows_ms)
         rated[name] = fold_of.ratings[estimate.approach]
         if fold_of.with_band:
             draws[name] = fold_of.rating_interval(estimate.approach, window_ms)
-    repeats = comparison.study.repeatability.get(comparison.test.id, {})
+    repeats = comparison.study.repeatability.get(comparison.view.held_out.id, {})
     show_table(results.ratings_table(rated, window_ms, repeats, draws), "ratings")
     st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
     if "lf_tcn" in comparison.config.approaches:
         st.caption(glossary.LF)
     columns = [
-        (results.TEST_COLUMN, campaign.metrics_of(comparison.test)),
+        (results.TEST_COLUMN, campaign.metrics_of(comparison.view.held_out)),
         *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),
         *((name, estimate.metrics) for name, estimate in added.items()),
     ]
@@ -253,7 +247,7 @@ def show_ratings(comparison: Comparison) -> None:
 
 def show_files(comparison: Comparison) -> None:
     """Offer tables; a report, and pulses for others, once every approach is known."""
-    test, study, estimates = comparison.test, comparison.study, comparison.fold.estimates
+    test, study, estimates = comparison.view.held_out, comparison.study, comparison.fold.estimates
     of = f"{comparison.others.name} {test.id}"
     report = choose_report(comparison.view, [test.id])
     with st.container(horizontal=True):

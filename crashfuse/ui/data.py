@@ -235,7 +235,6 @@ def _open_folder() -> None:
 
 
 def _campaign_or_source(path: Path) -> str | Source:
-    """Open a campaign; what is none, but can be imported, is a source."""
     path = campaigns.allowed(path)
     if path.is_file():
         return _source_or_advice(path)

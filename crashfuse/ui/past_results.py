@@ -1,7 +1,5 @@
 """Past results on the page Study: studies, predictions, certifications; two compared."""
 
-from functools import partial
-
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -98,17 +96,13 @@ def _show_list(results: list[PastResult | Earlier], view: View) -> None:
 
 def _show_ticked(result: PastResult | Earlier, which: str, view: View) -> None:
     key, text = f"note on {result.id}", described(result, view.display)
-    if isinstance(result, Earlier):
-        opening = partial(_open_certification, result, view)
-    else:
-        opening = partial(_open_result, result, view)
 
     def note(result: PastResult) -> None:
         with refused_into(_REFUSED, result.campaign):
             annotate(result, st.session_state[key])
 
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.button(f"Open {which}{plain(text)}", icon=":material/arrow_forward:", on_click=opening)
+        st.button(f"Open {which}{plain(text)}", icon=":material/arrow_forward:", on_click=_open, args=(result, view))
         if isinstance(result, PastResult):
             label, example = plain(f"Note on {text}"), "note, such as: before the new rail"
             st.text_input(
@@ -117,7 +111,10 @@ def _show_ticked(result: PastResult | Earlier, which: str, view: View) -> None:
             )  # fmt: skip
 
 
-def _open_result(result: PastResult, view: View) -> None:
+def _open(result: PastResult | Earlier, view: View) -> None:
+    if isinstance(result, Earlier):
+        _open_certification(result, view)
+        return
     state, config = st.session_state, result.config
     if result.fingerprint != view.campaign.fingerprint:
         expected, advice = f"the data {result.fingerprint[:8]}", "undo the change on Data, or open a copy"

@@ -269,7 +269,7 @@ def show_over_speed(answer: Answer) -> None:
     """Show every metric over speed, at the weights chosen above."""
     view, condition, request = answer.view, answer.condition, answer.request
     if not answer.whole:
-        st.info("This waits for every approach.", icon=":material/hourglass_top:")
+        st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
         return
     sweep = result_or_none(
         sweep_over_speed(request, answer.fitted, condition),

@@ -15,7 +15,7 @@ from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.report import learning_curve_report, study_report
 from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
 from crashfuse.reporting.result_tables import gains_table
-from crashfuse.study.config import StudyConfig, has_speed_groups
+from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
 from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.one_more_test import Cost, sentences
@@ -25,7 +25,7 @@ from crashfuse.ui import past_results
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import StudyRequest, jobs, learn_curve
+from crashfuse.ui.kit.computation import StudyRequest, learn_curve
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
 from crashfuse.ui.kit.files import choose_report, download_report, download_table, export_button
 from crashfuse.ui.kit.navigation import open_page
@@ -36,13 +36,6 @@ from crashfuse.ui.kit.text import plain
 _NUMBER, _PAST, _BANDS = "Number of tests", "Past results", "Bands"
 _TABS = ["Ratings", _BANDS, _NUMBER, _PAST]
 _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
-
-
-def request_of(view: View) -> StudyRequest:
-    """Each test left out in turn, and again with its speed group, unless that takes hours."""
-    config = chosen_config()
-    both = replace(config, leave_out="both") if config.preset == "fast" else config
-    return StudyRequest(view.campaign, view.campaign.test_ids, both)
 
 
 def show(view: View) -> None:
@@ -57,8 +50,10 @@ def show(view: View) -> None:
     if tab == _NUMBER:
         _show_learning_curve(view, chosen_config(), row)
         return
-    request = request_of(view)
-    config, n = request.config, len(view.campaign.tests)
+    config, n = chosen_config(), len(view.campaign.tests)
+    if config.preset == "fast":  # with the paper's settings it takes hours
+        config = replace(config, leave_out="both")
+    request = StudyRequest(view.campaign, view.campaign.test_ids, config)
     again = "; then again with all at about its speed" if config.leave_out == "both" else ""
     study = result_of(
         request,
@@ -70,19 +65,19 @@ def show(view: View) -> None:
     with row:
         export_button(partial(_show_files, outcome))
     show_training(config, study.config.approaches)
-    reasons = _show_headline(outcome, grouped=by_group(request)) if outcome.whole else []
+    reasons = _show_headline(outcome) if outcome.whole else []
     if tab == _BANDS:
         _show_bands(outcome)
     else:
         _show_ratings(outcome, reasons)
 
 
-def _show_headline(outcome: "_Outcome", *, grouped: bool) -> list[str]:
-    """Show which approach to use and how it rated; returns why."""
+def _show_headline(outcome: "_Outcome") -> list[str]:
     study = outcome.study
     first, *others = map(outcome.view.display.words, recommend(study).sentences)
     use, _, why = first.partition(". ")
-    rated = others.pop(-1 if study.speed_groups is not None and grouped else 0)
+    grouped = study.speed_groups is not None and st.session_state.get("ways") == _GROUP
+    rated = others.pop(-1 if grouped else 0)
     longest = max(study.config.windows_ms)
     if outcome.view.display.window_ms != longest:  # what is said does not follow the choice in the sidebar
         rated += f" This is over {results.window_label(longest)}."
@@ -113,18 +108,7 @@ class _Outcome:
         return tests and self.study.config.approaches == self.config.approaches
 
 
-def by_group(request: StudyRequest) -> bool:
-    """Whether tests were left out with all at about their speed; of both ways, as the reader has chosen."""
-    if request.config.leave_out != "both":
-        return request.config.leave_out == "speed group"
-    job = jobs().get(request.key)
-    study = None if job is None else job.part if job.result is None else job.result
-    both = has_speed_groups(request.campaign) if study is None else study.speed_groups is not None
-    return both and st.session_state.get("ways") == _GROUP
-
-
 def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
-    """The study by one way of leaving tests out, and which."""
     study = outcome.study
     if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
         return study.speed_groups, "speed group"
@@ -148,7 +132,6 @@ def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
 
 def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
     tests = [fold.held_out for fold in study.folds]
-    st.markdown(f"**Each test, {results.window_label(outcome.view.display.window_ms)}**")
 
     def open_test(cell: str) -> None:
         """Open a test as this study left it out."""
@@ -159,6 +142,7 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
             st.session_state["explained"] = approach
 
     left_out, draw = how_left_out(leave_out), partial(study.plot, display=outcome.view.display)
+    st.markdown(f"**Each test, {left_out}, {results.window_label(outcome.view.display.window_ms)}**")
     alt = f"Ratings of each test, {left_out}, by approach, with their mean"
     clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=f"ratings {left_out}")
     with st.container(horizontal=True, vertical_alignment="center"):

@@ -119,7 +119,7 @@ def show_form(view: View) -> None:
             ready = ready or (fitted is None and not trouble and fit.in_cache())
         if ready:
             st.markdown(
-                f":material/check_circle: Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs; "
+                f":material/check_circle: Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs. "
                 "Predict answers any condition at once."
             )
             show_link("predict", "Predict a new condition")
@@ -157,7 +157,6 @@ def _offer(job: Job[Any] | None, label: str, start: Callable[[], None], trouble:
 
 
 def _show_predicted(view: View, study: Study, config: StudyConfig) -> None:
-    """Show the ratings so far, and link to each test on Compare."""
     show_training(config, study.config.approaches)
     window_ms, n = view.display.window_ms, len(study.folds)
     rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
@@ -231,7 +230,6 @@ def show_diagnostics(view: View) -> None:
 
 
 def _show_events(others: Campaign, view: View) -> None:
-    """Show where the CAE model's force is off, and what that costs."""
     events = _events(others.fingerprint, view.display.window_ms, others)
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in events_sentences(events)))
     alt = "Force that the CAE model lacks in each test over displacement, and the ranges to mend"
@@ -247,7 +245,6 @@ def _events(fingerprint: str, window_ms: float, _campaign: Campaign) -> CaeEvent
 
 
 def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str], None]) -> None:
-    """Show the networks before and after fine-tuning (Figs. 12 and 13), and how they were trained."""
     (fold,) = study.folds
     states = {estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _STAGES}
     if not states:

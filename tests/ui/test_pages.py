@@ -21,7 +21,6 @@ from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.editing import leave_out
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -352,41 +351,6 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert "no more can be promised" in session.words
     session.press("Export")
     assert session.downloads == ["scores.csv", "metrics.csv", "speed_groups.csv", "report.html", "report.pptx"]
-
-
-@pytest.mark.slow
-def test_a_study_says_that_speed_groups_are_left_out_only_where_it_shows_that(
-    nothing_cached: pytest.MonkeyPatch, open_campaign: Path
-) -> None:
-    """Not before the first of them is computed, and never of a campaign whose tests are all of one speed."""
-    grouped = threading.Event()
-
-    def in_two_parts(
-        campaign: Campaign, config: StudyConfig, *, held_out: tuple[str, ...], watch: Watch, **_: object
-    ) -> Study:
-        study = quick_study(campaign, config, held_out=held_out)
-        watch.show_part(replace(study, speed_groups=None))
-        while not grouped.wait(0.01):
-            watch.report("Held-out predictions", 3, 10)
-        return study
-
-    def badge(session: Session) -> bool:
-        return any("All at its speed left out" in own.value for own in session.app.markdown)
-
-    nothing_cached.setattr(computation, "run_study", in_two_parts)
-    session = start("study")
-    session.app.session_state["ways"] = "With all tests at about its speed"
-    session = session.press("Leave out each of 4 tests")
-    (job,) = computation.jobs().active
-    while job.part is None:
-        assert job.active
-    assert not badge(session.run())
-    grouped.set()
-    assert job.wait(SOON)
-    assert badge(session.run())
-    leave_out(open_campaign, ["T1", "T4"])
-    assert not badge(session.run())
-    assert not session.app.exception
 
 
 @pytest.mark.slow

@@ -145,7 +145,6 @@ def _deciding(row: Planned, certification: Certification) -> str:
 
 
 def _stricter(criterion: Criterion) -> Criterion:
-    """The same with limits 5 % stricter; a rating is at most 1."""
     least, most = criterion.at_least, criterion.at_most
     highest = 1.0 if criterion.window_ms is not None else float("inf")
     return replace(

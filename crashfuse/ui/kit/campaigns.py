@@ -200,7 +200,6 @@ def stamp(path: Path) -> tuple[int, ...]:
 
 
 def _put(folder: Path, opened: dict[str, _Opened], *visitors: str, for_all: bool = False) -> str:
-    """Open a folder under its name, numbered if that is taken."""
     with _opening:
         for name, one in opened.items():
             if one.folder == folder:

@@ -53,7 +53,6 @@ def _lookups() -> tuple[defaultdict[Hashable, threading.Lock], dict[Hashable, in
 
 @st.cache_resource(show_spinner=False)
 def _folds() -> WeakValueDictionary[Hashable, Fold]:
-    """Folds of all studies in memory."""
     return WeakValueDictionary()
 
 
@@ -166,10 +165,6 @@ class Fitted:
         """Their names: while a job fits them, of those that are ready."""
         return tuple(fit.approach.name for fit in self.fits)
 
-    def estimates(self, condition: Condition) -> list[Estimate]:
-        """Each approach's estimate at a condition."""
-        return estimates_at(self.fits, condition)
-
     def models(self, campaign: Campaign) -> bytes:
         """The fitted approaches as a zip; ``crashfuse predict --models`` takes the unpacked folder."""
         return zipped({model_file(fit.approach.name): model_bytes(fit, campaign) for fit in self.fits})
@@ -201,7 +196,7 @@ class FitRequest(Request[Fitted]):
                 watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits)))
         fitted = Fitted(tuple(fits[name] for name in names))
         at_no_test = np.median(self.campaign.cae.vectors, axis=0)  # where nothing is known from earlier
-        fitted.estimates(Condition.of_vector(at_no_test))  # computes what all later answers share
+        estimates_at(fitted.fits, Condition.of_vector(at_no_test))  # computes what all later answers share
         return fitted
 
     def in_cache(self) -> bool:  # noqa: D102
@@ -216,7 +211,7 @@ def answers(key: Hashable, condition: Condition, fitted: Fitted) -> list[Estimat
 
 @st.cache_resource(max_entries=12, show_spinner=False)
 def _answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fits
-    return _fitted.estimates(condition)
+    return estimates_at(_fitted.fits, condition)
 
 
 @st.cache_resource(max_entries=50, show_spinner=False)

@@ -93,11 +93,6 @@ class Subject:
     condition: Condition
     test: str = ""  # none at a condition
 
-    @classmethod
-    def held_out(cls, view: View) -> "Subject":
-        """The held-out test."""
-        return cls(view, view.held_out.condition, view.held_out.id)
-
     @property
     def page(self) -> str:
         """The page that it is shown on, with which the keys of its choices begin."""
@@ -262,7 +257,6 @@ def _add(subject: Subject) -> tuple[tuple[Further, ...], list[str]]:
 
 
 def _nearest(subject: Subject) -> Sequence[str]:
-    """The nearest tests, and whichever stands apart near the condition."""
     others = subject.view.campaign.without([subject.test] if subject.test else [])
     apart = (departure.test for departure in departures_near(subject.view.campaign, subject.condition))
     near = dict.fromkeys([*(test.id for test in nearest_tests(others, subject.condition, _NEAREST)), *apart])
@@ -289,7 +283,6 @@ def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[st
 def _known_of_test(
     key: Hashable, test_id: str, approach: str, shown: StudyConfig, _campaign: Campaign  # noqa: ARG001
 ) -> Sequence[StudyConfig]:  # fmt: skip
-    """Settings of past results with a prediction of a test."""
     return earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
 
 

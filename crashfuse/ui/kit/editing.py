@@ -80,7 +80,8 @@ def show_tests_out_of_use(view: View) -> None:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
             st.markdown(f":small[{plain(label)}]", width="content")
             st.text_input(
-                label, key=key, max_chars=LONGEST_REASON, on_change=_say_why, args=(view, test_id, key),
+                label, key=key, max_chars=LONGEST_REASON, on_change=_edit,
+                args=(view, lambda test=test_id, key=key: say_why(view.folder, test, st.session_state[key])),
                 label_visibility="collapsed", placeholder="no reason given; it stands in every report",
             )  # fmt: skip
             st.button(
@@ -95,10 +96,6 @@ def _change_use(view: View, used: tuple[str, ...]) -> None:
         _edit(view, lambda: leave_out(view.folder, out))
     if again := sorted(chosen - {*used}):
         _edit(view, lambda: use_again(view.folder, again))
-
-
-def _say_why(view: View, test_id: str, key: str) -> None:
-    _edit(view, lambda: say_why(view.folder, test_id, st.session_state[key]))
 
 
 def _edit(view: View, change_it: Callable[[], str]) -> None:

@@ -186,9 +186,10 @@ def _choose_units(page: str) -> None:
         with st.container(horizontal=True, gap="xxsmall"):
             for key, (label, words) in labels.items():
                 if address.acts(key, page):
-                    address.choose_one(
-                        key, label, format_func=words.__getitem__, label_visibility="collapsed", width="content",
-                        on_change=keep, args=(key,),
+                    st.segmented_control(
+                        label, address.CHOICES[key].options, required=True, key=key, persist_state="session",
+                        format_func=words.__getitem__, label_visibility="collapsed", width="content", on_change=keep,
+                        args=(key,),
                     )  # fmt: skip
 
 
@@ -223,7 +224,6 @@ def _turn_to_campaign() -> None:
 
 
 def _keep_up(shown: address.Place) -> None:
-    """Update what changes without a click."""
     if not shown.is_here:
         st.rerun()
     show_running()
@@ -275,13 +275,8 @@ def enter() -> View | None:
     return None
 
 
-def enter_with_campaign(
-    title: str, detail: Callable[[View], str] | None = None, *, by_group: Callable[[View], bool] | None = None
-) -> View:
-    """Start a page that needs a campaign; without one, say what to do and stop.
-
-    A page with results gives what they are of as a ``detail``, and may say whether tests are left out ``by_group``.
-    """
+def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None) -> View:
+    """Start a page that needs a campaign; one with results gives what they are of as a ``detail``."""
     view = enter()
     if view is None:
         st.title(title)
@@ -292,15 +287,13 @@ def enter_with_campaign(
     row = show_title(title)
     if detail is None:
         return view
-    chosen = address.acts("leave_out", address.here().page) and st.session_state["leave_out"] == "speed group"
-    grouped = chosen if by_group is None else by_group(view)
     config = chosen_config()
     colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
     label = f"{config.preset.capitalize()} settings, seed {config.seed}"
     with row:
         st.subheader(detail(view), width="content", anchor=False)
         st.badge(label, color=colour, help="As chosen on the page Train.")
-        if grouped:
+        if address.acts("leave_out", address.here().page) and config.leave_out == "speed group":
             st.badge("All at its speed left out", color="orange")
     seed, seeds = st.session_state.get("seed", 0), address.CHOICES["seed"].options
     if seed not in seeds:
@@ -360,7 +353,6 @@ class _AnswerLine:
 
 
 def _open_with(page: str, chosen: Mapping[str, str]) -> None:
-    """Open a page where this is chosen; a callback."""
     st.session_state.update(chosen, opening=None)
     forget()
     open_next(page)
