@@ -22,7 +22,7 @@ from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.previews import Preview
 from crashfuse.signals.pulse import kinematics
-from crashfuse.ui.import_fields import Units, choices_of, reading_of
+from crashfuse.ui.import_fields import choices_of, reading_of
 from crashfuse.ui.kit import campaigns, uploads
 from crashfuse.ui.kit.address import choose_campaign
 from crashfuse.ui.kit.campaigns import View
@@ -215,9 +215,8 @@ def show_import(source: Source, view: View | None) -> None:
             own_class = own_filter_class(_target())
         choices, units = choices_of(source, records, first, role_of(first, role, cae), own_class)
     settled, refused = uploads.settled_of(source, reading, choices, role, cae)
-    system = units.system
     problems = [
-        replace(p, expected=said(p.expected, system), found=said(p.found, system), advice=said(p.advice, system))
+        replace(p, expected=said(p.expected, units), found=said(p.found, units), advice=said(p.advice, units))
         for p in refused
     ]
     with right:
@@ -226,10 +225,10 @@ def show_import(source: Source, view: View | None) -> None:
         alt = f"The pulse that comes of {first.id}, over its channels as recorded"
         show_figure(Preview(first, choices, shown).plot(display=display), alt=alt)
         if shown is not None:
-            st.markdown(f"**{plain(shown.id)}**: {units.text_of(shown.condition)}")
-            st.caption("  \n".join(plain(without_options(said(step, units.system))) for step in shown.steps))
+            st.markdown(f"**{plain(shown.id)}**: {shown.condition.in_units(units)}")
+            st.caption("  \n".join(plain(without_options(said(step, units))) for step in shown.steps))
         if len(records) > 1 and settled:
-            _table(settled, display, units)
+            _table(settled, replace(display, system=units))
         if problems and not settled and (len(records) == 1 or {problem.found for problem in problems} == {"none"}):
             with_file = len({problem.where for problem in problems}) > 1
             needs = dict.fromkeys(_need(problem, with_file=with_file) for problem in problems)
@@ -274,7 +273,7 @@ def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     return records[number]
 
 
-def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
+def _table(settled: Sequence[Settled], display: Display) -> None:
     rows = []
     for one in settled[:_MOST_ROWS]:
         motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)
@@ -283,9 +282,7 @@ def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
             {
                 "Id": one.id,
                 "Taken as": WHAT[one.role][0],
-                f"Speed ({units.speed})": round(one.condition.speed_mps / units.speed_mps, 1),
-                f"Front ({units.weight})": round(one.condition.front_weight_kg / units.weight_kg),
-                f"Rear ({units.weight})": round(one.condition.rear_weight_kg / units.weight_kg),
+                **display.columns(one.condition),
                 f"Peak ({display.unit})": round(float(abs(one.pulse.accel_mps2 * display.accel_scale).max()), 1),
                 "Zero velocity, TTZV (ms)": f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record",
                 "Crush (mm)": round(float(motion.displacement_m.max()) / MS),
