@@ -25,7 +25,7 @@ from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import StudyRequest, advised
+from crashfuse.ui.kit.computation import advised
 from crashfuse.ui.kit.curves import Shown, Subject, choose_curves, without_clicks
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
@@ -75,14 +75,14 @@ class Comparison:
     key: Hashable  # equal for equal data, settings and display: part of the key of a cached figure
 
     @classmethod
-    def of(cls, view: View, request: StudyRequest, study: Study) -> "Comparison":
+    def of(cls, view: View, key: Hashable, config: StudyConfig, study: Study) -> "Comparison":
         """The comparison that the held-out test's study allows."""
-        test, config = view.held_out, request.config
+        test = view.held_out
         fold, others = study.fold(test.id), config.training_campaign(view.campaign, test.id)
         whole = study.config.approaches == config.approaches
-        given = request.key, test.condition, view.display.window_ms
+        given = key, test.condition, view.display.window_ms
         advice = advised(*given, fold.estimates, others) if whole else None
-        return cls(view, config, study, fold, others, advice, (request.key, study.config.approaches, view.display))
+        return cls(view, config, study, fold, others, advice, (key, study.config.approaches, view.display))
 
     @property
     def subject(self) -> Subject:

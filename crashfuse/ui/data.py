@@ -18,7 +18,7 @@ from crashfuse.ui import import_step
 from crashfuse.ui.kit import address, campaigns, editing, results
 from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import StudyRequest
+from crashfuse.ui.kit.computation import study_request
 from crashfuse.ui.kit.figures import show_cached_figure
 from crashfuse.ui.kit.frame import show_title
 from crashfuse.ui.kit.navigation import open_page, show_link
@@ -72,7 +72,7 @@ def offer_next(view: View) -> None:
     if len(view.campaign.tests) == 1:
         show_link("predict", "Next: predict another condition")
         return
-    request = StudyRequest(view.campaign, (view.held_out.id,), chosen_config())
+    request = study_request(view.campaign, (view.held_out.id,), chosen_config())
 
     def predict_next() -> None:  # a callback, so that a click while the page is still drawn counts
         request.ask("compare")

@@ -29,6 +29,7 @@ from crashfuse.reporting.report import next_test_report, prediction_report, swee
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING
 from crashfuse.reporting.side_by_side import by_one, cautions, column_names, predictions_table, side_by_side
 from crashfuse.signals.metrics import METRIC_LABELS
+from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
@@ -38,7 +39,7 @@ from crashfuse.study.sweep import missing_over_speed, weights_sentence
 from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import MOST_PINS, pinned
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import FitRequest, Fitted, advised, answers, sweep_over_speed
+from crashfuse.ui.kit.computation import Fitted, advised, answers, sweep_over_speed
 from crashfuse.ui.kit.curves import REPRESENTATIVE, Subject, choose_curves, predicted, without_clicks
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.kit.files import choose_form, download_bytes, download_report, download_table, offer_pulses
@@ -148,19 +149,20 @@ class Answer:
     """The prediction of every approach at a condition, and how it is shown."""
 
     view: View
-    request: FitRequest  # all tests of the campaign, and the settings that were chosen
+    fit_key: Hashable  # of the fits on all tests of the campaign
+    config: StudyConfig  # the settings that were chosen
     fitted: Fitted  # while networks train, fewer approaches than the settings ask for
     condition: Condition
 
     @cached_property
     def estimates(self) -> list[Estimate]:
         """One for each approach."""
-        return answers(self.request.key, self.condition, self.fitted)
+        return answers(self.fit_key, self.condition, self.fitted)
 
     @property
     def whole(self) -> bool:
         """True once every approach is known."""
-        return len(self.fitted.fits) == len(self.request.config.approaches)
+        return len(self.fitted.fits) == len(self.config.approaches)
 
     @cached_property
     def advice(self) -> Recommendation | None:
@@ -168,12 +170,12 @@ class Answer:
         if not self.whole:
             return None
         window_ms = self.view.display.window_ms
-        return advised(self.request.key, self.condition, window_ms, self.estimates, self.view.campaign)
+        return advised(self.fit_key, self.condition, window_ms, self.estimates, self.view.campaign)
 
     @property
     def prediction(self) -> PredictedPulse:
         """All of them, as the library has it."""
-        return PredictedPulse(self.view.campaign, tuple(self.estimates), self.request.config)
+        return PredictedPulse(self.view.campaign, tuple(self.estimates), self.config)
 
     @property
     def subject(self) -> Subject:
@@ -187,14 +189,14 @@ class Answer:
             return []
         pins = [condition for text, condition in pinned().items() if text != self.condition.text]
         asked = [(config, self.condition) for config in self.subject.wanted]
-        asked += [(self.request.config, condition) for condition in pins]
+        asked += [(self.config, condition) for condition in pins]
         found = (predicted(self.view.campaign, config, condition) for config, condition in asked)
         return [prediction for prediction in found if prediction is not None]
 
     @property
     def key(self) -> Hashable:
         """Equal for equal data, settings, condition and display: part of the key of a cached figure."""
-        return self.request.key, self.fitted.approaches, self.condition, self.view.display
+        return self.fit_key, self.fitted.approaches, self.condition, self.view.display
 
 
 def show_pins(answer: Answer) -> None:
@@ -203,7 +205,7 @@ def show_pins(answer: Answer) -> None:
 
     def pin() -> None:
         st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
-        keep(PastResult.of_prediction(answer.view.campaign, answer.estimates, answer.request.config))
+        keep(PastResult.of_prediction(answer.view.campaign, answer.estimates, answer.config))
 
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
@@ -267,12 +269,12 @@ def _show_differences(answer: Answer) -> None:
 
 def show_over_speed(answer: Answer) -> None:
     """Show every metric over speed, at the weights chosen above."""
-    view, condition, request = answer.view, answer.condition, answer.request
+    view, condition = answer.view, answer.condition
     if not answer.whole:
         st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
         return
     sweep = result_or_none(
-        sweep_over_speed(request, answer.fitted, condition),
+        sweep_over_speed(view.campaign, answer.fit_key, answer.fitted, condition),
         invitation="Some thirty speeds take some ten seconds.",
         button="Predict over speed",
     )
@@ -299,7 +301,7 @@ def show_over_speed(answer: Answer) -> None:
 
 def show_next_test(answer: Answer) -> None:
     """Show which test would narrow the band most, over a range chosen here."""
-    campaign, request = answer.view.campaign, answer.request
+    campaign = answer.view.campaign
     domains = [fit.approach for fit in answer.fitted.fits if isinstance(fit.approach, DisplacementDomain)]
     if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
         st.info("Ranking next tests needs the displacement domain with the fast settings.")
@@ -313,7 +315,7 @@ def show_next_test(answer: Answer) -> None:
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
-        candidates = NextTests(campaign, over, _ranked(request.key, over, domains[0]), request.config)
+        candidates = NextTests(campaign, over, _ranked(answer.fit_key, over, domains[0]), answer.config)
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
@@ -380,7 +382,7 @@ def _ends(text: str) -> tuple[float, float]:
 
 def show_files(answer: Answer) -> None:
     """Offer tables; the report, and pulses for others, once every approach is known."""
-    campaign, estimates, config = answer.view.campaign, answer.estimates, answer.request.config
+    campaign, estimates, config = answer.view.campaign, answer.estimates, answer.config
     prediction, others, display = answer.prediction, answer.others, answer.view.display
     of = f"{campaign.name} {display.briefly(answer.condition)}"
     form = choose_form(

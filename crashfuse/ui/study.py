@@ -25,7 +25,7 @@ from crashfuse.ui import past_results
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import StudyRequest, learn_curve
+from crashfuse.ui.kit.computation import learn_curve, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
 from crashfuse.ui.kit.files import choose_report, download_report, download_table, export_button
 from crashfuse.ui.kit.navigation import open_page
@@ -53,7 +53,7 @@ def show(view: View) -> None:
     config, n = chosen_config(), len(view.campaign.tests)
     if config.preset == "fast":  # with the paper's settings it takes hours
         config = replace(config, leave_out="both")
-    request = StudyRequest(view.campaign, view.campaign.test_ids, config)
+    request = study_request(view.campaign, view.campaign.test_ids, config)
     again = "; then again with all at about its speed" if config.leave_out == "both" else ""
     study = result_of(
         request,

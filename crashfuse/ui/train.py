@@ -24,7 +24,7 @@ from crashfuse.study.study import Study
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import FitRequest, StudyRequest, jobs
+from crashfuse.ui.kit.computation import fit_request, jobs, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes
 from crashfuse.ui.kit.frame import choose_settings
@@ -102,7 +102,7 @@ def show_form(view: View) -> None:
         st.markdown("**Without the held-out tests**, for the page Compare")
         if len(campaign.tests) > 1:
             held_out = _choose_tests(view)
-            request = StudyRequest(campaign, held_out, config)
+            request = study_request(campaign, held_out, config)
             wrong = trouble or ("" if held_out else "Choose at least one test.")
             study = None if wrong else request.find()
             _offer(study, "Train without them", request.start, wrong)
@@ -110,7 +110,7 @@ def show_form(view: View) -> None:
                 _show_predicted(view, predicted, config)
         else:
             st.caption(f"{plain(campaign.test_ids[0])} is the only test: none is left to learn from.")
-    fit = FitRequest(campaign, config)
+    fit = fit_request(campaign, config)
     fitted = None if trouble else jobs().get(fit.key)
     with right.container(border=True, height="stretch"):
         st.markdown("**On all tests**, for the page Predict")
@@ -178,7 +178,7 @@ def _open_test(test: CrashTest) -> None:
 def show_files(view: View) -> None:
     """Offer the models that have learned from all tests."""
     fitted = result_or_none(
-        FitRequest(view.campaign, chosen_config()),
+        fit_request(view.campaign, chosen_config()),
         invitation="These are the models of all tests, as by `crashfuse train`.",
         button=_ON_ALL,
     )
@@ -203,7 +203,7 @@ def show_diagnostics(view: View) -> None:
     if choice == _MEND:
         _show_events(others, view)
         return
-    request = StudyRequest(campaign, (test,), config)
+    request = study_request(campaign, (test,), config)
     study = result_of(
         request,
         invitation=f"Nothing was trained without {plain(test)} yet, with these settings. "

@@ -192,7 +192,7 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
     assert f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs." in session.words
     assert session.press("Export").downloads == ["models.zip"]
     fitting_is_an_error()
-    job = computation.FitRequest(campaign, StudyConfig(approaches=("cae",), leave_out="speed group")).find()
+    job = computation.fit_request(campaign, StudyConfig(approaches=("cae",), leave_out="speed group")).find()
     assert job is not None
     assert job.result is not None
     with zipfile.ZipFile(io.BytesIO(job.result.models(campaign))) as archive:
@@ -219,7 +219,7 @@ def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
         return True
 
     monkeypatch.setattr(computation, "is_estimate_cached", slow)
-    request = computation.StudyRequest(campaign, ("T1",), StudyConfig(approaches=("cae",)))
+    request = computation.study_request(campaign, ("T1",), StudyConfig(approaches=("cae",)))
     with ThreadPoolExecutor(2) as sessions:
         first, second = sessions.map(lambda _: request.find(), range(2))
     assert first is second

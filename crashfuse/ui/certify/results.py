@@ -28,7 +28,7 @@ from crashfuse.ui.certify.matrix import matrix_asked
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import Request, Task, said_of
+from crashfuse.ui.kit.computation import Request, said_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
 from crashfuse.ui.kit.results import fill, show_table
@@ -55,7 +55,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Ver
     address.default("approach", APPROACH, APPROACHES)
     approach = st.session_state["approach"]
     config = replace(chosen_config(), approaches=(approach,), leave_out="test")
-    return Task(
+    return Request(
         ("certification", said_of(campaign), criteria, matrix, approach, config.preset, config.seed, config.device),
         f"{campaign.name}: verdicts on {len(matrix.ids)} planned tests",
         lambda watch: certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch),

@@ -35,7 +35,7 @@ from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config, kept_choice, pinned
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import FitRequest, Request, StudyRequest, answers, jobs
+from crashfuse.ui.kit.computation import Request, answers, fit_request, jobs, study_request
 from crashfuse.ui.kit.progress import patience, result_or_none
 from crashfuse.ui.kit.text import plain
 from crashfuse.wording import read_out
@@ -158,14 +158,14 @@ class Subject:
 
     def _request(self, config: StudyConfig) -> Request[Any]:
         campaign = self.view.campaign
-        return StudyRequest(campaign, (self.test,), config) if self.test else FitRequest(campaign, config)
+        return study_request(campaign, (self.test,), config) if self.test else fit_request(campaign, config)
 
     def _estimate(self, config: StudyConfig) -> Estimate | None:
         campaign, approach, estimates = self.view.campaign, self.approach, None
         if not self.test:
             prediction = predicted(campaign, config, self.condition)
             estimates = None if prediction is None else prediction.estimates
-        elif (study := StudyRequest(campaign, (self.test,), config).result) is not None:
+        elif (study := study_request(campaign, (self.test,), config).result) is not None:
             estimates = study.fold(self.test).estimates
         else:  # a study by fewer approaches may have left this one
             key = campaign.fingerprint, jobs().ended
@@ -175,7 +175,7 @@ class Subject:
 
 def predicted(campaign: Campaign, config: StudyConfig, condition: Condition) -> PredictedPulse | None:
     """What is predicted at a condition from all tests with some settings, if it is ready."""
-    request = FitRequest(campaign, config)
+    request = fit_request(campaign, config)
     if (fitted := request.result) is None:
         return None
     return PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config)
