@@ -97,7 +97,6 @@ def _following(before: str | None) -> str:
 
 
 def _matrix(arguments: argparse.Namespace, campaign: Campaign) -> Matrix:
-    """The conditions of a grid, if one is asked for, else of a file."""
     axes = (arguments.speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg)
     if not any((*axes, arguments.factor)):
         path = arguments.matrix or arguments.campaign / "matrix.csv"

@@ -144,7 +144,6 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> pd.DataFrame:
 
 
 def _write_series(folder: Path, tables: Sequence[pd.DataFrame]) -> None:
-    """Write the series so far, and keep the results of earlier series in this folder."""
     study = ["campaign", "preset", "seed"]
     fresh, path = pd.concat(tables), folder / "studies.csv"
     kept = fresh.iloc[:0]

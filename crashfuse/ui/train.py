@@ -132,7 +132,6 @@ def show_form(view: View) -> None:
 
 
 def _choose_tests(view: View) -> tuple[str, ...]:
-    """Ask which tests to leave out, at first the one chosen for all pages."""
     known = view.campaign.test_ids
     address.default("held_out", [view.held_out.id])
     asked = st.session_state["held_out"]

@@ -40,9 +40,12 @@ def rating_heatmap(
         z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + mean
     text = [["" if np.isnan(value) else graded(value) for value in row] for row in z]
+    limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
+    steps = zip(GRADE_COLOURS.values(), limits[:-1], limits[1:], strict=True)
+    scale = [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]
     figure = points_figure(_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     figure.add_heatmap(
-        z=z, x=names, y=rows, text=text, texttemplate="%{text}", hoverinfo="skip", colorscale=_grade_scale(),
+        z=z, x=names, y=rows, text=text, texttemplate="%{text}", hoverinfo="skip", colorscale=scale,
         zmin=0, zmax=1, xgap=2, ygap=2, showscale=False,
         textfont_color=MEASURED_COLOUR, textfont_size=12,  # without a size, words shrink with their cells
     )  # fmt: skip
@@ -115,12 +118,6 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
     return figure
 
 
-def _grade_scale() -> list[tuple[float, str]]:
-    limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
-    steps = zip(GRADE_COLOURS.values(), limits[:-1], limits[1:], strict=True)
-    return [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]
-
-
 _OUTSIDE, _BEYOND = "#E69F00", "#C1121F"  # of a curve outside the inner and the outer corridor
 _LAST = 2000  # in the legend, where 1000 is usual
 _DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))  # of the rows, as shares of the height
@@ -174,8 +171,10 @@ def rated_curves(
     _draw(figure, explanation.shifted, approach, scale, row=2)
     _draw(figure, explanation.warped, approach, scale, row=3)
     _draw(figure, explanation.slopes, approach, scale * MS, row=4)
-    look, layout = figure.layout.yaxis.to_plotly_json(), {}
-    for number, (part, how, (bottom, top)) in enumerate(zip(WEIGHTS, _hows(explanation), _DOMAINS, strict=True), 1):
+    look, layout, shift_ms = figure.layout.yaxis.to_plotly_json(), {}, explanation.shift_s / MS
+    moved = f"moved {abs(shift_ms):.1f} ms {'earlier' if shift_ms > 0 else 'later'}" if shift_ms else "not moved"
+    hows = "curves as they stand", moved, f"{moved}, and warped", f"slopes, {moved}"
+    for number, (part, how, (bottom, top)) in enumerate(zip(WEIGHTS, hows, _DOMAINS, strict=True), 1):
         unit = f"{display.unit}/ms" if number == len(_DOMAINS) else display.unit
         layout[f"yaxis{number}"] = {**look, "domain": [bottom, top], "title": unit}
         figure.add_annotation(
@@ -189,12 +188,6 @@ def rated_curves(
         margin_t=96,
     )
     return figure
-
-
-def _hows(explanation: RatingExplanation) -> tuple[str, str, str, str]:
-    shift_ms = explanation.shift_s / MS
-    moved = f"moved {abs(shift_ms):.1f} ms {'earlier' if shift_ms > 0 else 'later'}" if shift_ms else "not moved"
-    return "curves as they stand", moved, f"{moved}, and warped", f"slopes, {moved}"
 
 
 def _draw(figure: go.Figure, curves: Compared, approach: str, scale: float, row: int) -> None:

@@ -222,7 +222,6 @@ def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001 
 
 
 def _stamp(folder: Path) -> tuple[object, ...]:
-    """Changes whenever a file that can belong to a campaign does."""
     patterns = ("tests.csv", "cae.csv", "campaign.toml", "*_pulses.*", "*_wall.*", "tests/*", "cae/*")
     files = sorted(path for pattern in patterns for path in folder.glob(pattern))
     return tuple((path.name, *stamp(path)) for path in files)

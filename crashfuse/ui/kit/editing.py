@@ -189,8 +189,6 @@ def _add_note(view: View) -> None:
 
 
 def _delete_note(view: View, note: Note) -> None:
-    """Delete a note, which can be put back until another is deleted."""
-
     def without(notes: tuple[Note, ...]) -> list[Note]:
         place = notes.index(note) if note in notes else len(notes)  # another reader may have deleted it
         return [*notes[:place], *notes[place + 1 :]]

@@ -33,7 +33,6 @@ from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import advice_on_page, as_read, chosen_units, plain
 from crashfuse.wording import UnitSystem
 
-_COPY = '<button type="button" title="Copy this table for a spreadsheet">Copy</button>'
 _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| %| of \d+)?|–|)( \[.*\]| \(.*\))?")
 """A cell with a number, perhaps with its interval or a remark, or without one."""
 _GRADED = re.compile(rf"\d\.\d+ ({'|'.join(GRADE_COLOURS)})")
@@ -45,7 +44,7 @@ def show_table(table: Styler | pd.DataFrame, key: str, remark: str = "", meaning
     """Show a table with a button that copies it, a remark, and what its rows mean as tooltips."""
     styler = aligned(table if isinstance(table, Styler) else literal(table))
     st.table(styler, border="horizontal")
-    copy = component("copy_table", html=_COPY, css="buttons.css")
+    copy = component("copy_table", css="buttons.css")
     text = spreadsheet_text(styler.data.rename(columns=as_read))
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         copy(data={"text": text, "meanings": list(meanings)}, key=f"copy {key}", width="content")
