@@ -231,13 +231,10 @@ def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:
         assert mark not in raw
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "where"),
-    [("prog.exe", b"MZ", "prog.exe"), ("report.pdf", b"%PDF", "report.pdf"), ("T1.parquet", b"PAR1", "T1.parquet")],
-)
-def test_a_file_that_is_refused_is_named(visit: Visit, name: str, content: bytes, where: str) -> None:
+@pytest.mark.parametrize(("name", "content"), [("prog.exe", b"MZ"), ("report.pdf", b"%PDF"), ("T1.parquet", b"PAR1")])
+def test_a_file_that_is_refused_is_named(visit: Visit, name: str, content: bytes) -> None:
     """Who dropped it knows which it was."""
-    assert upload(visit(), (name, content)).tables[0]["File"].tolist() == [where]
+    assert upload(visit(), (name, content)).tables[0]["File"].tolist() == [name]
 
 
 def test_nothing_dropped_or_all_too_large_is_said(visit: Visit) -> None:
