@@ -311,6 +311,7 @@ def test_what_belongs_to_a_campaign_goes_with_it(
     assert session.app.session_state["campaign"] == other.name
     assert "No criteria yet" in session.words
     assert session.app.expander[0].proto.expanded
+    assert field(session, "Confidence").value == 0.95
     assert not {"cell", "criteria"} & {*session.app.query_params}
     session.app.sidebar.selectbox(key="campaign").set_value(asking.name)
     assert not session.run().app.expander[0].proto.expanded
@@ -411,13 +412,3 @@ def test_a_confidence_that_there_is_not_is_a_sentence(visit: Visit, asked: str) 
     assert "Certify" not in session.buttons
     field(session, "Confidence").set_value(0.8).run()
     assert "expected a confidence" not in session.words
-
-
-@pytest.mark.usefixtures("asking")
-def test_one_campaigns_confidence_is_not_anothers(visit: Visit) -> None:
-    """The sample's criteria come with their own."""
-    session = visit("certify", **LINK)
-    assert field(session, "Confidence").value == 0.9
-    session.app.selectbox(key="campaign").set_value("sample")
-    session.run()
-    assert field(session, "Confidence").value == 0.95

@@ -1,6 +1,5 @@
 """The page Data takes foreign files: it shows what comes of them, and adds them to a campaign when told to."""
 
-import base64
 import io
 import json
 import re
@@ -54,14 +53,7 @@ def curves(session: Session) -> dict[str, np.ndarray]:
     """Ordinates of the preview by the names of its curves; the last of a name."""
     (figure,) = session.app.get("plotly_chart")
     data = json.loads(figure.proto.spec)["data"]
-    return {
-        curve["name"]: np.array(curve["y"]) if isinstance(curve["y"], list) else decoded(curve["y"]) for curve in data
-    }
-
-
-def decoded(packed: dict[str, str]) -> np.ndarray:
-    """A column as Plotly packs it."""
-    return np.frombuffer(base64.b64decode(packed["bdata"]), packed["dtype"])
+    return {curve["name"]: np.array(curve["y"]) for curve in data}
 
 
 def into(session: Session, folder: Path) -> Session:

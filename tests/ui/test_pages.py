@@ -199,11 +199,8 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
         file = archive.extract("cae.safetensors", tmp_path)
     session.go("predict")
     speed, front, rear = (float(field.value or 0) for field in session.app.number_input[:3])
-    pulse = (
-        load_model(file, campaign)
-        .approach.predict(Condition.of_vector([speed * MPH, front * LB, rear * LB]))
-        .accel_mps2
-    )
+    condition = Condition.of_vector([speed * MPH, front * LB, rear * LB])
+    pulse = load_model(file, campaign).approach.predict(condition).accel_mps2
     shown = session.open_tab("predict", "Metrics").tables[0].set_index("Pulse metric")["CAE"]
     assert shown["Peak deceleration (g)"] == f"{-pulse.min() / G:.1f}"
 
@@ -487,9 +484,7 @@ def test_the_tests_chosen_on_train_are_in_the_link() -> None:
 
     first = session.app.session_state["test"]
     assert chosen() == [first]
-    assert "Held-out test" not in [
-        box.label for box in session.app.sidebar.selectbox
-    ]  # one place to choose it is enough
+    assert "Held-out test" not in [box.label for box in session.app.sidebar.selectbox]  # one place is enough
     other = next(test for test in ("T1", "T2") if test != first)
     hold_out(other)
     assert chosen() == [other]
