@@ -204,7 +204,7 @@ def show_why(comparison: Comparison) -> None:
         partial(draw, "rating", approaches=[approach]), alt, "rated curves", approach, comparison.key,
         name=f"rating of {LABELS[approach]}",
     )  # fmt: skip
-    with st.expander("Humps and stretches outside the corridor", icon=":material/table:"):
+    with st.expander("Humps, and stretches outside the corridor", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")
         st.caption(glossary.HUMPS)
         show_table(excursions_table(explanation, display), "excursions")
