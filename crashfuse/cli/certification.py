@@ -79,7 +79,7 @@ def verify(arguments: argparse.Namespace) -> None:
         seal.review(arguments.folder, reviewing)
         sealed = sealed._replace(reviewer=seal.key_name(reviewing.public_key()))
     print(f"{FILE} and {len(sealed.files)} files are as the key {sealed.key} sealed them{_following(sealed.before)}.")
-    print(f"Made on {sealed.date}, by its own account.")
+    print(f"Made on {sealed.date}, by its own account: who was given the seal before a test, knows that it is older.")
     if arguments.key is None:
         print("The key came with the seal: whose it is, shows only one that you were given (--key).")
     if sealed.reviewer is not None:
