@@ -8,7 +8,7 @@ from crashfuse.ui import compare
 from crashfuse.ui.compare import Comparison
 from crashfuse.ui.kit import frame
 from crashfuse.ui.kit.address import chosen_config
-from crashfuse.ui.kit.computation import StudyRequest
+from crashfuse.ui.kit.computation import study_request
 from crashfuse.ui.kit.curves import choose_approach
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.files import export_button
@@ -27,7 +27,7 @@ view = frame.enter_with_campaign(
 test, campaign, config = view.held_out, view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
 
-request = StudyRequest(campaign, (test.id,), config)
+request = study_request(campaign, (test.id,), config)
 study = result_of(
     request,
     invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will be fitted on the CAE runs and "
@@ -36,7 +36,7 @@ study = result_of(
     button=f"Predict test {test.id}",
 )
 show_training(config, study.config.approaches)
-comparison = Comparison.of(view, request, study)
+comparison = Comparison.of(view, request.key, config, study)
 compare.show_headline(comparison)
 with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
     tab = choose("Tab", list(TABS), key="compare_tab")

@@ -7,7 +7,7 @@ import streamlit as st
 from crashfuse.ui import predict
 from crashfuse.ui.kit import frame, results
 from crashfuse.ui.kit.address import chosen_config
-from crashfuse.ui.kit.computation import FitRequest
+from crashfuse.ui.kit.computation import fit_request
 from crashfuse.ui.kit.curves import choose_approach
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.files import export_button
@@ -18,7 +18,7 @@ TABS = {"Pulses": predict.show_pulses, "Over speed": predict.show_over_speed, "N
 
 view = frame.enter_with_campaign("Predict", lambda view: f"from {len(view.campaign.tests)} tests and the CAE runs")
 campaign, config = view.campaign, chosen_config()
-request = FitRequest(campaign, config)
+request = fit_request(campaign, config)
 
 
 def ask_and_answer() -> None:
@@ -30,7 +30,7 @@ def ask_and_answer() -> None:
         + patience(config, "This takes a minute or two, once; then every condition is answered at once."),
         button="Predict",
     )
-    answer = Answer(view, request, fitted, condition)
+    answer = Answer(view, request.key, config, fitted, condition)
     show_training(config, fitted.approaches)
     if answer.advice is not None:
         warnings = campaign.cae.extrapolation(condition)

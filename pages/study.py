@@ -3,10 +3,4 @@
 from crashfuse.ui import study
 from crashfuse.ui.kit import frame
 
-study.show(
-    frame.enter_with_campaign(
-        "Study",
-        lambda view: f"{len(view.campaign.tests)} tests, each left out in turn",
-        by_group=lambda view: study.by_group(study.request_of(view)),
-    )
-)
+study.show(frame.enter_with_campaign("Study", lambda view: f"{len(view.campaign.tests)} tests, each left out in turn"))

@@ -5,10 +5,11 @@ import io
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import ExitStack
+from importlib import import_module
 
 from crashfuse.cli.arguments import parser
-from crashfuse.cli.output import giving_back
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, DataError, UsageError, out_of_memory, printable
 from crashfuse.execution.process import share_one_heap
 from crashfuse.readers.vocabulary import TRAVELS
@@ -33,11 +34,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     if foreign := [argument for argument in argv if _SURROGATE.search(argument)]:
         _say(f"crashfuse: {_not_utf8(foreign[0])}")
         return WRONG_USAGE
-    command: Callable[[argparse.Namespace], None] = arguments.run
     share_one_heap()
     try:
-        with giving_back():
-            command(arguments)
+        with ExitStack() as arguments.claims:  # of the folders that it writes to
+            _run(arguments)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of the output (head, say) has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -63,6 +63,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say("Stopped. What was finished is in the cache: the same command (a study with --resume) continues there.")
         return INTERRUPTED
     return DONE
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    module, _, command = arguments.run.partition(".")
+    getattr(import_module(f"crashfuse.cli.{module}"), command)(arguments)
 
 
 def _not_utf8(name: str) -> str:

@@ -1,35 +1,29 @@
-"""The command that judges acceptance criteria at conditions, and its own record."""
+"""The command that judges acceptance criteria at conditions, and those on its seal."""
 
 import argparse
 import hashlib
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import read_notes
+from crashfuse.certification import file_store, seal
+from crashfuse.certification.certify import APPROACH
+from crashfuse.certification.criteria import read_criteria
+from crashfuse.certification.earlier import FILE, read_earlier
+from crashfuse.certification.matrix import Matrix
 from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
-from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
+from crashfuse.cli.output import opened, replacing, say_facts, say_written, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
-
-if TYPE_CHECKING:
-    from crashfuse.campaign import Campaign
-    from crashfuse.certification.matrix import Matrix
+from crashfuse.reporting import verdicts
+from crashfuse.reporting.certification_facts import sentences
+from crashfuse.reporting.certification_tables import counts_table
+from crashfuse.reporting.training_progress import watching
 
 
 def certify(arguments: argparse.Namespace) -> None:
     """Give a verdict on every criterion at every condition of a matrix."""
-    from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.campaign_folder.notes import read_notes
-    from crashfuse.certification import file_store, seal
-    from crashfuse.certification.certify import APPROACH
-    from crashfuse.certification.criteria import read_criteria
-    from crashfuse.certification.earlier import FILE, read_earlier
-    from crashfuse.reporting import verdicts
-    from crashfuse.reporting.certification_facts import sentences
-    from crashfuse.reporting.certification_tables import counts_table
-    from crashfuse.reporting.training_progress import watching
-
-    require_output(arguments.out, arguments.campaign, "certification")
     arguments.approach = [arguments.approach or APPROACH]
     config = settings(arguments)
     if arguments.since and arguments.out.resolve() in (arguments.since.resolve(), arguments.since.resolve().parent):
@@ -37,7 +31,7 @@ def certify(arguments: argparse.Namespace) -> None:
     earlier = read_earlier(arguments.since) if arguments.since else None
     key = None if arguments.seal is None else seal.private_key(arguments.seal)
     inputs = {} if key is None else seal.rests_on(arguments.campaign, arguments.criteria, arguments.matrix)
-    campaign, notes = load_campaign(arguments.campaign, arguments.archive), read_notes(arguments.campaign)
+    (campaign, display), notes = opened(arguments, "certification"), read_notes(arguments.campaign)
     criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     if earlier is not None:
         earlier.require_of(campaign)  # or another vehicle's would be told only once all is computed
@@ -47,7 +41,7 @@ def certify(arguments: argparse.Namespace) -> None:
             campaign, criteria, matrix, approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
-    display, certification = display_of(arguments, campaign), judged.certification
+    certification = judged.certification
     if earlier is not None:
         certification = certification.beside(earlier)
     latest = next(iter(file_store.certifications(campaign).values()), None) if earlier is None else earlier
@@ -74,16 +68,11 @@ def certify(arguments: argparse.Namespace) -> None:
 
 def make_key(arguments: argparse.Namespace) -> None:
     """Make a pair of keys."""
-    from crashfuse.certification.seal import make_keys
-
-    print(f"{arguments.key} is the private key {make_keys(arguments.key)}; reviewers get {arguments.key}.pub.")
+    print(f"{arguments.key} is the private key {seal.make_keys(arguments.key)}; reviewers get {arguments.key}.pub.")
 
 
 def verify(arguments: argparse.Namespace) -> None:
     """Hold a certification against its seal, and sign it as reviewer if asked to."""
-    from crashfuse.certification import seal
-    from crashfuse.certification.earlier import FILE
-
     reviewing = None if arguments.seal is None else seal.private_key(arguments.seal)
     sealed = seal.verify(arguments.folder, arguments.key, arguments.campaign)
     if reviewing is not None:
@@ -107,10 +96,7 @@ def _following(before: str | None) -> str:
     return ", after no other certification" if before is None else f", after the one with the SHA-256 {before}"
 
 
-def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
-    """The conditions: of a grid if one is asked for, else of a file."""
-    from crashfuse.certification.matrix import Matrix
-
+def _matrix(arguments: argparse.Namespace, campaign: Campaign) -> Matrix:
     axes = (arguments.speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg)
     if not any((*axes, arguments.factor)):
         path = arguments.matrix or arguments.campaign / "matrix.csv"

@@ -19,6 +19,8 @@ AXES = {
     "rear_weight_kg": {"--rear-weight-lb": LB, "--rear-weight-kg": 1.0},
 }
 """Options by the name of what they are in SI, in either unit with its factor."""
+ACCELERATION_UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
+"""Units of accelerations other than g, by their names here."""
 
 
 def add_axes(
@@ -37,7 +39,7 @@ def add_axes(
 
 
 class _InUnit(argparse.Action):
-    """Stores what is given in SI, and beside it the unit that it was given in: the end of the option's name."""
+    """Stores what is given in SI, and the unit that it was given in: the end of the option's name."""
 
     def __call__(
         self,
@@ -60,7 +62,7 @@ def units_of(arguments: argparse.Namespace) -> tuple[str, str, str]:
 
 
 def require_positive(arguments: argparse.Namespace) -> None:
-    """Refuse a speed or weight, or an end of a range, that is not above 0."""
+    """Refuse speeds and weights, or ends of ranges, that are not above 0."""
     asked = [given for name in AXES if (given := getattr(arguments, name)) is not None]
     numbers = [number for each in asked for number in (each if isinstance(each, list) else [each])]
     if not all(0 < number < float("inf") for number in numbers):

@@ -1,4 +1,7 @@
-"""Commands on data: start the dashboard, write the sample, check a campaign."""
+"""Commands on data: start the dashboard, write the sample; check a campaign, edit it, import into it.
+
+Each imports what it needs: the dashboard is to start at once.
+"""
 
 import argparse
 import shlex
@@ -6,7 +9,10 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from crashfuse.cli.arguments import CONDITION
+from crashfuse.cli.conditions import ACCELERATION_UNITS
 from crashfuse.errors import UsageError
+from crashfuse.units import MS
 
 
 def app(arguments: argparse.Namespace) -> None:
@@ -59,8 +65,15 @@ def check(arguments: argparse.Namespace) -> None:
 
 def edit(arguments: argparse.Namespace) -> None:
     """Edit a campaign, or list the changes that can be undone."""
-    from crashfuse.campaign_folder.editing import leave_out, remove_tests, say_tuned, use_again
+    from crashfuse.campaign_folder.editing import leave_out, remove_tests, say_tuned, set_about, use_again
     from crashfuse.campaign_folder.history import changes, undo
+
+    def describe(folder: Path, given: Sequence[str]) -> str:
+        test_id, *pairs = given
+        about = {name: value for name, is_given, value in (pair.partition("=") for pair in pairs) if name and is_given}
+        if not about or len(about) < len(pairs):
+            raise UsageError("--about takes a test and NAME=VALUE, such as T09 laboratory=MGA.")
+        return set_about(folder, test_id, about)
 
     folder = arguments.campaign
     if arguments.undo:
@@ -75,7 +88,7 @@ def edit(arguments: argparse.Namespace) -> None:
         (remove_tests, arguments.remove),
         (partial(say_tuned, tuned=True), arguments.cae_tuned),
         (partial(say_tuned, tuned=False), arguments.not_cae_tuned),
-        (_set_about, arguments.about),
+        (describe, arguments.about),
     )
     for change_it, ids in asked:
         if ids:
@@ -87,24 +100,37 @@ def edit(arguments: argparse.Namespace) -> None:
         print(f"  {change.when}  {change.what}")
 
 
-def _set_about(folder: Path, given: Sequence[str]) -> str:
-    from crashfuse.campaign_folder.editing import set_about
+def import_(arguments: argparse.Namespace) -> None:
+    """Add a source to a campaign, and print how its records were read."""
+    from crashfuse.campaign_folder.history import changes
+    from crashfuse.importing import Choices, ColumnChoice, import_source
+    from crashfuse.readers.record import PartialCondition
 
-    test_id, *pairs = given
-    about = {name: value for name, is_given, value in (pair.partition("=") for pair in pairs) if name and is_given}
-    if not about or len(about) < len(pairs):
-        raise UsageError("--about takes a test and NAME=VALUE, such as T09 laboratory=MGA.")
-    return set_about(folder, test_id, about)
-
-
-def add_edit_options(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options to its parser."""
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--leave-out", nargs="+", metavar="ID", help="tests that nothing learns from or rates")
-    parser.add_argument("--because", metavar="WHY", help="why they are left out, for the reports")
-    what.add_argument("--use", nargs="+", metavar="ID", help="tests to use again")
-    what.add_argument("--remove", nargs="+", metavar="ID", help="tests to take out of the folder")
-    what.add_argument("--cae-tuned", nargs="+", metavar="ID", help="tests that the CAE model was tuned to")
-    what.add_argument("--not-cae-tuned", nargs="+", metavar="ID", help="tests that it was not tuned to")
-    what.add_argument("--about", nargs="+", metavar="ID|NAME=VALUE", help="a test's id, then laboratory=…, date=…")
-    what.add_argument("--undo", action="store_true", help="undo the last change: an import or one of these")
+    choices = Choices(
+        channels=tuple(arguments.channel),
+        unit=ACCELERATION_UNITS.get(arguments.unit, arguments.unit),
+        deceleration_sign=arguments.deceleration_sign,
+        time_zero_s=None if arguments.time_zero_ms is None else arguments.time_zero_ms * MS,
+        gap_m=arguments.gap_mm,
+        channel_filter_class=arguments.channel_filter_class,
+        condition=PartialCondition(**{name: getattr(arguments, name) for name in CONDITION}),
+        front_share=arguments.front_share,
+    )
+    added = import_source(
+        arguments.source,
+        arguments.out,
+        choices,
+        role=arguments.role,
+        cae=arguments.cae,
+        fmt=arguments.format,
+        record_id=arguments.id,
+        columns=[ColumnChoice.parsed(text) for text in arguments.column],
+        conditions=arguments.conditions,
+        travel=arguments.travel,
+        cae_tuned=None if arguments.cae_tuned is None else arguments.cae_tuned == "yes",
+    )
+    for one in added:
+        print(f"{one.id}: {one.condition}")
+        for step in one.steps:
+            print(f"  {step}")
+    print(f"{changes(arguments.out)[0].what}. {arguments.out / 'campaign.toml'} tells how.")

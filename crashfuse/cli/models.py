@@ -2,11 +2,16 @@
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.condition_tables import read_candidates
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.cli.outgoing import pulse_export
 from crashfuse.cli.output import (
+    claim,
     opened,
     replacing,
     require_output,
@@ -16,21 +21,28 @@ from crashfuse.cli.output import (
     writing,
 )
 from crashfuse.errors import UsageError
-
-if TYPE_CHECKING:
-    from crashfuse.campaign import Campaign
-    from crashfuse.study.config import StudyConfig
-    from crashfuse.study.estimate import Fit
+from crashfuse.execution.cache import Cache
+from crashfuse.reporting import predicted
+from crashfuse.reporting.planning import SpeedSweep, next_test
+from crashfuse.reporting.plots.sweep import BEST
+from crashfuse.reporting.result_tables import next_tests_table
+from crashfuse.reporting.results import write_pulses
+from crashfuse.reporting.training_progress import watching
+from crashfuse.signals.metrics import MAIN_METRICS
+from crashfuse.study import archive_learning
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit
+from crashfuse.study.history import PastResult, keep
+from crashfuse.study.next_test import ConditionRange
+from crashfuse.study.saved_models import load_model, model_file, save_model
+from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
+from crashfuse.wording import speed
 
 
 def train(arguments: argparse.Namespace) -> None:
     """Fit to all tests and save the models."""
-    from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.estimate import Fit
-    from crashfuse.study.saved_models import model_file, save_model
-
     require_output(arguments.out, arguments.campaign)
+    claim(arguments, arguments.out)
     campaign, config = load_campaign(arguments.campaign, arguments.archive), settings(arguments)
     with watching() as watch:
         for name in config.approaches:
@@ -42,16 +54,13 @@ def train(arguments: argparse.Namespace) -> None:
 
 def learn_archive(arguments: argparse.Namespace) -> None:
     """Learn from past vehicles what teaches the next one."""
-    from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.archive_learning import learn_archive
-
     if arguments.out.suffix != ".cfa":
         raise UsageError(f"An archive is a file that ends in .cfa, not {arguments.out}.")
     require_writable(arguments.out.parent)
     campaigns = [load_campaign(folder) for folder in arguments.campaigns]
     with watching() as watch:
-        archive = learn_archive(campaigns, seed=arguments.seed or 0, watch=watch, workers=arguments.workers)
+        seed, workers = arguments.seed or 0, arguments.workers
+        archive = archive_learning.learn_archive(campaigns, seed=seed, watch=watch, workers=workers)
     archive.save(arguments.out)
     print("Each vehicle left out, its rating over 0–60 ms by the fused prediction with the others and without:")
     print(archive.record.to_string(index=False, float_format="{:.3f}".format))
@@ -61,10 +70,6 @@ def learn_archive(arguments: argparse.Namespace) -> None:
 
 def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
-    from crashfuse.reporting import predicted
-    from crashfuse.signals.metrics import MAIN_METRICS
-    from crashfuse.study.history import PastResult, keep
-
     require_positive(arguments)
     export = pulse_export(arguments)
     campaign, display = opened(arguments, "prediction")
@@ -82,12 +87,6 @@ def predict(arguments: argparse.Namespace) -> None:
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
-    from crashfuse.reporting.planning import SpeedSweep
-    from crashfuse.reporting.results import write_pulses
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
-    from crashfuse.wording import speed
-
     require_positive(arguments)
     export = pulse_export(arguments)
     campaign, display = opened(arguments, "sweep")
@@ -114,13 +113,6 @@ def sweep(arguments: argparse.Namespace) -> None:
 
 def rank_tests(arguments: argparse.Namespace) -> None:
     """Rank tests to run next."""
-    from crashfuse.campaign_folder.condition_tables import read_candidates
-    from crashfuse.reporting.planning import next_test
-    from crashfuse.reporting.plots.sweep import BEST
-    from crashfuse.reporting.result_tables import next_tests_table
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.next_test import ConditionRange
-
     campaign, display = opened(arguments, "ranking of next tests")
     over = ConditionRange.of(campaign.tests)
     for name in AXES:
@@ -142,14 +134,8 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     say_written(arguments.out, ranking.kind)
 
 
-def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
+def _fits(arguments: argparse.Namespace, campaign: Campaign) -> list[Fit]:
     """Fits of the requested approaches, loaded from a folder of saved models if given, else trained."""
-    from crashfuse.approaches.registry import APPROACHES
-    from crashfuse.execution.cache import Cache
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.estimate import Fit
-    from crashfuse.study.saved_models import load_model, model_file
-
     if arguments.models is None:
         config = settings(arguments)
         with watching() as watch:
@@ -166,10 +152,8 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     return fits
 
 
-def settings(arguments: argparse.Namespace, usual: "StudyConfig | None" = None) -> "StudyConfig":
+def settings(arguments: argparse.Namespace, usual: StudyConfig | None = None) -> StudyConfig:
     """The settings that the options ask for, else the usual ones, checked."""
-    from crashfuse.study.config import StudyConfig
-
     config = replace(usual or StudyConfig(), **given_settings(arguments))
     config.check()
     return config

@@ -1,61 +1,46 @@
-"""Output folder of a command, checked before anything is computed.
+"""Output folder of a command, checked before anything is computed; it holds results of one kind.
 
-A folder holds results of one kind. Once new ones are written, what is left of older ones (speed groups, say) is
-removed; the folder of another kind is refused. While a command runs, the folder is its own.
+Once new ones are written, what is left of older ones (speed groups, say) is removed.
 """
 
 import argparse
 import os
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.condition_tables import has_table
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.atomic import written_together
 from crashfuse.files.locks import sole_writer
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.results import RESULT_FILES
+from crashfuse.study.facts import campaign_facts
 from crashfuse.wording import SYSTEMS
-
-if TYPE_CHECKING:
-    from crashfuse.campaign import Campaign
-    from crashfuse.reporting.plots.display import Display
-
-_claimed: dict[Path, ExitStack] = {}
 
 
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
-    """Claim a folder; refuses one in a campaign, with other results, not writable, or written to by another."""
-    from crashfuse.campaign_folder.condition_tables import has_table
-    from crashfuse.reporting.results import RESULT_FILES
-
+    """Refuse a folder in a campaign, with other results, or not writable."""
     if out.resolve().is_relative_to(campaign.resolve()) or has_table(out):
         raise UsageError(f"{out} is in a campaign folder, where no results belong; name another for --out.")
     for other, (*_, mark) in RESULT_FILES.items():
         if kind not in (None, other) and (out / mark).exists():
             raise UsageError(f"{out} holds a {other} ({mark}); name another folder for the {kind}.")
     require_writable(out)
-    if out.resolve() not in _claimed:
-        claim = ExitStack()
-        with suppress(OSError):  # where files can't be locked, two that write whole files are better than a refusal
-            claim.enter_context(sole_writer(out.resolve()))
-        _claimed[out.resolve()] = claim
 
 
-@contextmanager
-def giving_back() -> Iterator[None]:
-    """Context of a command: the folders that it claims are others' again at its end."""
-    try:
-        yield
-    finally:
-        while _claimed:
-            _claimed.popitem()[1].close()
+def claim(arguments: argparse.Namespace, out: Path) -> None:
+    """Keep a folder to this command until it ends; a DataError if another writes to it."""
+    with suppress(OSError):  # where files can't be locked, two that write whole files are better than a refusal
+        arguments.claims.enter_context(sole_writer(out.resolve()))
 
 
-def opened(arguments: argparse.Namespace, kind: str) -> tuple["Campaign", "Display"]:
+def opened(arguments: argparse.Namespace, kind: str) -> tuple[Campaign, Display]:
     """The campaign of a command that writes this kind of result, whose folder it claims, and how it is shown."""
-    from crashfuse.campaign_folder.load import load_campaign
-
     require_output(arguments.out, arguments.campaign, kind)
+    claim(arguments, arguments.out)
     campaign = load_campaign(arguments.campaign, arguments.archive)
     return campaign, display_of(arguments, campaign)
 
@@ -71,8 +56,6 @@ def require_writable(out: Path, option: str = "--out") -> None:
 @contextmanager
 def replacing(out: Path, kind: str) -> Iterator[None]:
     """Context for writing results of this kind; on exit, older results that were not overwritten are removed."""
-    from crashfuse.reporting.results import RESULT_FILES
-
     *others, mark = (out / name for name in RESULT_FILES[kind])
     places = [place for other in others for place in (other, *other.rglob("*"))] if mark.is_file() else []
     older = [place for place in places if place.is_file()]
@@ -99,22 +82,16 @@ def writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
 
 def say_written(out: Path, kind: str) -> None:
     """Print which files of this kind of result a folder contains."""
-    from crashfuse.reporting.results import RESULT_FILES
-
     print(f"Written to {out}: {', '.join(name for name in RESULT_FILES[kind] if (out / name).exists())}")
 
 
-def display_of(arguments: argparse.Namespace, campaign: "Campaign") -> "Display":
+def display_of(arguments: argparse.Namespace, campaign: Campaign) -> Display:
     """How a command shows its results: in the units asked for, else the campaign's, as on the pages."""
-    from crashfuse.reporting.plots.display import Display
-
     return Display(system=campaign.units if arguments.units is None else SYSTEMS[arguments.units])
 
 
-def say_facts(campaign: "Campaign", display: "Display") -> list[str]:
+def say_facts(campaign: Campaign, display: Display) -> list[str]:
     """Print what has to be known of a campaign, before its results; returns the sentences, not to be said again."""
-    from crashfuse.study.facts import campaign_facts
-
     sentences = [fact.sentence for fact in campaign_facts(campaign)]
     print(*map(display.words, sentences), sep="\n", end="\n" * bool(sentences))
     return sentences

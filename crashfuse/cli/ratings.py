@@ -2,25 +2,21 @@
 
 import argparse
 import json
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from crashfuse.cli.conditions import filter_class, number
-from crashfuse.cli.imports import UNITS
+import pandas as pd
+
+from crashfuse.cli.conditions import ACCELERATION_UNITS
 from crashfuse.errors import CrashfuseError, UsageError
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from crashfuse.importing.ratings import RatingChoices
+from crashfuse.files.csv_text import csv_bytes
+from crashfuse.importing.ratings import WINDOWS_MS, RatingChoices, explain_files, rate_channels, rate_files, rate_pairs
+from crashfuse.reporting.rating_tables import explanation_record
 
 _SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
 
 
 def rate(arguments: argparse.Namespace) -> None:
     """Rate one file against another, the pairs of a table, or two ISO-MME tests channel by channel."""
-    from crashfuse.files.csv_text import csv_bytes
-
     if arguments.explain and (arguments.pairs or arguments.each_channel or arguments.csv):
         raise UsageError("--explain is for one pair of files, as text or with --json.")
     table = _rated(arguments)
@@ -45,46 +41,19 @@ def rate(arguments: argparse.Namespace) -> None:
             print(found)
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options to its parser."""
-    files = "a table (time_ms or _s, acceleration_g or _mps2), or anything that import reads"
-    parser.add_argument("reference", type=Path, nargs="?", metavar="REFERENCE", help=files)
-    parser.add_argument("comparison", type=Path, nargs="?", metavar="COMPARISON", help="the same")
-    parser.add_argument("--pairs", type=Path, metavar="FILE.csv", help="a table with columns reference and comparison")
-    parser.add_argument("--each-channel", action="store_true", help="of two ISO-MME tests, by channel code")
-    parser.add_argument("--explain", action="store_true", help="what ratings are made of: shift, corridor left, humps")
-    parser.add_argument("--windows-ms", nargs="+", type=number, metavar="W", help="over 0 to W ms (default: 20 40 60)")
-    parser.add_argument("--also", nargs="+", default=(), metavar="NAME", help="beside it: sprague-geers, anova")
-    parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
-    parser.add_argument("--comparison-channel", nargs="+", default=(), metavar="NAME", help="if named otherwise")
-    parser.add_argument("--unit", choices=("g", *UNITS), help="of the acceleration (default: detected)")
-    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help="60, 180 or so, or none")
-    printed = parser.add_mutually_exclusive_group()
-    printed.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    printed.add_argument("--csv", action="store_true", help="print CSV instead of a table")
-    parser.set_defaults(run=rate)
-
-
-def _choices(arguments: argparse.Namespace) -> "RatingChoices":
-    from crashfuse.importing.ratings import RatingChoices
-
+def _choices(arguments: argparse.Namespace) -> RatingChoices:
     channels, others, also = map(tuple, (arguments.channel, arguments.comparison_channel, arguments.also))
-    unit = UNITS.get(arguments.unit, arguments.unit)
+    unit = ACCELERATION_UNITS.get(arguments.unit, arguments.unit)
     return RatingChoices(channels, others, arguments.channel_filter_class, unit, also)
 
 
 def _explained(arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    from crashfuse.importing.ratings import WINDOWS_MS, explain_files
-    from crashfuse.reporting.rating_tables import explanation_record
-
     files, windows = (arguments.reference, arguments.comparison), arguments.windows_ms or WINDOWS_MS
     explanations = explain_files(*files, windows, choices=_choices(arguments))
     return [explanation_record(own, "comparison") for own in explanations]
 
 
-def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
-    from crashfuse.importing.ratings import WINDOWS_MS, rate_channels, rate_files, rate_pairs
-
+def _rated(arguments: argparse.Namespace) -> pd.DataFrame:
     windows, choices = arguments.windows_ms or WINDOWS_MS, _choices(arguments)
     files = (arguments.reference, arguments.comparison)
     if arguments.pairs is not None:
@@ -98,7 +67,7 @@ def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
     return rate_files(*files, windows, choices=choices)
 
 
-def _print(table: "pd.DataFrame") -> None:
+def _print(table: pd.DataFrame) -> None:
     rated = table[table["overall"].notna()]
     varying = [name for name in ("reference", "comparison", "channel") if table[name].nunique() > 1]
     bases = rated["basis"].unique().tolist()

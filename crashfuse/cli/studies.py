@@ -6,31 +6,36 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.campaign_folder.notes import read_notes
+from crashfuse.certification.criteria import read_criteria
+from crashfuse.cli import output
 from crashfuse.cli.models import given_settings, settings
-from crashfuse.cli.output import (
-    display_of,
-    opened,
-    replacing,
-    require_output,
-    require_writable,
-    say_facts,
-    say_written,
-    writing,
-)
+from crashfuse.cli.output import claim, opened, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from crashfuse.campaign import Campaign
-    from crashfuse.reporting.report import ReportOptions
-    from crashfuse.study.comparison import StudyComparison
-    from crashfuse.study.config import StudyPlan
-    from crashfuse.study.history import PastResult
-    from crashfuse.study.study import Study
-
+from crashfuse.files.atomic import write_atomically
+from crashfuse.files.csv_text import csv_bytes, read_csv_table
+from crashfuse.reporting.past_results import comparison_means, history_table, read_study
+from crashfuse.reporting.rating_tables import REPEAT, mean_values
+from crashfuse.reporting.report import ReportOptions, comparison_report
+from crashfuse.reporting.result_tables import gains_table, studies_table
+from crashfuse.reporting.results import begin_study, read_record
+from crashfuse.reporting.training_progress import watching
+from crashfuse.study import learning_curve as curves
+from crashfuse.study.comparison import StudyComparison
+from crashfuse.study.config import StudyConfig, StudyPlan
+from crashfuse.study.history import PastResult, keep, past_results
+from crashfuse.study.left_out_account import worst_test
+from crashfuse.study.one_more_test import Cost, sentences
+from crashfuse.study.recommendation import recommend
+from crashfuse.study.running import run_study
+from crashfuse.study.study import Study
 
 _SHOWN = ["Date (UTC)", "Campaign", "What", "Note", "Settings", "Recommended", "Mean rating", "Worst test"]
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
@@ -42,8 +47,8 @@ class _Run:
 
     name: str
     out: Path
-    plan: "StudyPlan"
-    report: "ReportOptions"
+    plan: StudyPlan
+    report: ReportOptions
 
 
 def study(arguments: argparse.Namespace) -> None:
@@ -71,10 +76,7 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
     alone = len(folders) == len(ways) == 1
     for folder in folders.values():
         require_output(arguments.out, folder, "study" if alone else "series of studies")
-    from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.campaign_folder.notes import read_notes
-    from crashfuse.reporting.report import ReportOptions
-
+    claim(arguments, arguments.out)
     runs = []
     for name, folder in folders.items():
         campaign = load_campaign(folder, arguments.archive)
@@ -84,6 +86,7 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
             if not alone:
                 out = out / name / f"{way.get('preset', 'fast')}-seed-{way.get('seed', 0)}"
                 require_output(out, folder, "study")
+                claim(arguments, out)
             # in a series that was killed, some may not have been started
             resume = arguments.resume and (alone or (out / "study.json").is_file())
             plan = _plan(campaign, way, arguments.held_out or (), out if resume else None)
@@ -91,11 +94,8 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
     return runs
 
 
-def _plan(campaign: "Campaign", given: Mapping[str, Any], held_out: Sequence[str], resumed: Path | None) -> "StudyPlan":
-    """Plan of a study, with settings not given taken from the study to be resumed; raises if it can't be resumed."""
-    from crashfuse.reporting.results import read_record
-    from crashfuse.study.config import StudyConfig, StudyPlan
-
+def _plan(campaign: Campaign, given: Mapping[str, Any], held_out: Sequence[str], resumed: Path | None) -> StudyPlan:
+    """Plan of a study; what is not given, is taken from the one to be resumed."""
     if resumed is None:
         whole = not held_out and given.get("preset") != "paper"  # a paper-preset fit takes minutes, or a GPU
         return StudyPlan(campaign, StudyConfig(**{"leave_out": "both" if whole else "test", **given}), tuple(held_out))
@@ -112,7 +112,6 @@ def _plan(campaign: "Campaign", given: Mapping[str, Any], held_out: Sequence[str
 
 
 def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
-    """Campaign folders by name, numbered where two have the same name."""
     named: dict[str, Path] = {}
     for resolved, folder in {path.resolve(): path for path in campaigns}.items():
         name, number = resolved.name, 1
@@ -123,22 +122,14 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
     return named
 
 
-def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
-    from crashfuse.reporting.result_tables import studies_table
-    from crashfuse.reporting.results import begin_study
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.history import PastResult, keep
-    from crashfuse.study.left_out_account import worst_test
-    from crashfuse.study.recommendation import recommend
-    from crashfuse.study.running import run_study
-
+def _finish(run: _Run, arguments: argparse.Namespace) -> pd.DataFrame:
     plan = run.plan
     with writing(run.out) as folder:
         begin_study(folder, plan)
     with watching() as watch:
         where = {"workers": arguments.workers, "scheduler": arguments.scheduler}
         study = run_study(plan.campaign, plan.config, held_out=plan.held_out, watch=watch, **where)
-    display = display_of(arguments, plan.campaign)
+    display = output.display_of(arguments, plan.campaign)
     with replacing(run.out, "study"), writing(run.out) as folder:
         study.write(folder, report=run.report, display=display)
     keep(PastResult.of_study(study))
@@ -153,12 +144,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     return studies_table([(run.name, study)])
 
 
-def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
-    """Write the series so far, and keep the results of earlier series in this folder."""
-    import pandas as pd
-
-    from crashfuse.files.csv_text import csv_bytes, read_csv_table
-
+def _write_series(folder: Path, tables: Sequence[pd.DataFrame]) -> None:
     study = ["campaign", "preset", "seed"]
     fresh, path = pd.concat(tables), folder / "studies.csv"
     kept = fresh.iloc[:0]
@@ -169,11 +155,7 @@ def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
         (staging / "studies.csv").write_bytes(csv_bytes(pd.concat([kept, fresh] if len(kept) else [fresh])))
 
 
-def _summary(tables: Sequence["pd.DataFrame"]) -> str:
-    import pandas as pd
-
-    from crashfuse.approaches.registry import LABELS
-
+def _summary(tables: Sequence[pd.DataFrame]) -> str:
     table = pd.concat(tables)
     table = table[(table["window_ms"] == table["window_ms"].max()) & (table["left_out"] == table["left_out"].iloc[0])]
     means = table.groupby(["campaign", "preset", "approach"], sort=False)["mean"]
@@ -181,22 +163,13 @@ def _summary(tables: Sequence["pd.DataFrame"]) -> str:
     return str(ranges.unstack(sort=False).rename(columns=LABELS).to_string())
 
 
-def _print_means(study: "Study") -> None:
-    from crashfuse.approaches.registry import LABELS
-    from crashfuse.reporting.rating_tables import REPEAT, mean_values
-
+def _print_means(study: Study) -> None:
     means = mean_values(study).drop(index=REPEAT, errors="ignore").rename(index=LABELS)
     print(means.to_string(float_format="{:.3f}".format))
 
 
 def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
-    from crashfuse.certification.criteria import read_criteria
-    from crashfuse.reporting.result_tables import gains_table
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study import learning_curve as curves
-    from crashfuse.study.one_more_test import Cost, sentences
-
     cost = None if arguments.cost_per_test is None else Cost.of(arguments.cost_per_test)
     config = settings(arguments, curves.CURVE_CONFIG)
     campaign, display = opened(arguments, "learning curve")
@@ -220,9 +193,6 @@ def learning_curve(arguments: argparse.Namespace) -> None:
 
 def past_studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it has none
     """List studies and predictions of this machine, the latest first."""
-    from crashfuse.reporting.past_results import history_table
-    from crashfuse.study.history import past_results
-
     results = past_results()
     if not results:
         print("Nothing was computed on this machine yet.")
@@ -235,13 +205,13 @@ def past_studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it ha
 
 def compare(arguments: argparse.Namespace) -> None:
     """Say which of two studies rates better, and by how much."""
-    from crashfuse.files.csv_text import csv_bytes
-    from crashfuse.reporting.past_results import comparison_means
-    from crashfuse.study.comparison import StudyComparison
-
     compared = StudyComparison(_past_study(arguments.first), _past_study(arguments.second))
     if arguments.report is not None:
-        _write_report(compared, arguments.report)
+        if (path := arguments.report).is_dir():
+            raise UsageError(f"{path} is a folder; name a file for --report.")
+        output.require_writable(path.parent, "--report")
+        write_atomically(path, comparison_report(compared).encode())
+        print(f"Written to {path}")
         return
     if arguments.csv:
         print(csv_bytes(compared.ratings).decode(), end="")
@@ -254,31 +224,7 @@ def compare(arguments: argparse.Namespace) -> None:
         print(caution)
 
 
-def add_comparison_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the comparison to its parser."""
-    for name in ("first", "second"):
-        parser.add_argument(name, metavar=name.upper(), help="a study's folder, or its id in crashfuse studies")
-    instead = parser.add_mutually_exclusive_group()
-    instead.add_argument("--csv", action="store_true", help="print every rating as CSV instead")
-    instead.add_argument("--report", type=Path, metavar="FILE.html", help="write a report of both instead")
-    parser.set_defaults(run=compare)
-
-
-def _write_report(compared: "StudyComparison", path: Path) -> None:
-    from crashfuse.files.atomic import write_atomically
-    from crashfuse.reporting.report import comparison_report
-
-    if path.is_dir():
-        raise UsageError(f"{path} is a folder; name a file for --report.")
-    require_writable(path.parent, "--report")
-    write_atomically(path, comparison_report(compared).encode())
-    print(f"Written to {path}")
-
-
-def _past_study(name: str) -> "PastResult":
-    from crashfuse.reporting.past_results import read_study
-    from crashfuse.study.history import past_results
-
+def _past_study(name: str) -> PastResult:
     if Path(name).is_dir():
         return read_study(Path(name))
     found = next((result for result in past_results() if result.id == name and result.tests), None)

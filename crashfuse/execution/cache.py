@@ -46,8 +46,7 @@ class Cache:
     """A folder of named arrays, one file per entry: a SHA-256 line, then an ``.npz`` that is never unpickled.
 
     Beyond ``$CRASHFUSE_CACHE_GIB`` (10), the entries that were not used for longest go, but none of the last hour. The
-    folder, by default :func:`default_folder`, is created at the first write. ``used`` has the names of the entries
-    found or stored through this object.
+    folder, by default :func:`default_folder`, is created at the first write.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -58,8 +57,8 @@ class Cache:
     def path(self, kind: str, key: Mapping[str, object]) -> Path:
         """File of the entry of this kind with this key, made of strings, numbers and frozen configs.
 
-        The versions of Python, crashfuse and the packages that compute are part of every key; that of a computed result
-        includes the :func:`crashfuse.execution.code_digest.code_digest` of what computes it.
+        The versions of what computes are part of every key; that of a computed result includes the
+        :func:`crashfuse.execution.code_digest.code_digest`.
         """
         parts = json.dumps({**key, "versions": versions()}, sort_keys=True, default=_plain)
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
@@ -78,8 +77,8 @@ class Cache:
     ) -> T:
         """Restore a result from the cache, or compute and store it; of several concurrent callers, only one computes.
 
-        ``compute`` returns the result, which must not be None, and the arrays to store; ``restore`` rebuilds the same
-        result from these arrays. Raises Cancelled if the watch is to stop.
+        ``compute`` returns the result, which must not be None, and the arrays from which ``restore`` rebuilds it.
+        Raises Cancelled if the watch is to stop.
         """
         result = self.find(kind, key, restore)
         if result is None:
@@ -91,7 +90,7 @@ class Cache:
         return result
 
     def find(self, kind: str, key: Mapping[str, object], restore: Callable[[Entry], T]) -> T | None:
-        """Restore a result from the cache, or return None if there is none or it cannot be restored (a warning)."""
+        """A result from the cache; None if there is none, or it cannot be restored (a warning)."""
         entry = self.get(kind, key)
         if entry is None:
             return None

@@ -168,8 +168,8 @@ def _end_with(parent: int) -> None:
 def connected(scheduler: str) -> Iterator["Cluster"]:
     """Connect to the workers of the Dask scheduler at ``tcp://host:port``; raises if there are none or they differ.
 
-    Dask sends objects and code by pickle, both ways: anyone who can reach the scheduler or a worker can run code on all
-    of them and on this machine. Use it only with a cluster and a network that you trust.
+    Dask sends objects and code by pickle, both ways: who can reach the scheduler or a worker can run code on all of
+    them, and on this machine.
     """
     try:
         import distributed  # it takes a second

@@ -11,7 +11,6 @@ import streamlit as st
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.crash_test import CrashTest
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.rating_tables import REPEAT, excursions_table, humps_table
@@ -26,7 +25,7 @@ from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import StudyRequest, advised
+from crashfuse.ui.kit.computation import advised
 from crashfuse.ui.kit.curves import Shown, Subject, choose_curves, without_clicks
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
@@ -40,32 +39,32 @@ _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"
 _MOTION, _RESIDUALS = "Motion", "Residuals"
 _CORRIDORS_HELP = (
-    "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test, 0 outside the outer one. Half widths: "
-    "5 % and 50 % of the largest acceleration in the rated window."
+    "ISO/TS 18571: 1 inside the inner corridor about the test, 0 outside the outer one. Half widths: 5 % and 50 % of "
+    "the largest acceleration in the rated window."
 )
 _CURVES = {
     "Over displacement": (
         "displacement",
         "Acceleration over displacement, up to maximum crush: {}",
-        "Marks: maximum crush with its 95 % interval. The area under each curve is the energy per unit mass, ½ v0².",
+        "Marks: maximum crush with its 95 % interval. Area under a curve: energy per unit mass, ½ v0².",
     ),
     "Energy": (
         "energy",
         "Absorbed energy over crush: {}",
-        "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force.",
+        "At maximum crush: all of ½ m v0². Slope: crush force.",
     ),
     _RESIDUALS: (
         "residuals",
-        "Prediction minus what was measured, over time: {}",
-        "Where a band leaves zero, the test left that band. RMS: over the rated window.",
+        "Prediction minus test, over time: {}",
+        "Where a band leaves zero, the test left it. RMS: over the rated window.",
     ),
 }
-"""Figures beside that of the motion: the library's name, the alternative text, and what to see."""
+"""By the figure's name on the page: the library's name, alternative text, what to see."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A held-out test, every prediction of it, and how the reader wants to see them."""
+    """A held-out test, every prediction of it, and how they are shown."""
 
     view: View
     config: StudyConfig  # the settings that were chosen
@@ -76,34 +75,29 @@ class Comparison:
     key: Hashable  # equal for equal data, settings and display: part of the key of a cached figure
 
     @classmethod
-    def of(cls, view: View, request: StudyRequest, study: Study) -> "Comparison":
+    def of(cls, view: View, key: Hashable, config: StudyConfig, study: Study) -> "Comparison":
         """The comparison that the held-out test's study allows."""
-        test, config = view.held_out, request.config
+        test = view.held_out
         fold, others = study.fold(test.id), config.training_campaign(view.campaign, test.id)
         whole = study.config.approaches == config.approaches
-        given = request.key, test.condition, view.display.window_ms
+        given = key, test.condition, view.display.window_ms
         advice = advised(*given, fold.estimates, others) if whole else None
-        return cls(view, config, study, fold, others, advice, (request.key, study.config.approaches, view.display))
-
-    @property
-    def test(self) -> CrashTest:
-        """The held-out test."""
-        return self.view.held_out
+        return cls(view, config, study, fold, others, advice, (key, study.config.approaches, view.display))
 
     @property
     def subject(self) -> Subject:
         """What further predictions are of."""
-        return Subject.held_out(self.view)
+        return Subject(self.view, self.view.held_out.condition, self.view.held_out.id)
 
     @property
     def repeat(self) -> Repeatability | None:
         """What a repeat of the test would rate, if it is known."""
-        return self.study.repeatability.get(self.test.id, {}).get(self.view.display.window_ms)
+        return self.study.repeatability.get(self.view.held_out.id, {}).get(self.view.display.window_ms)
 
     def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
         """A figure of the test with the curves that were chosen."""
         drawn = self.study.plot(
-            self.test.id, figure, approaches=shown.approaches, also=shown.also, band=shown.approach,
+            self.view.held_out.id, figure, approaches=shown.approaches, also=shown.also, band=shown.approach,
             measured=shown.test, corridors=corridors, notes=notes, display=self.view.display,
         )  # fmt: skip
         return without_clicks(drawn)
@@ -112,7 +106,7 @@ class Comparison:
 def show_headline(comparison: Comparison) -> None:
     """Show the ratings in a row, and the recommendation."""
     st.html(_row(comparison))
-    for fact in window_facts(comparison.test, comparison.view.display.window_ms):
+    for fact in window_facts(comparison.view.held_out, comparison.view.display.window_ms):
         st.caption(plain(comparison.view.display.words(fact.sentence)))
     with st.container(key="clicks"):  # takes no room; the row is painted without it, only a click has to wait
         component("ratings")(key=_KEY, on_approach_change=_explain)
@@ -168,7 +162,7 @@ def _change(rating: float, raw: float) -> str:
 
 def show_pulses(comparison: Comparison) -> None:
     """Show the test and its prediction in the figure that the user picks."""
-    test = comparison.test
+    test = comparison.view.held_out
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
         corridors = shown == _MOTION and st.toggle(
@@ -189,7 +183,7 @@ def show_pulses(comparison: Comparison) -> None:
 
 def show_why(comparison: Comparison) -> None:
     """Explain the rating of one approach."""
-    display, test, advice = comparison.view.display, comparison.test, comparison.advice
+    display, test, advice = comparison.view.display, comparison.view.held_out, comparison.advice
     approach = comparison.subject.approach
     explanation = comparison.fold.explained(approach, comparison.view.display.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
@@ -210,7 +204,7 @@ def show_why(comparison: Comparison) -> None:
         partial(draw, "rating", approaches=[approach]), alt, "rated curves", approach, comparison.key,
         name=f"rating of {LABELS[approach]}",
     )  # fmt: skip
-    with st.expander("Humps, and stretches outside the corridor, in numbers", icon=":material/table:"):
+    with st.expander("Humps, and stretches outside the corridor", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")
         st.caption(glossary.HUMPS)
         show_table(excursions_table(explanation, display), "excursions")
@@ -232,17 +226,17 @@ def show_ratings(comparison: Comparison) -> None:
     others = comparison.subject.predictions()
     added = dict(prediction.curve(comparison.view.display) for prediction in others)
     for name, estimate in added.items():
-        fold_of = Fold.of(comparison.test, [estimate], comparison.config.windows_ms)
+        fold_of = Fold.of(comparison.view.held_out, [estimate], comparison.config.windows_ms)
         rated[name] = fold_of.ratings[estimate.approach]
         if fold_of.with_band:
             draws[name] = fold_of.rating_interval(estimate.approach, window_ms)
-    repeats = comparison.study.repeatability.get(comparison.test.id, {})
+    repeats = comparison.study.repeatability.get(comparison.view.held_out.id, {})
     show_table(results.ratings_table(rated, window_ms, repeats, draws), "ratings")
     st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
     if "lf_tcn" in comparison.config.approaches:
         st.caption(glossary.LF)
     columns = [
-        (results.TEST_COLUMN, campaign.metrics_of(comparison.test)),
+        (results.TEST_COLUMN, campaign.metrics_of(comparison.view.held_out)),
         *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),
         *((name, estimate.metrics) for name, estimate in added.items()),
     ]
@@ -253,7 +247,7 @@ def show_ratings(comparison: Comparison) -> None:
 
 def show_files(comparison: Comparison) -> None:
     """Offer tables; a report, and pulses for others, once every approach is known."""
-    test, study, estimates = comparison.test, comparison.study, comparison.fold.estimates
+    test, study, estimates = comparison.view.held_out, comparison.study, comparison.fold.estimates
     of = f"{comparison.others.name} {test.id}"
     report = choose_report(comparison.view, [test.id])
     with st.container(horizontal=True):

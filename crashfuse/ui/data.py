@@ -18,7 +18,7 @@ from crashfuse.ui import import_step
 from crashfuse.ui.kit import address, campaigns, editing, results
 from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import StudyRequest
+from crashfuse.ui.kit.computation import study_request
 from crashfuse.ui.kit.figures import show_cached_figure
 from crashfuse.ui.kit.frame import show_title
 from crashfuse.ui.kit.navigation import open_page, show_link
@@ -42,15 +42,14 @@ cae_pulses.parquet   all CAE pulses: id, time_ms, acceleration_g</pre>"""  # st.
 
 
 def show_head(view: View) -> None:
-    """Show the campaign's name, what it is, the ways to add to it and to another one, and what is wrong with it."""
+    """Show what the campaign is, the ways to add to it and to another one, and what is wrong with it."""
     campaign = view.campaign
     speeds = [test.condition.speed_mps for test in campaign.tests]
     with show_title(plain(campaign.name)):
         at = view.display.words(speed(*dict.fromkeys((min(speeds), max(speeds))), form=".0f"))
         st.caption(
             f"Tests at {at} · Fingerprint {campaign.fingerprint[:12]}", width="content",
-            help=f"Tests with a CAE run at their own condition: {_paired(campaign)}. Fingerprint: SHA-256 of all data: "
-            f"{campaign.fingerprint}",
+            help=f"Tests with a paired CAE run: {_paired(campaign)}. SHA-256 of all data: {campaign.fingerprint}",
         )  # fmt: skip
         for way, (label, icon) in _WAYS.items():
             st.button(label, icon=icon, on_click=st.session_state.update, args=({"opening": way},))
@@ -73,7 +72,7 @@ def offer_next(view: View) -> None:
     if len(view.campaign.tests) == 1:
         show_link("predict", "Next: predict another condition")
         return
-    request = StudyRequest(view.campaign, (view.held_out.id,), chosen_config())
+    request = study_request(view.campaign, (view.held_out.id,), chosen_config())
 
     def predict_next() -> None:  # a callback, so that a click while the page is still drawn counts
         request.ask("compare")
@@ -96,7 +95,7 @@ def show_tests(view: View) -> None:
         editing.choose_tests_in_use(view)
         choice = st.segmented_control(
             "Channel filter class (SAE J211-1)", options, default=_AS_READ, required=True, key="filter",
-            persist_state="session", help="For this figure only: approaches use the pulses as read.",
+            persist_state="session", help="Of this figure: approaches use the pulses as read.",
         )  # fmt: skip
     editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
@@ -111,8 +110,8 @@ def show_tests(view: View) -> None:
         reading = f"filtered to CFC {campaign.channel_filter_class:g}, as campaign.toml asks"
     if cfc is None:
         st.caption(
-            f"Pulses were read {reading}. Dark is slow, bright fast; dashes and marks tell repeats apart. In the "
-            "legend a click hides a test, a double click shows it alone."
+            f"Pulses were read {reading}. Dark: slow, bright: fast; dashes and marks tell repeats apart. A click in "
+            "the legend hides a test, a double click shows it alone."
         )
         return
     accel = test.pulse.accel_mps2
@@ -129,11 +128,11 @@ def show_conditions(view: View) -> None:
     campaign = view.campaign
     show_cached_figure(
         lambda: campaign.plot("conditions", held_out=view.held_out.id, display=view.display),
-        "Speed against front and rear weight of CAE runs and tests, as in the table below",
+        "Speed against front and rear weight of CAE runs and tests",
         ("conditions", campaign.fingerprint, view.held_out.id, view.display.system),
         name="conditions",
     )
-    st.markdown(f"**The tests, and how their paired CAE runs rate before any correction** ({campaign.rating_basis})")
+    st.markdown(f"**The tests, and the ratings of their paired CAE runs** ({campaign.rating_basis})")
     show_table(results.conditions_table(campaign, view.display), "conditions")
     if not (about := about_table(campaign)).empty:
         st.markdown("**Where tests and CAE runs come from**")
@@ -142,7 +141,7 @@ def show_conditions(view: View) -> None:
         st.markdown("**The force of the barrier beside mass and pulse**")
         show_cached_figure(
             lambda: campaign.plot("wall", display=view.display),
-            "Force of the barrier over time, dotted mass times deceleration",
+            "Force of the barrier over time; dotted: mass times deceleration",
             ("wall", campaign.fingerprint, view.display), name="wall",
         )  # fmt: skip
         show_table(walls, "walls")
@@ -153,13 +152,13 @@ def show_library(view: View) -> None:
     campaign = view.campaign
     show_cached_figure(
         lambda: campaign.plot("cae", display=view.display),
-        "Pulses of the CAE model over time: the middle 90 % of all runs, and the paired ones",
+        "Pulses of the CAE model over time: the middle 90 % of all runs, and paired runs",
         ("library", campaign.fingerprint, view.display),
         name="CAE runs",
     )
     lines = "Lines are the runs" if _paired(campaign) else "No run was"
-    st.caption(f"The band holds the middle 90 % of all CAE runs at each time. {lines} made at a test's own condition.")
-    st.markdown("**Is the CAE model fit to be believed?**")
+    st.caption(f"Band: the middle 90 % of all CAE runs. {lines} made at a test's own condition.")
+    st.markdown("**Quality of the CAE runs**")
     verdict = campaign.quality
     st.markdown(plain(verdict.summary))
     if not (table := quality_table(verdict)).empty:
@@ -173,21 +172,21 @@ def show_library(view: View) -> None:
 
 
 def show_opening(way: str) -> None:
-    """Show the view in which another campaign is opened, or files to be added are chosen."""
+    """Show the forms to open another campaign or files to be added, with a way back."""
     with show_title(_WAYS[way][0]):
         st.button("Back", icon=":material/arrow_back:", on_click=st.session_state.update, args=({"opening": None},))
     show_open_forms()
 
 
 def show_open_forms() -> None:
-    """Show the ways to open a campaign or files to be added, and what was wrong with the last attempt."""
+    """Show the forms, and what was wrong with the last attempt."""
     folder, upload = st.columns(2, gap="large")
     with folder.form("open folder", border=False):
         st.text_input(
             "A folder or file on this computer", key="folder",
             placeholder="a campaign, tests or CAE runs: the whole path",
-            help="On the computer that crashfuse runs on; nothing is copied or sent. What is no campaign is imported: "
-            "you see what was recognised before anything is added.",
+            help="On the computer that crashfuse runs on. What is no campaign is imported: you see what was recognised "
+            "before anything is added.",
         )  # fmt: skip
         st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
     if folders := campaigns.recent_folders():
@@ -203,7 +202,7 @@ def show_open_forms() -> None:
             "Or upload files", accept_multiple_files=True,
             key=f"files {st.session_state.get(_ROUND, 0)}",
             help=f"A campaign, or files to import: {all_formats()}. They go to the computer that crashfuse runs on, no "
-            "further, and are deleted when it ends. Open what is larger than the limit as a folder.",
+            "further, and are deleted when it ends. A larger campaign: open its folder.",
         )  # fmt: skip
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
     if problems := st.session_state.get(REFUSED):
@@ -236,7 +235,6 @@ def _open_folder() -> None:
 
 
 def _campaign_or_source(path: Path) -> str | Source:
-    """Open a campaign folder; a file or folder that is none, but can be imported, is a source."""
     path = campaigns.allowed(path)
     if path.is_file():
         return _source_or_advice(path)

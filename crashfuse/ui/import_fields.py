@@ -3,13 +3,12 @@
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.campaign_folder.condition_tables import Role
-from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
@@ -44,48 +43,23 @@ _CLASSES: dict[str, float | str] = {f"CFC {cfc}": float(cfc) for cfc in (60, 180
 _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positive"}
 
 
-class Units(NamedTuple):
-    """Units of the condition, in the fields and in what is read from them."""
-
-    speed: str
-    weight: str
-
-    @property
-    def system(self) -> UnitSystem:
-        """The units that sentences are said in; they know no m/s."""
-        return UnitSystem("mph" if self.speed == "mph" else "km/h", "lb" if self.weight == "lb" else "kg")
-
-    @property
-    def speed_mps(self) -> float:  # noqa: D102
-        return UNITS["speed"][self.speed]
-
-    @property
-    def weight_kg(self) -> float:  # noqa: D102
-        return UNITS["mass"][self.weight]
-
-    def text_of(self, condition: Condition) -> str:
-        """A condition as text in these units."""
-        front, rear = (f"{kg / self.weight_kg:.0f}" for kg in (condition.front_weight_kg, condition.rear_weight_kg))
-        speed = f"{condition.speed_mps / self.speed_mps:.1f} {self.speed}"
-        return f"{speed}, front {front} {self.weight}, rear {rear} {self.weight}"
-
-
-def units_of(source: Source) -> Units:
+def units_of(source: Source) -> UnitSystem:
     """Ask for the units; what is already entered follows a change."""
     (left, right), usual = st.columns(2), chosen_units() if st.session_state.get("system") else KPH_KG
-    speed = _unit(left, "Speed in", "speed", usual.speed, ("km/h", "mph", "m/s"), ("speed",), source)
-    return Units(speed, _unit(right, "Weights in", "mass", usual.weight, ("kg", "lb"), _WEIGHTS, source))
+    speed = _unit(left, "Speed in", "speed", usual.speed, ("km/h", "mph"), ("speed",), source)
+    weight = _unit(right, "Weights in", "mass", usual.weight, ("kg", "lb"), _WEIGHTS, source)
+    return UnitSystem("mph" if speed == "mph" else "km/h", "lb" if weight == "lb" else "kg")
 
 
-def condition_of(source: Source, records: Sequence[Record], units: Units) -> tuple[PartialCondition, float | None]:
+def condition_of(source: Source, records: Sequence[Record], units: UnitSystem) -> tuple[PartialCondition, float | None]:
     """Ask for what replaces the condition; second is the front axle's share of the mass."""
-    kg = units.weight_kg
+    mps, kg = units.in_si("mph"), units.in_si("lb")
 
     def typed(name: str, unit: float) -> float | None:
         value = st.session_state.get(f"{source.key} {name}")
         return None if value is None else value * unit
 
-    speed, share = typed("speed", units.speed_mps), typed("front share", 0.01)
+    speed, share = typed("speed", mps), typed("front share", 0.01)
     front, rear, mass = (typed(name, kg) for name in _WEIGHTS)
     given = PartialCondition(speed, mass, front, rear)
     weights = replace(given.weights, front_share=share)
@@ -98,7 +72,7 @@ def condition_of(source: Source, records: Sequence[Record], units: Units) -> tup
     masses = [at.mass_kg or whole for at, whole in zip(conditions, sums, strict=True)]
     shares = [front and whole and front / whole for front, whole in zip(fronts, sums, strict=True)]
     speeds, above, (left, right) = [at.speed_mps for at in conditions], st.container(), st.columns(2)
-    _number(above, f"{source.key} speed", f"Speed ({units.speed})", speeds, units.speed_mps)
+    _number(above, f"{source.key} speed", f"Speed ({units.speed})", speeds, mps)
     _number(left, f"{source.key} front weight", f"Front weight ({units.weight})", fronts, kg)
     _number(right, f"{source.key} rear weight", f"Rear weight ({units.weight})", rears, kg)
     _number(left, f"{source.key} mass", f"Mass ({units.weight})", masses, kg)
@@ -157,8 +131,7 @@ def reading_of(source: Source) -> Reading:
     if FORMATS[source.fmt].axes:
         travel = _choose(
             st.container(), "Direction of travel", TRAVELS, None, f"{source.key} travel",
-            format_func=lambda travel: travel.replace("-", "−").upper(),
-            help="Along which axis of the files the vehicle drives.",
+            format_func=lambda travel: travel.replace("-", "−").upper(), help="In the files' axes.",
         )  # fmt: skip
     tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
     if not tables:
@@ -180,7 +153,7 @@ def _reading_of_tables(source: Source) -> Reading:
     forms = forms_of(source)
     columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
     if len(forms) > _MOST_FORMS:
-        st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read as their headers say.")
+        st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read by their headers.")
     role_of = {choice.column: choice.role for choice in columns}
     pulses = [[role_of.get(use.column, use.role) for use in form.proposed.uses] for form in forms]
     chosen = "each"
@@ -248,7 +221,7 @@ def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, 
 
 def choices_of(
     source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
-) -> tuple[Choices, Units]:
+) -> tuple[Choices, UnitSystem]:
     """Ask for what should not be detected, shown of the ``first`` record, and for units."""
     channels = _channels(source, records, first)
     units = units_of(source)
@@ -276,7 +249,7 @@ def choices_of(
     if role == "cae":
         gap_mm = st.number_input(
             "Gap before the barrier (mm)", value=None, min_value=0.0, placeholder="none", key=f"{source.key} gap",
-            persist_state="session", help="How far the vehicle moves in the run before it meets the barrier.",
+            persist_state="session", help="The vehicle moves so far before contact.",
         )  # fmt: skip
     zero_s, gap_m = (None if value is None else value * MS for value in (zero_ms, gap_mm))
     chosen = Choices(channels, unit, _SIGNS.get(sign or ""), zero_s, gap_m, cfc, condition, share)  # type: ignore[arg-type]
@@ -293,6 +266,6 @@ def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple
         "Channels, averaged", names, default=records[0].proposed,
         format_func=lambda name: name if labels[name] in name else f"{name} · {labels[name]}",
         key=f"{source.key} channels {hash(frozenset(names))}", persist_state="session", wrap=True,
-        help="All that could be the vehicle's pulse along X.",
+        help="What could be the pulse along X.",
     )  # fmt: skip
     return () if tuple(chosen) == records[0].proposed else tuple(chosen)

@@ -22,7 +22,7 @@ from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.previews import Preview
 from crashfuse.signals.pulse import kinematics
-from crashfuse.ui.import_fields import Units, choices_of, reading_of
+from crashfuse.ui.import_fields import choices_of, reading_of
 from crashfuse.ui.kit import campaigns, uploads
 from crashfuse.ui.kit.address import choose_campaign
 from crashfuse.ui.kit.campaigns import View
@@ -72,7 +72,7 @@ def _show_add_form(
             args=(source, reading, choices, role, cae),
         )  # fmt: skip
     if notice and st.session_state.get(_INTO) == "open":
-        st.info(f"The campaign says of itself, and of what is added: “{plain(notice)}”", icon=":material/info:")
+        st.info(f"The campaign says of all in it: “{plain(notice)}”", icon=":material/info:")
 
 
 def _counts_of(settled: Sequence[Settled]) -> str:
@@ -91,7 +91,7 @@ def _ask_folder() -> None:
         st.text_input(
             "Campaign folder on this computer", key=_FOLDER, persist_state="session",
             placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
-            help="A new folder, or a campaign that is there.", width=_FOLDER_PX,
+            help="A new folder, or a campaign.", width=_FOLDER_PX,
         )  # fmt: skip
 
 
@@ -182,7 +182,7 @@ def show_unfinished() -> None:
     if uploads.IMPORT_UNFINISHED in st.session_state:
         sentence, problems = st.session_state[uploads.IMPORT_UNFINISHED]
         needs = "\n".join(f"- {plain(str(problem))}" for problem in problems)
-        then = "What is imported next goes there, too, unless you name another folder."
+        then = "The next import goes there, too, unless you name another folder."
         st.info(f"{sentence} Before it can be opened:\n\n{needs}\n\n{then}", icon=":material/check:")
 
 
@@ -190,7 +190,7 @@ def show_import(source: Source, view: View | None) -> None:
     """Show the import step."""
     several = source.scratch is not None and source.path.parent == source.scratch  # uploads without a common name
     with show_title("Import files" if several else f"Import {plain(source.path.name)}"):
-        st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added before you say so.", width="content")
+        st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added yet.", width="content")
         st.button("Back without importing", icon=":material/arrow_back:", on_click=uploads.leave_import)
     above = st.container()  # what adds is on the first screen, however long what was read
     left, right = st.columns([2, 3], gap="large")
@@ -208,16 +208,15 @@ def show_import(source: Source, view: View | None) -> None:
         show_problems(unread, "Nothing of it can be read", "Correct the fields or the files.")
         return
     with left:
-        for_all = ", of all records; a table of conditions gives each its own" if len(records) > 1 else ""
-        st.caption(f"In grey: what was found. What is filled in overrules it{for_all}.")
+        for_all = ", for all records; a table of conditions gives each its own" if len(records) > 1 else ""
+        st.caption(f"Grey: found. What is filled in overrules it{for_all}.")
         own_class = None
         with suppress(DataError, OSError):
             own_class = own_filter_class(_target())
         choices, units = choices_of(source, records, first, role_of(first, role, cae), own_class)
     settled, refused = uploads.settled_of(source, reading, choices, role, cae)
-    system = units.system
     problems = [
-        replace(p, expected=said(p.expected, system), found=said(p.found, system), advice=said(p.advice, system))
+        replace(p, expected=said(p.expected, units), found=said(p.found, units), advice=said(p.advice, units))
         for p in refused
     ]
     with right:
@@ -226,10 +225,10 @@ def show_import(source: Source, view: View | None) -> None:
         alt = f"The pulse that comes of {first.id}, over its channels as recorded"
         show_figure(Preview(first, choices, shown).plot(display=display), alt=alt)
         if shown is not None:
-            st.markdown(f"**{plain(shown.id)}**: {units.text_of(shown.condition)}")
-            st.caption("  \n".join(plain(without_options(said(step, units.system))) for step in shown.steps))
+            st.markdown(f"**{plain(shown.id)}**: {shown.condition.in_units(units)}")
+            st.caption("  \n".join(plain(without_options(said(step, units))) for step in shown.steps))
         if len(records) > 1 and settled:
-            _table(settled, display, units)
+            _table(settled, replace(display, system=units))
         if problems and not settled and (len(records) == 1 or {problem.found for problem in problems} == {"none"}):
             with_file = len({problem.where for problem in problems}) > 1
             needs = dict.fromkeys(_need(problem, with_file=with_file) for problem in problems)
@@ -259,7 +258,7 @@ def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, 
         )  # fmt: skip
     if look_simulated and (role == "tests" or len(look_simulated) == len(parts)):
         is_stated = any(record.is_simulated for record in records)
-        by = "what the files say of themselves" if is_stated else "name or number of records"
+        by = "what the files say" if is_stated else "name or number of records"
         st.caption(f"Like CAE runs, by {by}: {plain(listed(look_simulated))}. Change it if that is wrong.")
     return role, tuple(chosen)
 
@@ -274,7 +273,7 @@ def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     return records[number]
 
 
-def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
+def _table(settled: Sequence[Settled], display: Display) -> None:
     rows = []
     for one in settled[:_MOST_ROWS]:
         motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)
@@ -283,9 +282,7 @@ def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
             {
                 "Id": one.id,
                 "Taken as": WHAT[one.role][0],
-                f"Speed ({units.speed})": round(one.condition.speed_mps / units.speed_mps, 1),
-                f"Front ({units.weight})": round(one.condition.front_weight_kg / units.weight_kg),
-                f"Rear ({units.weight})": round(one.condition.rear_weight_kg / units.weight_kg),
+                **display.columns(one.condition),
                 f"Peak ({display.unit})": round(float(abs(one.pulse.accel_mps2 * display.accel_scale).max()), 1),
                 "Zero velocity, TTZV (ms)": f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record",
                 "Crush (mm)": round(float(motion.displacement_m.max()) / MS),

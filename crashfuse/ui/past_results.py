@@ -1,6 +1,4 @@
-"""Past results on the page Study: studies, predictions and certifications, one opened again, two compared."""
-
-from functools import partial
+"""Past results on the page Study: studies, predictions, certifications; two compared."""
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -34,25 +32,22 @@ _TABLE, _REFUSED = "past results", "refused result"  # session keys
 
 
 def show(view: View, row: DeltaGenerator) -> None:
-    """Show the list, what can be done with those ticked, and two studies compared; their files in the row."""
+    """Show the list, what can be done with those ticked, and two studies compared."""
     if problems := st.session_state.pop(_REFUSED, None):
         show_problems(problems, "This could not be done", "", place="past results")
     results = _listed(view.campaign)
     if not results:
-        st.markdown(
-            "Nothing of this campaign was computed before. Studies, predicted tests, pinned predictions and kept "
-            "certifications appear here."
-        )
+        st.markdown("Nothing yet: studies, predictions and kept certifications of this campaign appear here.")
         return
     _show_list(results, view)
     by_id = {result.id: result for result in results}
     ticked = [by_id[asked] for asked in st.session_state[_TICKED] if asked in by_id]
     if len(ticked) < len(st.session_state[_TICKED]):
-        st.warning("A result of this link is not in the list of this machine.", icon=":material/link_off:")
+        st.warning("A result of this link is not on this machine.", icon=":material/link_off:")
     for result, which in zip(ticked, ("the first: ", "the second: ") if len(ticked) > 1 else ("",), strict=False):
         _show_ticked(result, which, view)
     if len(ticked) < 2:
-        st.caption("Tick a result to open it or to note something; tick two studies to compare them.")
+        st.caption("Tick a result to open it or to note something, two studies to compare them.")
         return
     studies = [result for result in ticked if isinstance(result, PastResult) and result.tests]
     try:
@@ -91,13 +86,9 @@ def _show_list(results: list[PastResult | Earlier], view: View) -> None:
         table, hide_index=True, on_select=tick, selection_mode="multi-row", key=_TABLE,
         height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Past results of this campaign, the latest first",
         column_config={  # all columns fit at 900 px
-            "What": st.column_config.TextColumn(
-                width=210, help="A test is left out alone, with all at about its speed, or both ways."
-            ),
+            "What": st.column_config.TextColumn(width=210),
             "Mean rating": st.column_config.TextColumn(
-                "Result",
-                help="Mean rating over the longest window; 80 % of the ratings to be expected of a prediction; planned "
-                "tests that need not be run."
+                "Result", help="Mean or expected rating over the longest window, or planned tests that need not be run."
             ),
         },
     )  # fmt: skip
@@ -105,29 +96,28 @@ def _show_list(results: list[PastResult | Earlier], view: View) -> None:
 
 def _show_ticked(result: PastResult | Earlier, which: str, view: View) -> None:
     key, text = f"note on {result.id}", described(result, view.display)
-    if isinstance(result, Earlier):
-        opening = partial(_open_certification, result, view)
-    else:
-        opening = partial(_open_result, result, view)
 
     def note(result: PastResult) -> None:
         with refused_into(_REFUSED, result.campaign):
             annotate(result, st.session_state[key])
 
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.button(f"Open {which}{plain(text)}", icon=":material/arrow_forward:", on_click=opening)
+        st.button(f"Open {which}{plain(text)}", icon=":material/arrow_forward:", on_click=_open, args=(result, view))
         if isinstance(result, PastResult):
-            label, example = plain(f"Note on {text}"), "note, such as: baseline CAE model, before the new rail"
+            label, example = plain(f"Note on {text}"), "note, such as: before the new rail"
             st.text_input(
                 label, result.note, LONGEST_NOTE, key=key, label_visibility="collapsed", placeholder=example,
                 on_change=note, args=(result,),
             )  # fmt: skip
 
 
-def _open_result(result: PastResult, view: View) -> None:
+def _open(result: PastResult | Earlier, view: View) -> None:
+    if isinstance(result, Earlier):
+        _open_certification(result, view)
+        return
     state, config = st.session_state, result.config
     if result.fingerprint != view.campaign.fingerprint:
-        expected, advice = f"the data {result.fingerprint[:8]}", "undo the change on the page Data, or open a copy"
+        expected, advice = f"the data {result.fingerprint[:8]}", "undo the change on Data, or open a copy"
         state[_REFUSED] = (Problem(result.campaign, expected, "data that were changed since", advice),)
         return
     state.update(
@@ -174,7 +164,7 @@ def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -
     if compared.over(window, way)["held_out"].nunique() > 1:
         show_cached_figure(
             lambda: rating_differences(compared, window, way),
-            "Rating of each test in the second study minus that in the first, by approach",
+            "Rating of each test by approach, second study minus first",
             (first.id, second.id, window, way),
             name=f"studies compared {first.id} {second.id} {way} 0-{window:g}ms",
         )

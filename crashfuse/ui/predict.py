@@ -29,6 +29,7 @@ from crashfuse.reporting.report import next_test_report, prediction_report, swee
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING
 from crashfuse.reporting.side_by_side import by_one, cautions, column_names, predictions_table, side_by_side
 from crashfuse.signals.metrics import METRIC_LABELS
+from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
@@ -38,7 +39,7 @@ from crashfuse.study.sweep import missing_over_speed, weights_sentence
 from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import MOST_PINS, pinned
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import FitRequest, Fitted, advised, answers, sweep_over_speed
+from crashfuse.ui.kit.computation import Fitted, advised, answers, sweep_over_speed
 from crashfuse.ui.kit.curves import REPRESENTATIVE, Subject, choose_curves, predicted, without_clicks
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.kit.files import choose_form, download_bytes, download_report, download_table, offer_pulses
@@ -74,7 +75,7 @@ _FIGURES = {"Over time": "motion", "Over displacement": "displacement", "Energy 
 
 
 def choose_condition(campaign: Campaign, display: Display) -> Condition:
-    """Ask for a condition, and warn if it lies outside the CAE runs; factors not given are left out."""
+    """Ask for a condition, and warn if it lies outside the CAE runs."""
     with st.container(key="condition"):
         first, further = st.columns(3 + min(len(campaign.factors), 3)), max(len(campaign.factors) - 3, 0)
     columns = [*first, *(st.columns(further) if further else [])]
@@ -145,22 +146,23 @@ def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The prediction of every approach at a condition, and how the reader wants to see it."""
+    """The prediction of every approach at a condition, and how it is shown."""
 
     view: View
-    request: FitRequest  # all tests of the campaign, and the settings that were chosen
+    fit_key: Hashable  # of the fits on all tests of the campaign
+    config: StudyConfig  # the settings that were chosen
     fitted: Fitted  # while networks train, fewer approaches than the settings ask for
     condition: Condition
 
     @cached_property
     def estimates(self) -> list[Estimate]:
         """One for each approach."""
-        return answers(self.request.key, self.condition, self.fitted)
+        return answers(self.fit_key, self.condition, self.fitted)
 
     @property
     def whole(self) -> bool:
         """True once every approach is known."""
-        return len(self.fitted.fits) == len(self.request.config.approaches)
+        return len(self.fitted.fits) == len(self.config.approaches)
 
     @cached_property
     def advice(self) -> Recommendation | None:
@@ -168,12 +170,12 @@ class Answer:
         if not self.whole:
             return None
         window_ms = self.view.display.window_ms
-        return advised(self.request.key, self.condition, window_ms, self.estimates, self.view.campaign)
+        return advised(self.fit_key, self.condition, window_ms, self.estimates, self.view.campaign)
 
     @property
     def prediction(self) -> PredictedPulse:
         """All of them, as the library has it."""
-        return PredictedPulse(self.view.campaign, tuple(self.estimates), self.request.config)
+        return PredictedPulse(self.view.campaign, tuple(self.estimates), self.config)
 
     @property
     def subject(self) -> Subject:
@@ -182,35 +184,35 @@ class Answer:
 
     @cached_property
     def others(self) -> list[PredictedPulse]:
-        """Predictions here with other settings, and those at pinned conditions, once this one is whole."""
+        """Predictions with other settings and at pinned conditions, once this one is whole."""
         if not self.whole:
             return []
         pins = [condition for text, condition in pinned().items() if text != self.condition.text]
         asked = [(config, self.condition) for config in self.subject.wanted]
-        asked += [(self.request.config, condition) for condition in pins]
+        asked += [(self.config, condition) for condition in pins]
         found = (predicted(self.view.campaign, config, condition) for config, condition in asked)
         return [prediction for prediction in found if prediction is not None]
 
     @property
     def key(self) -> Hashable:
         """Equal for equal data, settings, condition and display: part of the key of a cached figure."""
-        return self.request.key, self.fitted.approaches, self.condition, self.view.display
+        return self.fit_key, self.fitted.approaches, self.condition, self.view.display
 
 
 def show_pins(answer: Answer) -> None:
-    """Offer to pin the condition, with a record among the results of this machine, and to unpin others."""
+    """Offer to pin the condition, which is kept among past results, and to unpin others."""
     pins, here = pinned(), answer.condition.text
 
     def pin() -> None:
         st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
-        keep(PastResult.of_prediction(answer.view.campaign, answer.estimates, answer.request.config))
+        keep(PastResult.of_prediction(answer.view.campaign, answer.estimates, answer.config))
 
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
 
     st.button(
         "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=here in pins or len(pins) >= MOST_PINS,
-        help=f"Keeps it in figures, the link, the report and the past results; up to {MOST_PINS}.",
+        help=f"Keeps up to {MOST_PINS} in figures, link, report and past results.",
     )  # fmt: skip
     if pins:
         with st.popover(f"{len(pins)} pinned", key="pinned"):
@@ -222,7 +224,7 @@ def show_pins(answer: Answer) -> None:
 
 
 def show_pulses(answer: Answer) -> None:
-    """Show the prediction, and what was put beside, in the figure that the user picks; below it the metrics."""
+    """Show the prediction, what was put beside it, and the metrics."""
     condition, display = answer.condition, answer.view.display
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
@@ -267,13 +269,13 @@ def _show_differences(answer: Answer) -> None:
 
 def show_over_speed(answer: Answer) -> None:
     """Show every metric over speed, at the weights chosen above."""
-    view, condition, request = answer.view, answer.condition, answer.request
+    view, condition = answer.view, answer.condition
     if not answer.whole:
         st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
         return
     sweep = result_or_none(
-        sweep_over_speed(request, answer.fitted, condition),
-        invitation="About thirty speeds are predicted in about ten seconds.",
+        sweep_over_speed(view.campaign, answer.fit_key, answer.fitted, condition),
+        invitation="Some thirty speeds take some ten seconds.",
         button="Predict over speed",
     )
     if sweep is None:
@@ -299,7 +301,7 @@ def show_over_speed(answer: Answer) -> None:
 
 def show_next_test(answer: Answer) -> None:
     """Show which test would narrow the band most, over a range chosen here."""
-    campaign, request = answer.view.campaign, answer.request
+    campaign = answer.view.campaign
     domains = [fit.approach for fit in answer.fitted.fits if isinstance(fit.approach, DisplacementDomain)]
     if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
         st.info("Ranking next tests needs the displacement domain with the fast settings.")
@@ -313,19 +315,17 @@ def show_next_test(answer: Answer) -> None:
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
-        candidates = NextTests(campaign, over, _ranked(request.key, over, domains[0]), request.config)
+        candidates = NextTests(campaign, over, _ranked(answer.fit_key, over, domains[0]), answer.config)
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     show_figure(
-        candidates.plot(display=display), alt="How much each candidate would narrow the band, over its speed",
+        candidates.plot(display=display), alt="How much each candidate would narrow the band",
         name=f"next test {over.low.text} to {over.high.text}",
     )  # fmt: skip
     st.caption(NEXT_TEST_MEANING)
     if answer.subject.approach != DisplacementDomain.name:
-        st.caption(
-            f"Only the displacement domain can rank tests: this does not follow {LABELS[answer.subject.approach]}."
-        )
+        st.caption(f"By the displacement domain: {LABELS[answer.subject.approach]} cannot rank tests.")
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
     usual_kind = "" if answer.condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
@@ -369,7 +369,7 @@ def _range(
     label = view.display.title(axis.label, axis.unit)
     column.slider(
         label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
-        help="The range of interest; all conditions in it are weighted equally.",
+        help="All conditions in it are weighted equally.",
     )  # fmt: skip
     return ends
 
@@ -382,12 +382,12 @@ def _ends(text: str) -> tuple[float, float]:
 
 def show_files(answer: Answer) -> None:
     """Offer tables; the report, and pulses for others, once every approach is known."""
-    campaign, estimates, config = answer.view.campaign, answer.estimates, answer.request.config
+    campaign, estimates, config = answer.view.campaign, answer.estimates, answer.config
     prediction, others, display = answer.prediction, answer.others, answer.view.display
     of = f"{campaign.name} {display.briefly(answer.condition)}"
     form = choose_form(
         "recommendation, pulses, metrics and limits",
-        "the pulse over displacement, how the fits went, the data, the method and its settings",
+        "the pulse over displacement, the fits, the data, the method and its settings",
     )
     with st.container(horizontal=True):
         download_table("pulses.csv", lambda: prediction.pulses, of)

@@ -15,7 +15,7 @@ from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.report import learning_curve_report, study_report
 from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
 from crashfuse.reporting.result_tables import gains_table
-from crashfuse.study.config import StudyConfig, has_speed_groups
+from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
 from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.one_more_test import Cost, sentences
@@ -25,7 +25,7 @@ from crashfuse.ui import past_results
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import StudyRequest, jobs, learn_curve
+from crashfuse.ui.kit.computation import learn_curve, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
 from crashfuse.ui.kit.files import choose_report, download_report, download_table, export_button
 from crashfuse.ui.kit.navigation import open_page
@@ -38,15 +38,8 @@ _TABS = ["Ratings", _BANDS, _NUMBER, _PAST]
 _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 
 
-def request_of(view: View) -> StudyRequest:
-    """Each test left out in turn, and again with its speed group, but for the paper's settings, which take hours."""
-    config = chosen_config()
-    both = replace(config, leave_out="both") if config.preset == "fast" else config
-    return StudyRequest(view.campaign, view.campaign.test_ids, both)
-
-
 def show(view: View) -> None:
-    """Let the user choose a tab, and show it with the files that it offers."""
+    """Show the tab that the user chooses."""
     row = st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center")
     with row:
         tab = choose("Tab", _TABS, key="study_tab")
@@ -57,33 +50,34 @@ def show(view: View) -> None:
     if tab == _NUMBER:
         _show_learning_curve(view, chosen_config(), row)
         return
-    request = request_of(view)
-    config, n = request.config, len(view.campaign.tests)
-    again = "; then again without any other test at about its speed" if config.leave_out == "both" else ""
+    config, n = chosen_config(), len(view.campaign.tests)
+    if config.preset == "fast":  # with the paper's settings it takes hours
+        config = replace(config, leave_out="both")
+    request = study_request(view.campaign, view.campaign.test_ids, config)
+    again = "; then again with all at about its speed" if config.leave_out == "both" else ""
     study = result_of(
         request,
-        invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn"
-        f"{again}. This has not been run yet for the {n} tests of this campaign. "
-        + patience(config, "It takes a minute or more the first time; the other pages stay free."),
+        invitation=f"How well does each approach predict a test that it has not seen? Every test is left out in turn"
+        f"{again}. " + patience(config, "It takes a minute or more the first time; other pages stay free."),
         button=f"Leave out each of {n} tests",
     )
     outcome = _Outcome(view, config, study, request.key)
     with row:
         export_button(partial(_show_files, outcome))
     show_training(config, study.config.approaches)
-    reasons = _show_headline(outcome, grouped=by_group(request)) if outcome.whole else []
+    reasons = _show_headline(outcome) if outcome.whole else []
     if tab == _BANDS:
         _show_bands(outcome)
     else:
         _show_ratings(outcome, reasons)
 
 
-def _show_headline(outcome: "_Outcome", *, grouped: bool) -> list[str]:
-    """Show which approach to use, if the tests can tell, and how it rated; returns why."""
+def _show_headline(outcome: "_Outcome") -> list[str]:
     study = outcome.study
     first, *others = map(outcome.view.display.words, recommend(study).sentences)
     use, _, why = first.partition(". ")
-    rated = others.pop(-1 if study.speed_groups is not None and grouped else 0)
+    grouped = study.speed_groups is not None and st.session_state.get("ways") == _GROUP
+    rated = others.pop(-1 if grouped else 0)
     longest = max(study.config.windows_ms)
     if outcome.view.display.window_ms != longest:  # what is said does not follow the choice in the sidebar
         rated += f" This is over {results.window_label(longest)}."
@@ -114,18 +108,7 @@ class _Outcome:
         return tests and self.study.config.approaches == self.config.approaches
 
 
-def by_group(request: StudyRequest) -> bool:
-    """Whether the tests shown were left out with all at about their speed; of both ways, as the reader has chosen."""
-    if request.config.leave_out != "both":
-        return request.config.leave_out == "speed group"
-    job = jobs().get(request.key)
-    study = None if job is None else job.part if job.result is None else job.result
-    both = has_speed_groups(request.campaign) if study is None else study.speed_groups is not None
-    return both and st.session_state.get("ways") == _GROUP
-
-
 def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
-    """The study by one way of leaving tests out, and which: what is left out with a test."""
     study = outcome.study
     if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
         return study.speed_groups, "speed group"
@@ -149,10 +132,9 @@ def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
 
 def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
     tests = [fold.held_out for fold in study.folds]
-    st.markdown(f"**Each test, {results.window_label(outcome.view.display.window_ms)}**")
 
     def open_test(cell: str) -> None:
-        """Open a test as this study left it out; *Why* explains the approach whose cell it was."""
+        """Open a test as this study left it out."""
         test_id, _, approach = cell.partition(":")
         choose_held_out(outcome.view.campaign.test(test_id))
         st.session_state["leave_out"] = leave_out
@@ -160,6 +142,7 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
             st.session_state["explained"] = approach
 
     left_out, draw = how_left_out(leave_out), partial(study.plot, display=outcome.view.display)
+    st.markdown(f"**Each test, {left_out}, {results.window_label(outcome.view.display.window_ms)}**")
     alt = f"Ratings of each test, {left_out}, by approach, with their mean"
     clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=f"ratings {left_out}")
     with st.container(horizontal=True, vertical_alignment="center"):
@@ -187,7 +170,7 @@ def _show_bands(outcome: _Outcome) -> None:
     left, right = st.columns(2, gap="medium")
     with left:
         st.subheader(f"How sure the ratings are, {results.window_label(outcome.view.display.window_ms)}")
-        alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
+        alt = f"Rating of each test, {left_out}, by approach, with the interval of single draws"
         show("draws", alt, "ratings of draws")
         st.caption(
             f"Marks: rating of the expected pulse. Lines: {glossary.DRAWS} Grey: where a repeat of the test would rate."
@@ -196,10 +179,10 @@ def _show_bands(outcome: _Outcome) -> None:
         st.subheader("What bands of each level hold")
         alt = f"Share of the time up to TTZV inside bands of each level, each test {left_out}"
         show("calibration", alt, "coverage by level")
-        st.caption("Above the dotted line a band is wider than it claims, below it too narrow.")
+        st.caption("Above the dotted line a band is too wide, below it too narrow.")
     st.subheader("What the 95 % band is worth", help=glossary.TTZV)
     show_table(coverage_table(study.coverage), "coverage")
-    st.caption(f"Left-out tests inside the band; of {len(study.folds)} no more can be promised than these counts.")
+    st.caption(f"Left-out tests inside the band; of {len(study.folds)} no more can be promised.")
 
 
 def _show_files(outcome: _Outcome) -> None:
@@ -218,11 +201,11 @@ def _show_files(outcome: _Outcome) -> None:
 
 def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -> None:
     campaign = view.campaign
-    st.markdown("How good is the prediction with fewer tests, and what would one more add?")
+    st.markdown("How good are predictions from fewer tests, and what would one more add?")
     settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
     whole = result_or_none(
         learn_curve(campaign, settings),
-        invitation="This has not been computed for this campaign yet. It takes a minute or more the first time.",
+        invitation="It takes a minute or more the first time.",
         button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
     )
     if whole is None:
@@ -236,16 +219,15 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     curve = whole.over(view.display.window_ms)
     amount = st.number_input(
         "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
-        key="cost", persist_state="session", width=260,
-        help="Gains are then also given as the cost of one hundredth of rating.",
+        key="cost", persist_state="session", width=260, help="Gains are then given as the cost of 0.01 of rating, too.",
     )  # fmt: skip
     cost = Cost(amount) if amount and 0 < amount < math.inf else None  # a link may hold any number
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
-    alt = "Mean rating, width of the band and decided verdicts, over the number of tests"
+    alt = "Mean rating, width of the band, decided verdicts over the number of tests"
     show_figure(whole.plot(display=view.display), alt, name="learning curve")
     st.caption(
-        f"{LEARNING_CURVE_MEANING} Points: means with their standard error; shaded: the central 80 % of the single "
-        f"ratings. {campaign.rating_basis}."
+        f"{LEARNING_CURVE_MEANING} Points: means with standard errors; shaded: the central 80 % of single ratings. "
+        f"{campaign.rating_basis}."
     )
     if not (steps := gains_table(curve, cost)).empty:
         st.markdown("**What further tests gained**")

@@ -24,7 +24,7 @@ from crashfuse.study.study import Study
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import FitRequest, StudyRequest, jobs
+from crashfuse.ui.kit.computation import fit_request, jobs, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes
 from crashfuse.ui.kit.frame import choose_settings
@@ -46,8 +46,7 @@ _ON_ALL, _NETWORKS, _MEND = "Train on all tests", "Networks", "What to mend"
 _STAGES = {
     "lf_tcn": (
         "Before: trained on CAE runs only",
-        "The networks should reproduce the CAE model; the remaining difference from the test is what no CAE run can "
-        "tell them.",
+        "The networks should reproduce the CAE model; what then differs from the test no CAE run can tell.",
     ),
     "time_domain": ("After: fine-tuned on tests", "What the other tests add to the networks."),
 }
@@ -57,46 +56,45 @@ _TRAINED = (
         "learning_curve",
         "Training on CAE runs",
         "Mean square error over epochs",
-        "Mean square error, averaged over the networks ({members}); validation is on the tenth of the runs that is not "
-        "trained on.",
+        "Mean square error, mean of {members} networks; validation: on a tenth of the runs, held back.",
     ),
     (
         "fine-tuning",
         "left_out_rmse",
         "Fine-tuning on tests",
-        "Error on tests fitted to, and on tests left out, by strength",
-        "The fine-tuning has an exact solution. Chosen is how far each test may differ from what all share: the least "
-        "whose error on left-out tests is within one standard error of the lowest.",
+        "Error on fitted and on left-out tests, by strength",
+        "Chosen is how far a test may differ from what all share: the least with an error on left-out tests within one "
+        "standard error of the lowest.",
     ),
     ("fine-tuning", "tuning_curve", "Fine-tuning on tests", "Loss over steps", "Loss on the other tests."),
 )
-"""Figures of how networks were trained: name, what the state has of it, title, alternative text, and what to see."""
+"""How networks were trained: figure, what the state has of it, title, alternative text, what to see."""
 _FIGURES = {
     "Bias by speed": (
         "bias",
-        "What the CAE model got wrong in each test, over displacement, coloured by speed",
-        "What has to be added to the CAE model to get each test. The displacement domain is fitted to these, but not "
-        "to {test}, which is held out. The steep ends are at zero velocity.",
+        "Bias of the CAE model in each test over displacement, coloured by speed",
+        "What has to be added to the CAE model to get each test. The displacement domain is fitted to all but {test}. "
+        "The steep ends are at zero velocity.",
     ),
     "Parts of the bias": (
         "bias parts",
-        "Parts of the bias that is expected in test {test}, over displacement, each with its 95 % band",
-        "What the other {n} tests predict of the bias in {test}. Shared: the same in every test. Ratio: the CAE "
-        "model's pulse, its trend and its humps, times a factor. Parts can cancel each other: their sum is better "
-        "known than each. Of the test's own part, its repeatability, only the size can be predicted.",
+        "Parts of the bias expected in test {test} over displacement, with 95 % bands",
+        "What the other {n} tests predict of the bias in {test}. Shared: the same in every test. Ratio: trend and "
+        "humps of the CAE pulse, times a factor. Parts can cancel: their sum is better known than each. Of the test's "
+        "own part, its repeatability, only the size can be predicted.",
     ),
     "Integration check": (
         "integration",
-        "Displacement over time, integrated over time and recovered from a(s), and their difference",
-        "Lines: integrated twice over time, up to zero velocity. Circles: recovered from a(s) (Eq. 29 of the paper). "
-        "Where they agree, the conversion is lossless.",
+        "Displacement over time, integrated and recovered from a(s), and their difference",
+        "Lines: integrated twice over time. Circles: recovered from a(s) (the paper's Eq. 29). Where they agree, the "
+        "conversion is lossless.",
     ),
 }
 """The library's name, the alternative text, and what to see."""
 
 
 def show_form(view: View) -> None:
-    """Ask for the settings; train without the held-out tests, for Compare, and on all tests, for Predict."""
+    """Ask for the settings, and offer to train: for Compare, and for Predict."""
     campaign, (config, trouble) = view.campaign, choose_settings(leaving_out=True)
     left, right = st.columns(2, gap="medium")
     study = None
@@ -104,15 +102,15 @@ def show_form(view: View) -> None:
         st.markdown("**Without the held-out tests**, for the page Compare")
         if len(campaign.tests) > 1:
             held_out = _choose_tests(view)
-            request = StudyRequest(campaign, held_out, config)
+            request = study_request(campaign, held_out, config)
             wrong = trouble or ("" if held_out else "Choose at least one test.")
             study = None if wrong else request.find()
             _offer(study, "Train without them", request.start, wrong)
             if study is not None and (predicted := study.result or study.part) is not None:
                 _show_predicted(view, predicted, config)
         else:
-            st.caption(f"{plain(campaign.test_ids[0])} is the only test: without it there is none to learn from.")
-    fit = FitRequest(campaign, config)
+            st.caption(f"{plain(campaign.test_ids[0])} is the only test: none is left to learn from.")
+    fit = fit_request(campaign, config)
     fitted = None if trouble else jobs().get(fit.key)
     with right.container(border=True, height="stretch"):
         st.markdown("**On all tests**, for the page Predict")
@@ -122,7 +120,7 @@ def show_form(view: View) -> None:
         if ready:
             st.markdown(
                 f":material/check_circle: Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs. "
-                "The models are kept for next time; Predict answers any condition at once."
+                "Predict answers any condition at once."
             )
             show_link("predict", "Predict a new condition")
         else:
@@ -134,7 +132,6 @@ def show_form(view: View) -> None:
 
 
 def _choose_tests(view: View) -> tuple[str, ...]:
-    """Ask which tests to leave out, at first the one chosen for all pages."""
     known = view.campaign.test_ids
     address.default("held_out", [view.held_out.id])
     asked = st.session_state["held_out"]
@@ -143,7 +140,7 @@ def _choose_tests(view: View) -> tuple[str, ...]:
         st.session_state["held_out"] = [test for test in asked if test not in missing]
     chosen = st.multiselect(
         "Held-out tests, each in turn", known, key="held_out", persist_state="session",
-        help="While one is predicted, all others train, those in this list included.",
+        help="While one is predicted, all others train, those listed here, too.",
     )  # fmt: skip
     return tuple(test for test in known if test in chosen)
 
@@ -159,7 +156,6 @@ def _offer(job: Job[Any] | None, label: str, start: Callable[[], None], trouble:
 
 
 def _show_predicted(view: View, study: Study, config: StudyConfig) -> None:
-    """Show how the approaches rate that have predicted already, and link to each test on Compare."""
     show_training(config, study.config.approaches)
     window_ms, n = view.display.window_ms, len(study.folds)
     rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
@@ -181,8 +177,8 @@ def _open_test(test: CrashTest) -> None:
 def show_files(view: View) -> None:
     """Offer the models that have learned from all tests."""
     fitted = result_or_none(
-        FitRequest(view.campaign, chosen_config()),
-        invitation="The models are those that have learned from all tests, as by `crashfuse train`.",
+        fit_request(view.campaign, chosen_config()),
+        invitation="These are the models of all tests, as by `crashfuse train`.",
         button=_ON_ALL,
     )
     if fitted is not None:
@@ -190,7 +186,7 @@ def show_files(view: View) -> None:
 
 
 def show_diagnostics(view: View) -> None:
-    """Show what was learned without a held-out test: by the networks, of the bias, and whether a(s) gives x(t) back."""
+    """Show what was learned without a held-out test."""
     campaign, state, key = view.campaign, st.session_state, "diagnosed"
     config, test = chosen_config(), view.held_out.id
     stop_with_a_single_test(campaign)
@@ -206,7 +202,7 @@ def show_diagnostics(view: View) -> None:
     if choice == _MEND:
         _show_events(others, view)
         return
-    request = StudyRequest(campaign, (test,), config)
+    request = study_request(campaign, (test,), config)
     study = result_of(
         request,
         invitation=f"Nothing was trained without {plain(test)} yet, with these settings. "
@@ -233,23 +229,21 @@ def show_diagnostics(view: View) -> None:
 
 
 def _show_events(others: Campaign, view: View) -> None:
-    """Show where the CAE model's force is off in the tests that it is compared with, and what that costs."""
     events = _events(others.fingerprint, view.display.window_ms, others)
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in events_sentences(events)))
-    alt = "Force that the CAE model lacks in each test, over displacement, and the ranges in which to mend it"
+    alt = "Force that the CAE model lacks in each test over displacement, and the ranges to mend"
     draw = partial(missing_force, events, view.display)
     show_cached_figure(draw, alt, _MEND, others.fingerprint, view.display, name="what to mend")
     if events.events:
         show_table(events_table(events), "cae events")
 
 
-@st.cache_resource(max_entries=4, show_spinner="Rating the CAE model with ranges mended …")
+@st.cache_resource(max_entries=4, show_spinner="Rating the mended CAE model …")
 def _events(fingerprint: str, window_ms: float, _campaign: Campaign) -> CaeEvents:  # noqa: ARG001 - the cache's key
     return cae_events(_campaign, window_ms)
 
 
 def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str], None]) -> None:
-    """Show the networks before and after fine-tuning (Figs. 12 and 13), and how they were trained."""
     (fold,) = study.folds
     states = {estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _STAGES}
     if not states:

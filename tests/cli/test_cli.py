@@ -383,7 +383,7 @@ def test_interrupting_says_how_to_go_on(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("crashfuse.study.running.run_study", interrupted)
+    monkeypatch.setattr("crashfuse.cli.studies.run_study", interrupted)
     assert run("study", campaign_on_disk, "--out", tmp_path / "out") == cli.INTERRUPTED
     assert "--resume" in capsys.readouterr().err
 
@@ -419,7 +419,7 @@ def test_speeds_and_weights_are_given_in_either_unit(capsys: Capture) -> None:
         [],
         ["app", "--port", "-1"],
         ["app", "--port", "99999"],
-        *(["study", "campaign", "--out", "out", "--seed", seed] for seed in ("-1", "99999999999999999999", "x")),
+        *(["study", "campaign", "--out", "out", "--seed", seed] for seed in ("-1", "99999999999999999999", "1.5")),
     ],
 )
 def test_what_the_parser_refuses_is_wrong_usage(arguments: list[str]) -> None:
@@ -594,3 +594,28 @@ def test_the_next_test_is_ranked_over_a_range_or_list(campaign_on_disk: Path, tm
     candidates.write_text(f"{header}\nA,fast,2060,1525\n")
     assert run(*command, "--candidates", candidates) == cli.WRONG_DATA
     assert "candidates.csv" in capsys.readouterr().err
+
+
+PREDICT = ["predict", "c", "--out", "o", "--front-weight-kg", "950", "--rear-weight-kg", "700"]
+
+
+@pytest.mark.parametrize("text", ["56,5", "much", "nan", "inf"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        [*PREDICT, "--speed-kph"],
+        [*PREDICT, "--speed-kph", "56", "--start-ms"],
+        ["import", "x.csv", "--out", "c", "--mass-kg"],
+        ["import", "x.csv", "--out", "c", "--channel-filter-class"],
+        ["rate", "a.csv", "b.csv", "--windows-ms"],
+        ["study", "c", "--out", "o", "--windows-ms"],
+    ],
+)
+def test_a_text_that_is_no_number_is_wrong_usage(command: list[str], text: str, capsys: Capture) -> None:
+    """The last line names the option and what was given, a decimal comma too; nothing of how it is parsed."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main([*command, text])
+    assert ended.value.code == cli.WRONG_USAGE
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert command[-1] in said
+    assert said.endswith(f"must be a number with a decimal point, if any, not {text!r}")

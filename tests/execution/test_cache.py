@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import make_dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,18 +32,8 @@ def test_what_was_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
     assert str(found["text"]) == "äöü"
 
 
-@dataclass(frozen=True)
-class Few:
-    """Settings of one kind."""
-
-    n: int = 3
-
-
-@dataclass(frozen=True)
-class Many:
-    """Settings of another kind, with the same parts."""
-
-    n: int = 3
+Few, Many = (make_dataclass(name, [("n", int, 3)], frozen=True) for name in ("Few", "Many"))
+"""Settings of two kinds with the same parts."""
 
 
 def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,19 +37,19 @@ def test_parts_are_told_to_who_waits_for_them() -> None:
     assert not Watch().wants_parts
 
 
-def show(steps: int, *, again: bool) -> None:
+def show(steps: int) -> None:
     """A long step, and then a short one that begins anew for each of three tests."""
     with ProgressBar() as bar:
         for done in range(steps + 1):
             bar.show(Progress("Training", done, steps, {"loss": 1 / (done + 1)}))
-        for _ in range(3 if again else 1):
+        for _ in range(3):
             for done in range(2):
                 bar.show(Progress("Fit", done, 1))
 
 
 def test_a_log_gets_a_few_plain_lines_a_step(capsys: Capture) -> None:
     """However often it reports, whatever begins anew; no control codes, one step never on the line of another."""
-    show(1000, again=True)
+    show(1000)
     parts = [0, 250, 500, 750, 1000]
     training = [f"Training: {done} of 1000" for done in parts]
     assert capsys.readouterr().err.splitlines() == [*training, "Fit: 0 of 1", "Fit: 1 of 1"]
@@ -58,7 +58,7 @@ def test_a_log_gets_a_few_plain_lines_a_step(capsys: Capture) -> None:
 def test_a_terminal_gets_a_bar(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     """A line for each step, drawn again and again."""
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    show(10, again=True)
+    show(10)
     said = capsys.readouterr().err
     assert "\r" in said
     assert "Training: 100%" in said

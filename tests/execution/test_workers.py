@@ -277,11 +277,9 @@ def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, dask: Dask, tm
 
 
 def test_an_unreachable_scheduler_is_one_sentence(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:
-    """Within seconds, and with exit code 1."""
+    """With exit code 1."""
     command = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:9"]
-    start = time.monotonic()
     assert cli.main(command) == cli.WRONG_DATA
-    assert time.monotonic() - start < 15
     assert capsys.readouterr().err == "crashfuse: No Dask scheduler answers at tcp://127.0.0.1:9.\n"
 
 

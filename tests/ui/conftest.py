@@ -68,11 +68,10 @@ class Session:
 
     @property
     def numbers(self) -> dict[str, str]:
-        """The large numbers by their labels, and what the page Data says first of a campaign."""
+        """What the page Data says first of a campaign."""
         first = dict(zip(("Tests", "CAE runs"), (label.split()[0] for label in self.answer), strict=False))
         speeds = re.search("Tests at (.*) · ", self.words)
-        first |= {"Test speeds": speeds[1]} if speeds else {}
-        return {metric.label: metric.value for metric in self.app.metric} | first
+        return first | ({"Test speeds": speeds[1]} if speeds else {})
 
     def open_tab(self, page: str, label: str) -> "Session":
         """Open a tab of a page, if it has tabs now."""

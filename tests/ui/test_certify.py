@@ -311,6 +311,7 @@ def test_what_belongs_to_a_campaign_goes_with_it(
     assert session.app.session_state["campaign"] == other.name
     assert "No criteria yet" in session.words
     assert session.app.expander[0].proto.expanded
+    assert field(session, "Confidence").value == 0.95
     assert not {"cell", "criteria"} & {*session.app.query_params}
     session.app.sidebar.selectbox(key="campaign").set_value(asking.name)
     assert not session.run().app.expander[0].proto.expanded
@@ -352,7 +353,7 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
 def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_link(asking: Path, visit: Visit) -> None:
     """Its file is uploaded once; another session sees what became of it, and so do report and table."""
     session = tab(certified(visit("certify", **LINK)), "Track record")
-    assert "against what an earlier certification said" in session.words
+    assert "against earlier verdicts" in session.words
     record = json.loads(certification_json(of_library(asking).certification))
     record["cells"]["M1"] = {"crush": ("open", 0.5, 1.0, 2.0), "rating": ("open", 0.5, 0.0, 1.0)}
     last, _ = record["tests_sha256"].popitem()
@@ -411,13 +412,3 @@ def test_a_confidence_that_there_is_not_is_a_sentence(visit: Visit, asked: str) 
     assert "Certify" not in session.buttons
     field(session, "Confidence").set_value(0.8).run()
     assert "expected a confidence" not in session.words
-
-
-@pytest.mark.usefixtures("asking")
-def test_one_campaigns_confidence_is_not_anothers(visit: Visit) -> None:
-    """The sample's criteria come with their own."""
-    session = visit("certify", **LINK)
-    assert field(session, "Confidence").value == 0.9
-    session.app.selectbox(key="campaign").set_value("sample")
-    session.run()
-    assert field(session, "Confidence").value == 0.95

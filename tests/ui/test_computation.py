@@ -10,7 +10,7 @@ from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.study import Fold, Study
-from crashfuse.ui.kit.computation import FitRequest, Fitted, StudyRequest, _folds
+from crashfuse.ui.kit.computation import Request, _folds, fit_request, study_request
 
 SOON = 60.0
 CONFIG = StudyConfig(approaches=("cae",), windows_ms=(60.0,))
@@ -31,7 +31,7 @@ def rated(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return rated
 
 
-def studied(request: StudyRequest) -> Study:
+def studied(request: Request[Study]) -> Study:
     """The study that was asked for, once it is there."""
     request.start()
     job = request.find()
@@ -44,14 +44,11 @@ def studied(request: StudyRequest) -> Study:
 @pytest.mark.slow
 def test_a_fold_that_was_computed_for_one_list_of_tests_serves_another(campaign: Campaign, rated: list[str]) -> None:
     """What Train computed Compare finds at once; a longer list computes only what it has more."""
-    trained = studied(StudyRequest(campaign, ("T1", "T2"), CONFIG))
-    compared = StudyRequest(campaign, ("T2",), CONFIG).find()
-    assert compared is not None
-    assert compared.wait(SOON)
-    assert compared.result is not None
-    assert compared.result.fold("T2") is trained.fold("T2")
+    trained = studied(study_request(campaign, ("T1", "T2"), CONFIG))
+    assert study_request(campaign, ("T2",), CONFIG).in_cache()
+    assert studied(study_request(campaign, ("T2",), CONFIG)).fold("T2") is trained.fold("T2")
     assert rated == ["T1", "T2"]
-    longer = studied(StudyRequest(campaign, ("T1", "T2", "T3"), CONFIG))
+    longer = studied(study_request(campaign, ("T1", "T2", "T3"), CONFIG))
     assert [fold.held_out for fold in longer.folds] == ["T1", "T2", "T3"]
     assert rated == ["T1", "T2", "T3"]
 
@@ -66,17 +63,17 @@ def test_predict_has_a_first_part_of_the_answer_with_and_without_the_raw_cae_mod
         return SimpleNamespace(approach=SimpleNamespace(name=name))
 
     monkeypatch.setattr(Fit, "of", fit)
-    monkeypatch.setattr(Fitted, "estimates", lambda *_: [])
+    monkeypatch.setattr("crashfuse.ui.kit.computation.estimates_at", lambda *_: [])
     parts: list[tuple[str, ...]] = []
     watch = Watch(lambda _: None, None, lambda part: parts.append(part.approaches))
-    FitRequest(campaign, StudyConfig(approaches=approaches)).work(watch)
+    fit_request(campaign, StudyConfig(approaches=approaches)).work(watch)
     assert parts == [approaches[:-1], approaches]
 
 
 def test_a_fold_with_other_settings_is_another(campaign: Campaign, rated: list[str]) -> None:
     """Another window is rated anew, from the predictions in the cache."""
     for config in (CONFIG, StudyConfig(approaches=("cae",), windows_ms=(40.0,))):
-        study = studied(StudyRequest(campaign, ("T1",), config))
+        study = studied(study_request(campaign, ("T1",), config))
         assert list(study.fold("T1").ratings["cae"]) == list(config.windows_ms)
     assert rated == ["T1", "T1"]
 
@@ -84,28 +81,23 @@ def test_a_fold_with_other_settings_is_another(campaign: Campaign, rated: list[s
 def test_both_ways_to_leave_out_share_the_folds_of_each(campaign: Campaign, rated: list[str]) -> None:
     """A whole study after Compare computes the speed groups only."""
     for leave_out in ("test", "both"):
-        study = studied(StudyRequest(campaign, ("T2",), StudyConfig(approaches=("cae",), leave_out=leave_out)))
+        study = studied(study_request(campaign, ("T2",), StudyConfig(approaches=("cae",), leave_out=leave_out)))
         assert (study.speed_groups is None) == (leave_out == "test")
     assert rated == ["T2", "T2"]
 
 
-def test_a_page_that_waits_for_what_is_kept_lets_another_visitor_go_on(
-    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_that_waits_for_what_is_kept_lets_another_visitor_go_on() -> None:
     """Only who asks for the same waits with it."""
     slow, gate = threading.Event(), threading.Event()
 
-    def in_cache(request: StudyRequest) -> bool:
-        if request.held_out == ("T1",):
-            slow.set()
-            gate.wait(SOON)
-        return False
+    def in_cache() -> bool:
+        slow.set()
+        return not gate.wait(SOON)
 
-    monkeypatch.setattr(StudyRequest, "in_cache", in_cache)
-    waiting = threading.Thread(target=StudyRequest(campaign, ("T1",), CONFIG).find)
+    waiting = threading.Thread(target=Request("one", "", lambda _: None, in_cache).find)
     waiting.start()
     assert slow.wait(SOON)
-    other = threading.Thread(target=StudyRequest(campaign, ("T2",), CONFIG).find)
+    other = threading.Thread(target=Request("another", "", lambda _: None).find)
     other.start()
     other.join(SOON)
     assert not other.is_alive()

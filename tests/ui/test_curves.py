@@ -1,12 +1,10 @@
 """Which curves a figure of pulses shows: the choice of its own, and what is added."""
 
 import json
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
-from crashfuse.ui.kit.curves import Shown
 from crashfuse.ui.kit.files import Caption
 from crashfuse.ui.kit.text import as_read
 from tests.ui.conftest import Session, Visit
@@ -16,7 +14,7 @@ pytestmark = pytest.mark.usefixtures("open_campaign")
 CAE_ONLY = {"campaign": "campaign", "approaches": "cae"}
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 SEED_1 = "by:fast 1 test"
-NOT_YET = "The prediction of {} with {} is not there yet, or is no longer kept."
+NOT_YET = "The prediction of {} with {} is not there (any more)."
 NEVER = "Not shown: {}. There are no such settings."
 HERE = {"campaign": "campaign", "approaches": "displacement_domain", "speed_mph": "30"}
 
@@ -83,14 +81,6 @@ def test_a_page_begins_with_the_curves_that_matter(visit: Visit, monkeypatch: py
     fitted(visit("predict", campaign="campaign", approaches=approaches))
     assert captions[-1].title.startswith("Prediction by CAE and Displacement domain at ")
     assert "Representative" not in captions[-1].name
-
-
-def test_what_a_figure_shows_is_said_in_words() -> None:
-    """They are in the names of its files, too."""
-    shown = Shown("fused", ("test", "cae"), ())
-    assert shown.of("T2") == "test T2 and its prediction by CAE and Fused"
-    assert replace(shown, others=()).of("T2") == "test T2, prediction by Fused"
-    assert shown.named("pulses") == "pulses Fused Test CAE"
 
 
 def predicted(session: Session, test: str = "T2") -> Session:
@@ -169,7 +159,7 @@ def test_the_next_seed_is_one_click_away_and_then_stands_beside(visit: Visit) ->
     """In the figure and in the table with differences; whoever opens the link later has it at once."""
     session = fitted(visit("predict", **HERE))
     session.app.session_state["predict_also"] = ["by:fast 0 magic", "by:*seven*", "by:fast 99999999999 test", "by:"]
-    assert "is not there yet" not in session.run().words
+    assert "is not there" not in session.run().words
     assert offered(session) == ["Displacement domain, seed 1"]
     session.app.session_state["predict_also"] = [SEED_1]
     session.run()
@@ -177,7 +167,7 @@ def test_the_next_seed_is_one_click_away_and_then_stands_beside(visit: Visit) ->
     assert "seed 1" not in figure(session)
     session.press("Predict with seed 1").finish()
     assert "Displacement domain, seed 1" in figure(session)
-    assert "yet" not in session.words
+    assert "is not there" not in session.words
     other = visit("predict", **HERE, predict_also=SEED_1)
     condition, *_ = other.tables[0].columns[1:]
     seed_1 = f"{condition}, seed 1"
@@ -193,4 +183,4 @@ def test_what_was_fitted_before_is_offered_whatever_was_left_out(visit: Visit) -
     assert offered(session) == ["Displacement domain, seed 0", "Displacement domain, seed 2"]
     assert "Displacement domain, seed 0" in figure(session)
     session.app.session_state["predict_also"] = ["by:fast 1 speed group"]  # what is shown anyway
-    assert "is not there yet" not in session.run().words
+    assert "is not there" not in session.run().words

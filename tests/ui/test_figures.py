@@ -25,7 +25,8 @@ from crashfuse.files.archive import zipped
 from crashfuse.reporting.figures import Further
 from crashfuse.reporting.plots.canvas import add_band, new_figure, share_y_range
 from crashfuse.ui.kit.figures import SentFigure
-from crashfuse.wording import IN_SI, KPH_KG
+from crashfuse.ui.predict import _ends
+from crashfuse.wording import KPH_KG
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.ui.conftest import Session, Visit
 from tests.ui.test_certify import CRITERIA, MATRIX
@@ -89,7 +90,7 @@ def drawn(session: Session) -> list[list[dict[str, Any]]]:
 
 def traces(*figures: go.Figure) -> list[list[dict[str, Any]]]:
     """The same of figures of the library, in the form in which pages send them."""
-    return [json.loads(SentFigure(figure).to_json())["data"] for figure in figures]
+    return [sent(figure)["data"] for figure in figures]
 
 
 def opened(visit: "Visit", page: str, press: str, **parameters: object) -> Session:
@@ -225,10 +226,3 @@ def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.Mon
     kind = campaign.tests[0].condition.factors
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*chosen, strict=True))
     assert drawn(session) == traces(next_test(campaign, low, high).plot(display=SHOWN))
-
-
-def _ends(chosen: str) -> tuple[float, float]:
-    """The ends of a range in SI, as the address has it, such as ``20:35 mph``."""
-    numbers, unit = chosen.split()
-    low, high = numbers.split(":")
-    return float(low) * IN_SI[unit], float(high) * IN_SI[unit]

@@ -20,7 +20,6 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import figures, files
 from crashfuse.ui.kit.files import Caption, caption, file_name, unusual_settings
-from tests.conftest import ROOT
 
 ALT = "Acceleration, velocity and displacement over time: test T2; the same numbers are in the tables"
 Captioned = Callable[..., Caption]
@@ -154,17 +153,6 @@ def test_a_downloaded_table_is_the_file_of_the_command_line(monkeypatch: pytest.
     for of, name in (("", "certification.csv"), ("my car T09, 56 km/h", "my-car-T09-56-km-h_seed-7_certification.csv")):
         files.download_table("certification.csv", lambda: table, of)
         assert offered[name]() == csv_bytes(table) == b"id,value,lower\nA,24.9583,\n"
-
-
-def test_every_file_that_a_page_offers_says_what_it_holds() -> None:
-    """A row of file names tells only those who know the files; none is explained that no page offers."""
-    sources = [*(ROOT / "crashfuse" / "ui").rglob("*.py"), *(ROOT / "pages").glob("*.py")]
-    offered = {
-        name
-        for source in sources
-        for name in re.findall(r'download_(?:table|bytes)\("([^"]+)"', source.read_text(encoding="utf-8"))
-    }
-    assert offered == set(files._HOLDS)
 
 
 def page() -> None:

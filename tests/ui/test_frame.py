@@ -70,8 +70,6 @@ def test_another_campaign_is_not_shown_in_place_of_that_of_the_link(
     assert session.app.session_state["test"] == "T3"
     session = visit(test="T9")
     assert "“T9” is not among the tests; another is held out instead." in session.words
-    session.app.sidebar.selectbox(key="test in mph-lb").select("T2").run()
-    assert "which this link holds out" not in session.words
 
 
 def test_the_campaign_of_a_link_keeps_the_links_choices_once_it_is_open(visit: Visit, campaign_folder: Path) -> None:
@@ -101,17 +99,6 @@ def test_a_factor_that_nobody_knows_may_come_into_the_address(visit: Visit) -> N
     session = visit("predict")
     session.app.query_params["factor_bogus"] = "1"
     session.run()
-
-
-@pytest.mark.usefixtures("open_campaign")
-@pytest.mark.slow
-def test_a_choice_that_another_campaign_lacks_is_not_laid_to_the_link(visit: Visit) -> None:
-    """Turning to another campaign is the user's own step: no warning about tests."""
-    session = visit()
-    session.app.sidebar.selectbox(key="test in mph-lb").select("T3").run()
-    session.app.sidebar.selectbox(key="campaign").select("sample").run()
-    assert not session.app.exception
-    assert "which this link holds out" not in session.words
 
 
 @pytest.mark.slow

@@ -7,13 +7,12 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import pytest
 
 from crashfuse.errors import OUT_OF_MEMORY, DataError, Problem
 from crashfuse.execution.progress import Watch
-from crashfuse.ui.kit.jobs import Job, Jobs
+from crashfuse.ui.kit.jobs import Jobs
 from crashfuse.ui.kit.visitors import Visitor
 
 SOON = 60.0
@@ -28,11 +27,6 @@ def gate() -> Iterator[threading.Event]:
     event.set()
 
 
-def ended(job: Job[Any]) -> bool:
-    """Whether the job ends in time."""
-    return job.wait(SOON)
-
-
 def test_who_asks_for_the_same_joins_the_same_job(gate: threading.Event) -> None:
     """The work is done once, whether it still runs or has ended."""
     jobs, calls = Jobs(), []
@@ -45,7 +39,7 @@ def test_who_asks_for_the_same_joins_the_same_job(gate: threading.Event) -> None
     first, second = jobs.start("a", "A", work, ANNA), jobs.start("a", "A", work, ANNA)
     gate.set()
     assert first is second
-    assert ended(first)
+    assert first.wait(SOON)
     assert jobs.start("a", "A", work, ANNA) is first
     assert calls == [1]
 
@@ -63,7 +57,7 @@ def test_one_job_runs_at_a_time_in_the_order_of_asking(gate: threading.Event) ->
     assert second.state == "waiting"
     assert jobs.active == [first, second]
     gate.set()
-    assert ended(second)
+    assert second.wait(SOON)
     assert order == ["first", "second"]
     assert jobs.active == []
 
@@ -80,10 +74,10 @@ def test_a_cancelled_job_stops_at_its_next_report_and_can_be_started_again() -> 
     job = jobs.start("a", "A", endless, ANNA)
     assert reached.wait(SOON)
     job.cancel(ANNA)
-    assert ended(job)
+    assert job.wait(SOON)
     assert (job.state, job.result) == ("cancelled", None)
     again = jobs.start("a", "A", lambda _: 1, ANNA)
-    assert ended(again)
+    assert again.wait(SOON)
     assert (again.state, again.result) == ("done", 1)
 
 
@@ -99,7 +93,7 @@ def test_a_job_cancelled_while_it_waits_has_ended_and_never_begins(
         assert waiting.wait(0)
         assert (waiting.state, waiting in jobs.active) == ("cancelled", False)
         gate.set()
-        assert ended(jobs.start("c", "C", lambda _: None, ANNA))
+        assert jobs.start("c", "C", lambda _: None, ANNA).wait(SOON)
     assert calls == []
     assert [told for told in caplog.messages if told.endswith(": B")] == [f"{BEN.name}: cancelled: B"]
 
@@ -125,8 +119,8 @@ def test_a_failed_job_has_a_sentence_and_the_queue_goes_on(
 
     with caplog.at_level(logging.ERROR):
         job = jobs.start("a", "A", fail, ANNA)
-        assert ended(job)
-        assert ended(jobs.start("b", "B", lambda _: None, ANNA))
+        assert job.wait(SOON)
+        assert jobs.start("b", "B", lambda _: None, ANNA).wait(SOON)
     assert job.state == "failed"
     assert told in job.message
     assert "Traceback" not in job.message
@@ -153,11 +147,11 @@ def test_a_job_that_hangs_does_not_hold_up_the_others(
     assert begun.wait(SOON)
     if way == "cancelled":
         job.cancel(ANNA)
-        assert ended(job)
-    assert ended(jobs.start("b", "B", lambda _: 2, BEN))
+        assert job.wait(SOON)
+    assert jobs.start("b", "B", lambda _: 2, BEN).wait(SOON)
     gate.set()
     assert returned.wait(SOON)
-    assert ended(job)
+    assert job.wait(SOON)
     outcome = job.state, job.result
     assert outcome == (("cancelled", None) if way == "cancelled" else ("done", 1))
 
@@ -175,7 +169,7 @@ def test_a_job_that_reports_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> No
         order.append("first")
 
     jobs.start("a", "A", work, ANNA)
-    assert ended(jobs.start("b", "B", lambda _: order.append("second"), BEN))
+    assert jobs.start("b", "B", lambda _: order.append("second"), BEN).wait(SOON)
     assert order == ["first", "second"]
 
 
@@ -198,14 +192,14 @@ def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None
     assert train.progress.fraction == pytest.approx(0.3)
     assert train.curves["loss"] == [(0, 1), (1, 1 / 2), (2, 1 / 3), (3, 1 / 4)]
     gate.set()
-    assert ended(job)
+    assert job.wait(SOON)
 
 
 def test_only_the_last_outcomes_are_kept() -> None:
     """The memory of a server that runs for weeks stays bounded."""
     jobs = Jobs()
     for i in range(40):
-        assert ended(jobs.start(i, str(i), lambda _: None, ANNA))
+        assert jobs.start(i, str(i), lambda _: None, ANNA).wait(SOON)
     kept = [i for i in range(40) if jobs.get(i) is not None]
     assert kept[-1] == 39
     assert len(kept) <= 25
@@ -227,7 +221,7 @@ def test_what_two_want_goes_on_until_neither_does(gate: threading.Event) -> None
     job.cancel(ANNA)
     assert (job.state, job.cancelling, job.wanted_by) == ("running", False, {BEN})
     job.cancel(BEN)
-    assert ended(job)
+    assert job.wait(SOON)
     assert job.state == "cancelled"
 
 
@@ -241,7 +235,7 @@ def test_who_asks_for_what_is_being_stopped_gets_a_job_of_their_own(gate: thread
     first.join(BEN)
     assert first.wanted_by == set()
     gate.set()
-    assert ended(second)
+    assert second.wait(SOON)
     assert second.result == 2
 
 
@@ -259,6 +253,6 @@ def test_pages_go_before_jobs_and_the_threads_that_jobs_start() -> None:
     with ThreadPoolExecutor(1) as nice:  # a server may have been started by "nice"
         nice.submit(os.setpriority, os.PRIO_PROCESS, 0, niceness() + 1).result()
         job, server = nice.submit(lambda: Jobs().start("a", "A", work, ANNA)).result(), nice.submit(niceness).result()
-    assert ended(job)
+    assert job.wait(SOON)
     assert job.result is not None
     assert min(job.result) > server > niceness()

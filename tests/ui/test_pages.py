@@ -21,7 +21,6 @@ from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.editing import leave_out
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -193,18 +192,15 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
     assert f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs." in session.words
     assert session.press("Export").downloads == ["models.zip"]
     fitting_is_an_error()
-    job = computation.FitRequest(campaign, StudyConfig(approaches=("cae",), leave_out="speed group")).find()
+    job = computation.fit_request(campaign, StudyConfig(approaches=("cae",), leave_out="speed group")).find()
     assert job is not None
     assert job.result is not None
     with zipfile.ZipFile(io.BytesIO(job.result.models(campaign))) as archive:
         file = archive.extract("cae.safetensors", tmp_path)
     session.go("predict")
     speed, front, rear = (float(field.value or 0) for field in session.app.number_input[:3])
-    pulse = (
-        load_model(file, campaign)
-        .approach.predict(Condition.of_vector([speed * MPH, front * LB, rear * LB]))
-        .accel_mps2
-    )
+    condition = Condition.of_vector([speed * MPH, front * LB, rear * LB])
+    pulse = load_model(file, campaign).approach.predict(condition).accel_mps2
     shown = session.open_tab("predict", "Metrics").tables[0].set_index("Pulse metric")["CAE"]
     assert shown["Peak deceleration (g)"] == f"{-pulse.min() / G:.1f}"
 
@@ -220,7 +216,7 @@ def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
         return True
 
     monkeypatch.setattr(computation, "is_estimate_cached", slow)
-    request = computation.StudyRequest(campaign, ("T1",), StudyConfig(approaches=("cae",)))
+    request = computation.study_request(campaign, ("T1",), StudyConfig(approaches=("cae",)))
     with ThreadPoolExecutor(2) as sessions:
         first, second = sessions.map(lambda _: request.find(), range(2))
     assert first is second
@@ -355,41 +351,6 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
 
 
 @pytest.mark.slow
-def test_a_study_says_that_speed_groups_are_left_out_only_where_it_shows_that(
-    nothing_cached: pytest.MonkeyPatch, open_campaign: Path
-) -> None:
-    """Not before the first of them is computed, and never of a campaign whose tests are all of one speed."""
-    grouped = threading.Event()
-
-    def in_two_parts(
-        campaign: Campaign, config: StudyConfig, *, held_out: tuple[str, ...], watch: Watch, **_: object
-    ) -> Study:
-        study = quick_study(campaign, config, held_out=held_out)
-        watch.show_part(replace(study, speed_groups=None))
-        while not grouped.wait(0.01):
-            watch.report("Held-out predictions", 3, 10)
-        return study
-
-    def badge(session: Session) -> bool:
-        return any("All at its speed left out" in own.value for own in session.app.markdown)
-
-    nothing_cached.setattr(computation, "run_study", in_two_parts)
-    session = start("study")
-    session.app.session_state["ways"] = "With all tests at about its speed"
-    session = session.press("Leave out each of 4 tests")
-    (job,) = computation.jobs().active
-    while job.part is None:
-        assert job.active
-    assert not badge(session.run())
-    grouped.set()
-    assert job.wait(SOON)
-    assert badge(session.run())
-    leave_out(open_campaign, ["T1", "T4"])
-    assert not badge(session.run())
-    assert not session.app.exception
-
-
-@pytest.mark.slow
 def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside leaving tests out: sentences, a figure, tables and files; with the cost of a test, what a gain costs."""
     quick = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
@@ -397,7 +358,7 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("crashfuse.ui.kit.computation.learning_curve", partial(learning_curve, workers=1, repeats=1))
     session = start("study")
     session.open_tab("study", "Number of tests")
-    assert "not been computed for this campaign yet" in session.words
+    assert "a minute or more the first time" in session.words
     session.press("Predict from 1 to 3 tests").finish()
     assert session.charts == 1
     assert "With 3 of 4 tests the displacement domain rates" in session.words
@@ -523,9 +484,7 @@ def test_the_tests_chosen_on_train_are_in_the_link() -> None:
 
     first = session.app.session_state["test"]
     assert chosen() == [first]
-    assert "Held-out test" not in [
-        box.label for box in session.app.sidebar.selectbox
-    ]  # one place to choose it is enough
+    assert "Held-out test" not in [box.label for box in session.app.sidebar.selectbox]  # one place is enough
     other = next(test for test in ("T1", "T2") if test != first)
     hold_out(other)
     assert chosen() == [other]

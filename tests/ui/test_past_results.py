@@ -41,7 +41,7 @@ def past(visit: Visit, *ticked: PastResult) -> Session:
 @pytest.mark.usefixtures("open_campaign")
 def test_the_list_says_what_to_do_and_has_what_was_computed_of_the_campaign(visit: Visit, data: str) -> None:
     """Nothing at first; results of other campaigns and of others' uploads are not listed."""
-    assert "Nothing of this campaign was computed before" in past(visit).words
+    assert "Nothing yet: studies" in past(visit).words
     kept(1, data, tests="T1")
     kept(2, "changed since", tests="T2")
     kept(3, "elsewhere", campaign="other")
@@ -61,7 +61,7 @@ def test_two_studies_that_are_ticked_are_compared(visit: Visit, data: str) -> No
     session.press("Export")
     assert session.downloads == ["comparison.csv", "comparison.html", "comparison.pptx"]
     session = visit("study", study_tab="Past results", ticked=[one.id, "0123456789ab"])
-    assert "is not in the list of this machine" in session.words
+    assert "is not on this machine" in session.words
     assert "mean" not in session.words
 
 

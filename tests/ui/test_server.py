@@ -53,12 +53,8 @@ def _answers(port: int) -> bool:
 def _opened(port: int, host: str, origin: str | None) -> bool:
     """Whether a page of this origin may open, under this name, the socket that all of the dashboard goes through."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
-    asked = {
-        "Host": host,
-        **({} if origin is None else {"Origin": origin}),
-        "Connection": "Upgrade",
-        "Upgrade": "websocket",
-    }
+    asked = {"Host": host, "Connection": "Upgrade", "Upgrade": "websocket"}
+    asked |= {} if origin is None else {"Origin": origin}
     key = {"Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="}
     connection.request("GET", "/_stcore/stream", headers=asked | key)
     with contextlib.closing(connection):
@@ -139,14 +135,10 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
     assert asked == []
 
 
-def test_a_campaign_that_is_not_there_is_wrong_usage(tmp_path: Path, capsys: Capture) -> None:
-    """One sentence before any server starts."""
+def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path, capsys: Capture) -> None:
+    """Of the campaign or of the log, before any server starts."""
     assert cli.main(["app", "--campaign", str(tmp_path / "nowhere")]) == cli.WRONG_USAGE
     assert "There is no folder" in capsys.readouterr().err
-
-
-def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: Capture) -> None:
-    """Before anything is served."""
     file = tmp_path / "nowhere" / "log"
     assert cli.main(["app", "--log", str(file)]) == cli.WRONG_DATA
     assert capsys.readouterr().err == f"crashfuse: {file} cannot be read or written: no such file or directory.\n"

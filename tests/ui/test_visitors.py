@@ -268,15 +268,11 @@ def test_a_server_that_would_let_in_everybody_does_not_start(
     assert "problem" in capsys.readouterr().err
 
 
-def test_a_log_in_that_was_asked_for_must_be_set_up(tmp_path: Path) -> None:
-    """A file without the section, or no file at all."""
+def test_a_log_in_that_was_asked_for_must_be_set_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither a file without the section, nor no file; the extra that it needs is named."""
     (tmp_path / "empty.toml").touch()
     for name in ("empty.toml", "nowhere.toml"):
         assert cli.main(["app", "--login", str(tmp_path / name)]) == cli.WRONG_DATA
-
-
-def test_what_the_log_in_needs_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The extra, by the command that installs it."""
     file = tmp_path / "secrets.toml"
     file.write_text(GOOD)
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)

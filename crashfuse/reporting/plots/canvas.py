@@ -78,6 +78,20 @@ def new_figure(height: int) -> go.Figure:
     )
 
 
+def points_figure(height: int, title: str | None = None, **x_axis: object) -> go.Figure:
+    """An empty figure of points over anything but time, each of which tells what it is."""
+    look = {"range": None, "zeroline": False, "showspikes": False, "unifiedhovertitle": None}
+    return new_figure(height).update_layout(hovermode="closest").update_xaxes({**look, "title": title, **x_axis})
+
+
+def figure_over_tests(height: int, ticks: Sequence[str]) -> go.Figure:
+    """An empty figure of points over held-out tests, which stand at 0, 1, 2 …, by the texts of their ticks."""
+    return points_figure(
+        height, "Held-out test", tickvals=list(range(len(ticks))), ticktext=ticks, range=[-0.6, len(ticks) - 0.4],
+        showgrid=False,
+    )  # fmt: skip
+
+
 def make_clickable(
     figure: go.Figure, columns: list[str], rows: list[str], values: list[str], size: int, **hover: object
 ) -> None:
@@ -88,21 +102,12 @@ def make_clickable(
     )  # fmt: skip
 
 
-def name_tests(figure: go.Figure, ticks: Sequence[str]) -> None:
-    """Let the x axis of points have held-out tests at 0, 1, 2 …, by the texts of their ticks."""
-    figure.update_layout(hovermode="closest")
-    figure.update_xaxes(
-        title="Held-out test", tickvals=list(range(len(ticks))), ticktext=ticks, range=[-0.6, len(ticks) - 0.4],
-        zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
-    )  # fmt: skip
-
-
 def fix_cells(figure: go.Figure, columns: int, rows: int) -> None:
     """Let a heat map with names above stay where it is, and the mark of a cell be the nearest anywhere in it."""
     tools = [*_UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]
-    figure.update_layout(hovermode="closest", hoverdistance=-1, dragmode=False, modebar_remove=tools)
-    plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
-    figure.update_xaxes(plain, side="top", tickangle=0, range=[-0.5, columns - 0.5], showspikes=False)
+    figure.update_layout(hoverdistance=-1, dragmode=False, modebar_remove=tools)
+    plain = {"type": "category", "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
+    figure.update_xaxes(plain, side="top", tickangle=0, range=[-0.5, columns - 0.5])
     figure.update_yaxes(plain, range=[rows - 0.5, -0.5])  # the marks would widen it
 
 

@@ -14,7 +14,13 @@ from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import ANSWER, answer_texts
 from crashfuse.reporting.figures import WITH_GROUP
-from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
+from crashfuse.reporting.plots.canvas import (
+    fix_cells,
+    make_clickable,
+    marks_of_runs,
+    points_figure,
+    tick_name,
+)
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray
@@ -52,7 +58,7 @@ def verdict_matrix(
     labels, short = ([f"{name(i)} · {v}" for i, v in zip(ids, speeds, strict=True)] for name in (str, tick_name))
     with_words = words and len(rows) <= MOST_WORDS
     above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
-    figure = new_figure(height=above + _BELOW_PX + _ROW_PX * len(rows) if with_words else _ALL_ROWS_PX)
+    figure = points_figure(above + _BELOW_PX + _ROW_PX * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
     answers = answer_texts(certification)
     codes = np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8)
@@ -118,7 +124,8 @@ def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
 
 def validated_domain(certification: Certification, display: Display = DEFAULT) -> go.Figure:
     """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
-    figure, domain, campaign = new_figure(height=480), certification.domain, certification.campaign
+    domain, campaign = certification.domain, certification.campaign
+    figure = points_figure(480, display.title("Impact speed", "mph"))
     mass_low, mass_high = map(display.weights, domain.checked_masses_kg)
     for number, ends in enumerate(domain.speed_ranges_mps):
         low, high = map(display.speeds, ends)
@@ -153,9 +160,6 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
             draw(f"Worst verdict: {word} ({len(some)})", some, marker)
     tests = [(f"Test {test.id}", test.condition, "") for test in campaign.tests]
     draw(f"{len(tests)} tests", tests, _marker(None, "cross-thin", 11, 2, MEASURED_COLOUR))
-    figure.update_layout(hovermode="closest")
-    title = display.title("Impact speed", "mph")
-    figure.update_xaxes(title=title, range=None, zeroline=False, showspikes=False, unifiedhovertitle=None)
     figure.update_yaxes(title=display.title("Front and rear weight together", "lb"))
     return figure
 
@@ -167,7 +171,8 @@ def worst(verdicts: Sequence[Verdict]) -> Word:
 
 def reliability(record: TrackRecord) -> go.Figure:
     """Draw the share of left-out tests that met a criterion over the probability given, open if bounds exclude it."""
-    figure = new_figure(height=440)
+    axis = {"range": [-0.09, 1.09], "tickvals": [0, 0.2, 0.4, 0.6, 0.8, 1], "zeroline": False}
+    figure = points_figure(440, "Probability given in advance", **axis)
     if not record.reliability:
         _say(figure, "No left-out test lies inside what the others check." if record.trials else _NONE)
         return figure
@@ -191,9 +196,7 @@ def reliability(record: TrackRecord) -> go.Figure:
                 text=[f"n = {each.n}" for each in bins], marker=_marker(colour, symbol, 11, 2, colour),
                 textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins], **_over(texts),
             )  # fmt: skip
-    figure.update_layout(hovermode="closest", showlegend=True)
-    axis = {"range": [-0.09, 1.09], "tickvals": [0, 0.2, 0.4, 0.6, 0.8, 1], "zeroline": False}
-    figure.update_xaxes(axis, title="Probability given in advance", showspikes=False, unifiedhovertitle=None)
+    figure.update_layout(showlegend=True)
     figure.update_yaxes(axis, title="Share of tests that met it")
     return figure
 
@@ -202,15 +205,14 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     """Draw by criterion what left-out tests were predicted to show and showed, in order of speed, and the limits."""
     trials = sorted(record.counted, key=lambda trial: trial.verdict.condition.speed_mps)
     criteria, tests = _in_order(record), list(dict.fromkeys(trial.held_out for trial in trials))
-    figure = new_figure(height=max(120 + 210 * len(criteria), 330))
+    figure = points_figure(max(120 + 210 * len(criteria), 330))
     if not criteria:
         _say(figure, _NONE)
         return figure
     x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(len(criteria), 1, shared_xaxes=True, vertical_spacing=0.24 / (len(criteria) + 0.6))
-    figure.update_xaxes(x_style, title=None, showspikes=False, zeroline=False, unifiedhovertitle=None)
     names = [tick_name(test) for test in tests]
-    figure.update_xaxes(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=names)
+    figure.update_xaxes(x_style, range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=names)
     figure.update_yaxes(y_style)
     for row, criterion in enumerate(criteria, start=1):
         own = [trial for trial in trials if trial.verdict.criterion == criterion]
@@ -221,7 +223,7 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     _legend(figure, "measured", _marker(MEASURED_COLOUR, "circle", 10, 1, MEASURED_COLOUR))
     if wrong := any(trial.wrong for trial in trials):
         _legend(figure, "wrong verdict", _marker(_DISAGREES, "circle-open", 10, 1, _DISAGREES))
-    figure.update_layout(hovermode="closest", hoverlabel_align="left", margin_l=72, margin_t=96 if wrong else 72)
+    figure.update_layout(hoverlabel_align="left", margin_l=72, margin_t=96 if wrong else 72)
     figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
     return figure
 

@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import marks_of_runs, new_figure
+from crashfuse.reporting.plots.canvas import marks_of_runs, points_figure
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import CURSOR, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
@@ -27,10 +27,10 @@ def condition_space(
     library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None, display: Display = DEFAULT
 ) -> go.Figure:
     """Draw front and rear weight over speed: CAE runs, their range, and the tests, open where that is extrapolation."""
-    figure = new_figure(height=640)
+    figure = points_figure(640)
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(2, 1, shared_xaxes=True, vertical_spacing=0.06)
-    figure.update_xaxes(style, title=None, range=None, showspikes=False, unifiedhovertitle=None)
+    figure.update_xaxes(style)
     figure.update_xaxes(title=display.title("Impact speed", "mph"), row=2)
     figure.update_yaxes(other_style)
     runs = display.vectors(library.vectors)
@@ -48,10 +48,9 @@ def condition_space(
             hoverinfo="skip", marker=marks_of_runs(len(some)), **place,
         )  # fmt: skip
         figure.add_scatter(
-            x=[low[0], high[0], high[0], low[0], low[0]],
-            y=[low[row], low[row], high[row], high[row], low[row]],
-            mode="lines", name="Their range", legendgroup="range", hoverinfo="skip",
-            line_color=CURSOR, line_width=1.5, line_dash="dash", **place,
+            x=[low[0], high[0], high[0], low[0], low[0]], y=[low[row], low[row], high[row], high[row], low[row]],
+            mode="lines", name="Their range", legendgroup="range", hoverinfo="skip", line_color=CURSOR, line_width=1.5,
+            line_dash="dash", **place,
         )  # fmt: skip
         sides = _label_sides(points[:, [0, row]], (top - bottom + 2 * margin)[[0, row]])
         notes = [library.extrapolation(test.condition) for test in tests]
@@ -72,17 +71,16 @@ def condition_space(
                 )  # fmt: skip
         for i in [i for i, test in enumerate(tests) if test.id == held_out]:
             figure.add_scatter(
-                x=points[[i], 0], y=points[[i], row], mode="markers",
-                name=f"{held_out}: held out", legendgroup="held out", hoverinfo="skip",
-                marker_color=MEASURED_COLOUR, marker_symbol="circle-open", marker_size=17, marker_line_width=1.5,
-                **place,
+                x=points[[i], 0], y=points[[i], row], mode="markers", name=f"{held_out}: held out",
+                legendgroup="held out", hoverinfo="skip", marker_color=MEASURED_COLOUR, marker_symbol="circle-open",
+                marker_size=17, marker_line_width=1.5, **place,
             )  # fmt: skip
         figure.update_yaxes(
             title={"text": display.title(weight.capitalize(), "lb"), "standoff": 8},
             range=[bottom[row] - margin[row], top[row] + margin[row]],
             row=row,
         )
-    figure.update_layout(hovermode="closest", margin_l=72)
+    figure.update_layout(margin_l=72)
     return figure
 
 

@@ -48,7 +48,9 @@ def over_displacement(
         band = None
         if name != TEST and (all_draws := predictions[name].draws_mps2) is not None:
             draws = [loading_phase(draw, predictions[name].condition.speed_mps) for draw in all_draws]
-            at_m, lower, upper = _band_of(draws)
+            at_m = np.arange(0.0, np.median([draw.crush_m for draw in draws]), _STEP_M)
+            accel = np.array([np.interp(at_m, d.displacement_m, d.accel_mps2, right=np.nan) for d in draws])
+            lower, upper = np.nanquantile(accel, [0.025, 0.975], axis=0)
             band = at_m / _MM, lower * scale, upper * scale
         curves[name] = Curve(phase.displacement_m / _MM, phase.accel_mps2 * scale, band)
     draw_curves(figure, curves, filled=filled)
@@ -150,17 +152,9 @@ def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, crush: 
         }
     told = f"{end:.1f}" if crush is None else crush.text
     add_line(
-        figure, curve.x[-1:], curve.y[-1:], mode="markers", error_x=error,
-        marker={"color": colour, "size": 8}, name=f"Maximum crush {told} mm",
-        legendgroup=name, showlegend=False, hovertemplate=" ",
+        figure, curve.x[-1:], curve.y[-1:], mode="markers", error_x=error, marker={"color": colour, "size": 8},
+        name=f"Maximum crush {told} mm", legendgroup=name, showlegend=False, hovertemplate=" ",
     )  # fmt: skip
-
-
-def _band_of(draws: Sequence[LoadingPhase]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    grid = np.arange(0.0, np.median([draw.crush_m for draw in draws]), _STEP_M)
-    accel = np.array([np.interp(grid, d.displacement_m, d.accel_mps2, right=np.nan) for d in draws])
-    lower, upper = np.nanquantile(accel, [0.025, 0.975], axis=0)
-    return grid, lower, upper
 
 
 _PARTS: Mapping[str, str] = {

@@ -7,7 +7,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import CLASSES, LABELS
-from crashfuse.reporting.plots.canvas import add_band, new_figure
+from crashfuse.reporting.plots.canvas import add_band, new_figure, points_figure
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES
 from crashfuse.study.learning_curve import LearningCurve
@@ -66,8 +66,8 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> go
     Means over the held-out tests with their standard error; behind the judged approach the central 80 % of its single
     predictions. The open diamond is the rating expected with one test more, with its 95 % interval.
     """
-    figure, table = new_figure(height=640), summary(curve)
-    n, unit = len(curve.campaign.tests), display.unit
+    table, n, unit = summary(curve), len(curve.campaign.tests), display.unit
+    figure = points_figure(640, "Number of tests learned from", range=[-0.4, n + 1.5], dtick=1 if n < 16 else 5)
     for name in curve.config.approaches:
         rows, colour = table[table["approach"] == name], COLOURS[name]
         if not CLASSES[name].learns_from_tests:
@@ -101,10 +101,9 @@ def _ratings(figure: go.Figure, rows: pd.DataFrame, name: str, colour: str, symb
         return
     figure.add_scatter(
         x=rows["n_tests"] + shift, y=rows["rating"], mode="lines+markers" if symbol == "circle" else "markers",
-        name=name, meta={"x": rows["n_tests"].tolist()},
-        error_y_array=rows["error"].fillna(0.0), error_y_width=0, error_y_thickness=1.5, error_y_color=colour,
-        line_color=colour, line_width=2, marker_color=colour, marker_symbol=symbol, marker_size=9,
-        hovertemplate=f"{_RATING}<extra>{name}</extra>",
+        name=name, meta={"x": rows["n_tests"].tolist()}, error_y_array=rows["error"].fillna(0.0), error_y_width=0,
+        error_y_thickness=1.5, error_y_color=colour, line_color=colour, line_width=2, marker_color=colour,
+        marker_symbol=symbol, marker_size=9, hovertemplate=f"{_RATING}<extra>{name}</extra>",
     )  # fmt: skip
 
 
@@ -137,11 +136,7 @@ def _expect(figure: go.Figure, curve: LearningCurve) -> None:
 
 
 def _label_axes(figure: go.Figure, n: int, lower: dict[str, str]) -> None:
-    figure.update_layout(hovermode="closest", margin_t=64)
-    figure.update_xaxes(
-        title="Number of tests learned from", range=[-0.4, n + 1.5], dtick=1 if n < 16 else 5, showspikes=False,
-        unifiedhovertitle=None, zeroline=False,
-    )  # fmt: skip
+    figure.update_layout(margin_t=64)
     figure.update_yaxes(title="Overall rating, held-out tests")
     look, share = figure.layout.yaxis.to_plotly_json(), 0.4 / max(len(lower), 1)
     for number, (axis, label) in enumerate(lower.items()):

@@ -273,9 +273,8 @@ def imported_pulse(
     pulse = settled.pulse
     inside = (pulse.time_s >= _FROM_S) & (pulse.time_s <= _TO_S)
     add_line(
-        figure, pulse.time_s[inside] / MS, pulse.accel_mps2[inside] * scale, line=curve_line(TEST),
-        name=settled.id,
-    )  # fmt: skip
+        figure, pulse.time_s[inside] / MS, pulse.accel_mps2[inside] * scale, line=curve_line(TEST), name=settled.id
+    )
     figure.update_xaxes(range=[_FROM_S / MS, _TO_S / MS])
     figure.update_yaxes(title=display.accel_title)
     return figure

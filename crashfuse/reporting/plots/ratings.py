@@ -7,15 +7,8 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import (
-    add_line,
-    fix_cells,
-    make_clickable,
-    name_tests,
-    new_figure,
-    room_for_names,
-    tick_name,
-)
+from crashfuse.reporting.plots import canvas
+from crashfuse.reporting.plots.canvas import add_line, figure_over_tests, new_figure, points_figure, tick_name
 from crashfuse.reporting.plots.curves import TEST, curve_line, curve_lines
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS, INK, MEASURED_COLOUR
@@ -47,9 +40,12 @@ def rating_heatmap(
         z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + mean
     text = [["" if np.isnan(value) else graded(value) for value in row] for row in z]
-    figure = new_figure(height=_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
+    limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
+    steps = zip(GRADE_COLOURS.values(), limits[:-1], limits[1:], strict=True)
+    scale = [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]
+    figure = points_figure(_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     figure.add_heatmap(
-        z=z, x=names, y=rows, text=text, texttemplate="%{text}", hoverinfo="skip", colorscale=_grade_scale(),
+        z=z, x=names, y=rows, text=text, texttemplate="%{text}", hoverinfo="skip", colorscale=scale,
         zmin=0, zmax=1, xgap=2, ygap=2, showscale=False,
         textfont_color=MEASURED_COLOUR, textfont_size=12,  # without a size, words shrink with their cells
     )  # fmt: skip
@@ -57,8 +53,8 @@ def rating_heatmap(
     clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
     heads = [name.replace("<br>", " ") for name in names]
     told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(heads)]
-    make_clickable(figure, names, rows, clicked, 26, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
-    fix_cells(figure, len(names), len(rows))
+    canvas.make_clickable(figure, names, rows, clicked, 26, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
+    canvas.fix_cells(figure, len(names), len(rows))
     figure.update_layout(margin_t=_NAMES_PX, margin_b=_BELOW_PX)
     figure.update_xaxes(tickfont_size=12)
     figure.update_yaxes(tickvals=rows, ticktext=[f"Test {tick_name(test)}" for test in tests] + mean)
@@ -69,8 +65,8 @@ def rating_spread(
     ratings: Mapping[str, Mapping[str, tuple[float, float, float]]], repeats: Mapping[str, Repeatability] | None = None
 ) -> go.Figure:
     """Draw each test's rating by approach, with the interval of those of single draws, before that of a repeat."""
-    figure = new_figure(height=420)
     tests = list(ratings)
+    figure = figure_over_tests(420, [*map(tick_name, tests)])
     if known := [(i, repeats[test]) for i, test in enumerate(tests) if repeats and test in repeats]:
         figure.add_bar(
             x=[i for i, _ in known],
@@ -100,7 +96,6 @@ def rating_spread(
         )
     for limit, _ in GRADES:
         figure.add_hline(y=limit, line_color=AXIS, line_width=1, line_dash="dot")
-    name_tests(figure, [*map(tick_name, tests)])
     figure.update_yaxes(title="Overall rating (dotted: limits of the grades)", range=[0, 1.01])
     return figure
 
@@ -109,9 +104,8 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
     """Draw the coverage of left-out tests by approach at each nominal level; on the diagonal a band is calibrated."""
     figure = new_figure(height=440)
     figure.add_scatter(
-        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line_color=AXIS, line_dash="dot",
-        hoverinfo="skip",
-    )  # fmt: skip
+        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line_color=AXIS, line_dash="dot", hoverinfo="skip"
+    )
     for name, shares in observed.items():
         figure.add_scatter(
             x=100 * levels, y=100 * shares, mode="lines+markers", name=LABELS[name],
@@ -124,12 +118,6 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
     return figure
 
 
-def _grade_scale() -> list[tuple[float, str]]:
-    limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
-    steps = zip(GRADE_COLOURS.values(), limits[:-1], limits[1:], strict=True)
-    return [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]
-
-
 _OUTSIDE, _BEYOND = "#E69F00", "#C1121F"  # of a curve outside the inner and the outer corridor
 _LAST = 2000  # in the legend, where 1000 is usual
 _DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))  # of the rows, as shares of the height
@@ -137,7 +125,7 @@ _DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))  # of the r
 
 def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
     """Draw the four scores of each approach as bars, beside each other."""
-    figure = new_figure(height=250)
+    figure = points_figure(250, type="category", ticks="", showgrid=False)
     parts = [f"{part.capitalize()} ({100 * weight:.0f} %)" for part, weight in WEIGHTS.items()]
     for name, rating in ratings.items():
         scores = [getattr(rating, part) for part in WEIGHTS]
@@ -146,11 +134,7 @@ def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
             text=[f"{score:.2f}" for score in scores], textposition="outside", textangle=0, textfont_size=11,
             constraintext="none", cliponaxis=False, hovertemplate="%{y:.3f}",
         )  # fmt: skip
-    figure.update_layout(barmode="group", bargap=0.25, hovermode="closest", margin_b=36)  # without a title below
-    figure.update_xaxes(
-        title=None, range=None, type="category", ticks="", zeroline=False, showspikes=False, showgrid=False,
-        unifiedhovertitle=None,
-    )  # fmt: skip
+    figure.update_layout(barmode="group", bargap=0.25, margin_b=36)  # without a title below
     figure.update_yaxes(title="Score", range=[0, 1.2], tickvals=[0, 0.2, 0.4, 0.6, 0.8, 1])
     return figure
 
@@ -162,7 +146,7 @@ def rated_curves(
     further: Mapping[str, Prediction] = {},
 ) -> go.Figure:
     """Stack what the four scores compare over one time axis, with corridors, and humps numbered."""
-    figure = new_figure(height=570 + room_for_names([TEST, approach, *further]))
+    figure = new_figure(height=570 + canvas.room_for_names([TEST, approach, *further]))
     curves, scale = explanation.compared, display.accel_scale
     add_corridors(figure, Pulse(curves.time_s, curves.reference), display)
     grid_ms = GRID_S / MS
@@ -187,8 +171,10 @@ def rated_curves(
     _draw(figure, explanation.shifted, approach, scale, row=2)
     _draw(figure, explanation.warped, approach, scale, row=3)
     _draw(figure, explanation.slopes, approach, scale * MS, row=4)
-    look, layout = figure.layout.yaxis.to_plotly_json(), {}
-    for number, (part, how, (bottom, top)) in enumerate(zip(WEIGHTS, _hows(explanation), _DOMAINS, strict=True), 1):
+    look, layout, shift_ms = figure.layout.yaxis.to_plotly_json(), {}, explanation.shift_s / MS
+    moved = f"moved {abs(shift_ms):.1f} ms {'earlier' if shift_ms > 0 else 'later'}" if shift_ms else "not moved"
+    hows = "curves as they stand", moved, f"{moved}, and warped", f"slopes, {moved}"
+    for number, (part, how, (bottom, top)) in enumerate(zip(WEIGHTS, hows, _DOMAINS, strict=True), 1):
         unit = f"{display.unit}/ms" if number == len(_DOMAINS) else display.unit
         layout[f"yaxis{number}"] = {**look, "domain": [bottom, top], "title": unit}
         figure.add_annotation(
@@ -202,12 +188,6 @@ def rated_curves(
         margin_t=96,
     )
     return figure
-
-
-def _hows(explanation: RatingExplanation) -> tuple[str, str, str, str]:
-    shift_ms = explanation.shift_s / MS
-    moved = f"moved {abs(shift_ms):.1f} ms {'earlier' if shift_ms > 0 else 'later'}" if shift_ms else "not moved"
-    return "curves as they stand", moved, f"{moved}, and warped", f"slopes, {moved}"
 
 
 def _draw(figure: go.Figure, curves: Compared, approach: str, scale: float, row: int) -> None:
@@ -241,7 +221,7 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
     """Draw by how much the second study rates each test higher, by approach; last their mean ± 2 standard errors."""
     table = compared.over(window_ms, left_out)
     tests, means = list(table["held_out"].unique()), compared.means(window_ms, left_out).set_index("approach")
-    figure = new_figure(height=380)
+    figure = figure_over_tests(380, [*map(tick_name, tests), "<b>Mean</b>"])
     for place, name in enumerate(means.index):
         own, mean = table[table["approach"] == name].set_index("held_out"), means.loc[name]
         gains = own["difference"]
@@ -261,7 +241,6 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
         )
     figure.add_hline(y=0, line_color=AXIS, line_width=1)
     figure.add_vline(x=len(tests) - 0.5, line_color=AXIS, line_width=1, line_dash="dot")
-    name_tests(figure, [*map(tick_name, tests), "<b>Mean</b>"])
     figure.update_yaxes(title="Rating, second minus first")
     largest = float(table["difference"].abs().max())
     if largest < _SMALL:

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.canvas import points_figure
 from crashfuse.reporting.plots.curves import Curve, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
@@ -21,7 +21,7 @@ from crashfuse.units import MPH
 
 def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, display: Display = DEFAULT) -> go.Figure:
     """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points."""
-    figure = new_figure(height=460)
+    figure = points_figure(460, display.title("Impact speed", "mph"))
     readings = {sweep.approach: list(map(display.metric, sweep.over_speed(metric))) for sweep in sweeps}
     speeds = sweeps[0].speeds_mps
     curves = {name: _curve(display.speeds(speeds), metrics) for name, metrics in readings.items()}
@@ -37,9 +37,7 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, displ
     margin = 0.02 * np.ptp(speeds) + 0.1 * MPH
     low, high = float(speeds.min() - margin), float(speeds.max() + margin)
     _mark_speeds(figure, campaign, low, high, display)
-    figure.update_layout(hovermode="closest")
-    ends = [display.speeds(low), display.speeds(high)]
-    figure.update_xaxes(title=display.title("Impact speed", "mph"), range=ends, showspikes=False)
+    figure.update_xaxes(range=[display.speeds(low), display.speeds(high)])
     figure.update_yaxes(title=display.heading(campaign.metric_headings[metric]))
     return figure
 
@@ -86,7 +84,7 @@ BEST = 5
 
 def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
     """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run."""
-    figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
+    figure, colour = points_figure(420, display.title("Impact speed", "mph")), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
     weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
     wide, units = 1 / display.units.in_si("g"), display.units
@@ -118,7 +116,5 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
             x=[None], y=[None], name="Outside the CAE runs", mode="markers",
             marker_color=colour, marker_symbol="circle-open", marker_size=9, marker_line_width=1.5,
         )  # fmt: skip
-    figure.update_layout(hovermode="closest")
-    figure.update_xaxes(title=display.title("Impact speed", "mph"), range=None, unifiedhovertitle=None)
     figure.update_yaxes(title="Band shrinks by (%)", rangemode="tozero")
     return figure

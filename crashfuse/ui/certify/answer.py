@@ -1,4 +1,4 @@
-"""The tab Answer: skip, run, would miss or cannot say, per planned test, with reasons, caveats and what-ifs."""
+"""The tab Answer: skip, run, would miss or cannot say, with reasons, caveats and what-ifs."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ _STRICTER, _WITHOUT = "limits 5 % stricter", "without "  # what if
 _WAYS = ("Planned tests", "By criterion")
 _MEANINGS = {
     "skip": "would meet all criteria at once, with the confidence asked for",
-    "run": "uncertain: only a test, or another design, can tell",
+    "run": "uncertain: a test, or another design, can tell",
     "would miss": "would miss a criterion: another design, not a test, is needed",
     "cannot say": "beyond what the tests check, or records end too early",
     "was run": "a test was made there",
@@ -40,7 +40,7 @@ _MEANINGS = {
 
 
 def show(judgement: Judgement) -> None:
-    """Show the answer per planned test, why, what speaks against it, and what would change it."""
+    """Show the answer, why, what speaks against it, and what would change it."""
     certification = judgement.certification
     _show_headline(certification)
     subjects = list(exceptions(certification).items())
@@ -100,8 +100,8 @@ def _show_matrix(judgement: Judgement) -> None:
             lambda: judgement.verdicts.plot(display=judgement.display), "Verdicts by planned test and criterion",
             _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts",
         )  # fmt: skip
-    told = "Probability that a test there would meet the criterion. Click a cell for its reason."
-    st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict. All are in certification.csv.")
+    told = "Probability that a test there meets the criterion. Click a cell for its reason."
+    st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict.")
 
 
 def _show_reason(certification: Certification, display: Display) -> None:
@@ -145,7 +145,6 @@ def _deciding(row: Planned, certification: Certification) -> str:
 
 
 def _stricter(criterion: Criterion) -> Criterion:
-    """The same with limits 5 % stricter; a rating is at most 1."""
     least, most = criterion.at_least, criterion.at_most
     highest = 1.0 if criterion.window_ms is not None else float("inf")
     return replace(

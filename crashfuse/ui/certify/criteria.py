@@ -46,7 +46,7 @@ def criteria_asked(view: View) -> Criteria | None:
 
 
 def choose_criteria(view: View) -> Criteria | None:
-    """Ask for criteria, confidence and approach; None while there are none or they are wrong, which is said here."""
+    """Ask for criteria, confidence and approach; None while there are none or they are wrong."""
     state, units = st.session_state, view.display.units
     try:
         criteria, wrong = criteria_asked(view), None
@@ -72,7 +72,7 @@ def choose_criteria(view: View) -> Criteria | None:
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.number_input(
             "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session", width=150,
-            help="A criterion is met from this probability, not met from its complement, else open.",
+            help="A criterion is met from this probability, not met from its complement.",
         )  # fmt: skip
         st.selectbox(
             "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach",
@@ -86,11 +86,11 @@ def choose_criteria(view: View) -> Criteria | None:
         st.button(
             "Limits of these tests", icon=":material/speed:", type="secondary" if criteria else "primary",
             on_click=lambda: start(limits_of_tests(view.campaign, units)),
-            help="Start with the most that a test showed, rounded up, and a rating of 0.8; then change them.",
+            help="Start with the most that a test showed, and a rating of 0.8.",
         )  # fmt: skip
         st.button(
             "Good ratings", icon=":material/grade:", on_click=lambda: start(ratings_wanted()),
-            help=f"Start with {STANDARD} ratings that are good, 0.8 or more, over 20, 40 and 60 ms.",
+            help=f"Start with {STANDARD} ratings of 0.8 over 20, 40 and 60 ms.",
         )  # fmt: skip
         with st.popover("From a file", icon=":material/upload:"):
             names = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)

@@ -1,4 +1,4 @@
-"""Verdicts on the Certify page: what is asked for, what is known of it, its record, its domain and its files."""
+"""Verdicts on the Certify page, their record, domain and files."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from crashfuse.ui.certify.matrix import matrix_asked
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import Request, Task, said_of
+from crashfuse.ui.kit.computation import Request, said_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
 from crashfuse.ui.kit.results import fill, show_table
@@ -39,13 +39,13 @@ _MANY, _MANY_PX = 3, 620  # criteria whose record scrolls
 _RECORD = {
     "What left-out tests showed": (
         "record",
-        "Predicted and measured values of left-out tests by criterion, with limits",
-        "Lines: 95 % of tests are predicted to lie there. Left: left out alone; right: with its speed group.",
+        "Predicted and measured values of left-out tests by criterion",
+        "Lines: 95 % of tests are predicted there. Left: left out alone; right: with its speed group.",
     ),
     "Are the probabilities right?": (
         "reliability",
         "Share of left-out tests that met a criterion over its probability",
-        "Verdicts in bins of probability, n in each; lines: exact 95 % bounds (Clopper and Pearson).",
+        "Verdicts in bins of probability, n in each; lines: exact 95 % bounds.",
     ),
 }
 
@@ -55,7 +55,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Ver
     address.default("approach", APPROACH, APPROACHES)
     approach = st.session_state["approach"]
     config = replace(chosen_config(), approaches=(approach,), leave_out="test")
-    return Task(
+    return Request(
         ("certification", said_of(campaign), criteria, matrix, approach, config.preset, config.seed, config.device),
         f"{campaign.name}: verdicts on {len(matrix.ids)} planned tests",
         lambda watch: certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch),
@@ -64,7 +64,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Ver
 
 
 def last_verdicts(view: View) -> tuple[Verdicts | None, str]:
-    """Verdicts of what Certify has chosen, if known, else what it takes to know them; nothing is fitted for it."""
+    """Verdicts of what Certify has chosen, if known, else what it takes to know them."""
     try:
         criteria, matrix = criteria_asked(view), matrix_asked(view)
     except CrashfuseError as error:
@@ -105,7 +105,7 @@ class Judgement:
 def show_record(judgement: Judgement) -> None:
     """Show how often verdicts, also earlier ones, were wrong."""
     certification = judgement.certification
-    st.caption("Verdicts on each test from the others, and without all at about its speed, against what was measured.")
+    st.caption("Verdicts on each test from the others, and without its speed group, against what was measured.")
     judgement.show_sentences("record")
     if certification.record.trials:
         with st.expander("Verdicts on left-out tests, by criterion", icon=":material/table:"):
@@ -117,7 +117,7 @@ def show_record(judgement: Judgement) -> None:
     with st.expander("Earlier verdicts", icon=":material/history:", expanded=certification.since is not None):
         _choose_earlier(certification)
         if certification.since is None:
-            st.caption("Tests run since are held against what an earlier certification said.")
+            st.caption("Tests run since are held against earlier verdicts.")
             return
         judgement.show_sentences("changes")
         table = SHOWN["changes"](certification, judgement.display)
@@ -128,7 +128,7 @@ def show_record(judgement: Judgement) -> None:
 
 
 def beside_earlier(verdicts: Verdicts, key: Hashable) -> Verdicts:
-    """The verdicts beside the earlier certification that was chosen; says so if it cannot be read any more."""
+    """The verdicts beside the earlier certification that was chosen, if it can be read."""
     try:
         earlier = find_kept(FILE, _CHOICE, parse_earlier)
         return verdicts if earlier is None else _beside((key, earlier.digest), verdicts, earlier)
@@ -178,8 +178,8 @@ def _keep(certification: Certification) -> None:
     try:
         kept = file_store.keep_certification(certification_json(certification), certification.campaign)
         st.session_state[_KEPT] = (
-            f"Kept on this machine since {kept.date}. SHA-256 {kept.digest}: this number, noted before a test is run, "
-            "shows that the verdicts came first."
+            f"Kept on this machine since {kept.date}. SHA-256 {kept.digest}: noted before a test, it shows that the "
+            "verdicts came first."
         )
     except CrashfuseError as error:
         st.session_state[_WRONG] = error
@@ -195,7 +195,7 @@ def _described(earlier: Earlier) -> str:
 
 def show_domain(judgement: Judgement) -> None:
     """Show where predictions are checked, with the conditions of the matrix in it."""
-    alt = "Speed against mass: the checked region, CAE runs, tests and planned tests"
+    alt = "Speed against mass: the checked region, CAE runs, tests, planned tests"
     judgement.show_figure("domain", alt, "validated_domain")
     st.caption("  \n".join(plain(sentence) for sentence in sentences(judgement.certification, "domain")))
 

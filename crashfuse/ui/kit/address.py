@@ -295,11 +295,6 @@ def forget() -> None:
     st.session_state.pop(REFUSED, None)
 
 
-def choose_one(key: str, label: str, **look: Any) -> None:  # noqa: ANN401 - as Streamlit has it
-    """Let the user choose one of the options of a choice, in a row."""
-    st.segmented_control(label, CHOICES[key].options, required=True, key=key, persist_state="session", **look)
-
-
 def kept_choice(
     key: str, options: Sequence[str], widget: Callable[..., object], label: str, **look: object
 ) -> list[str]:

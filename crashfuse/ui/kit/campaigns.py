@@ -200,7 +200,6 @@ def stamp(path: Path) -> tuple[int, ...]:
 
 
 def _put(folder: Path, opened: dict[str, _Opened], *visitors: str, for_all: bool = False) -> str:
-    """Open a folder under its name, numbered if that is taken."""
     with _opening:
         for name, one in opened.items():
             if one.folder == folder:
@@ -223,7 +222,6 @@ def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001 
 
 
 def _stamp(folder: Path) -> tuple[object, ...]:
-    """Changes whenever a file that can belong to a campaign does."""
     patterns = ("tests.csv", "cae.csv", "campaign.toml", "*_pulses.*", "*_wall.*", "tests/*", "cae/*")
     files = sorted(path for pattern in patterns for path in folder.glob(pattern))
     return tuple((path.name, *stamp(path)) for path in files)

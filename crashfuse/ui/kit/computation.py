@@ -1,7 +1,6 @@
 """Jobs behind the pages: what this server has computed, and how a page requests a computation."""
 
 import threading
-from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
@@ -53,7 +52,6 @@ def _lookups() -> tuple[defaultdict[Hashable, threading.Lock], dict[Hashable, in
 
 @st.cache_resource(show_spinner=False)
 def _folds() -> WeakValueDictionary[Hashable, Fold]:
-    """Folds of all studies in memory."""
     return WeakValueDictionary()
 
 
@@ -62,26 +60,14 @@ def said_of(campaign: Campaign) -> Hashable:
     return campaign.fingerprint, campaign.remarks, tuple(test.statements for test in campaign.tests)
 
 
-class Request(ABC, Generic[T]):
+@dataclass(frozen=True)
+class Request(Generic[T]):
     """A computation that any page can request; identifies one job."""
 
-    @property
-    @abstractmethod
-    def key(self) -> Hashable:
-        """Equal for equal data and equal result-relevant settings, wherever the files are."""
-
-    @property
-    @abstractmethod
-    def title(self) -> str:
-        """Title shown to the user."""
-
-    @abstractmethod
-    def work(self, watch: Watch) -> T:
-        """Compute the result."""
-
-    def in_cache(self) -> bool:
-        """True if the slow part of the result is in the disk cache."""
-        return False
+    key: Hashable  # equal for equal data and equal result-relevant settings, wherever the files are
+    title: str  # shown to the user
+    work: Callable[[Watch], T]
+    in_cache: Callable[[], bool] = lambda: False  # whether the slow part of the result is in the disk cache
 
     def start(self, page: str | None = None) -> None:
         """Queue the job, or join it; the visitor will look for the result on this page or another."""
@@ -117,37 +103,28 @@ class Request(ABC, Generic[T]):
         return None if job is None else job.result
 
 
-@dataclass(frozen=True)
-class StudyRequest(Request[Study]):
-    """Which tests of a campaign to leave out in turn, and with which settings."""
+def study_request(campaign: Campaign, held_out: tuple[str, ...], config: StudyConfig) -> Request[Study]:
+    """Leave tests of a campaign out in turn."""
+    tests = f"test {held_out[0]}" if len(held_out) == 1 else f"each of {len(held_out)} tests in turn"
 
-    campaign: Campaign
-    held_out: tuple[str, ...]
-    config: StudyConfig
-
-    @property
-    def key(self) -> Hashable:  # noqa: D102
-        return "study", said_of(self.campaign), self.held_out, self.config
-
-    @property
-    def title(self) -> str:  # noqa: D102
-        tests = f"test {self.held_out[0]}" if len(self.held_out) == 1 else f"each of {len(self.held_out)} tests in turn"
-        return f"{self.campaign.name}: predict {tests} from the others{_unlike_usual(self.config)}"
-
-    def work(self, watch: Watch) -> Study:  # noqa: D102
-        study = run_study(self.campaign, self.config, held_out=self.held_out, watch=watch, folds=_folds())
+    def work(watch: Watch) -> Study:
+        study = run_study(campaign, config, held_out=held_out, watch=watch, folds=_folds())
         keep(PastResult.of_study(study))
         return study
 
-    def in_cache(self) -> bool:  # noqa: D102
-        return all(self._is_known(way, test_id) for way in self.config.split_configs for test_id in self.held_out)
+    return Request(
+        ("study", said_of(campaign), held_out, config),
+        f"{campaign.name}: predict {tests} from the others{_unlike_usual(config)}",
+        work,
+        lambda: all(_is_fold_known(campaign, way, test_id) for way in config.split_configs for test_id in held_out),
+    )
 
-    def _is_known(self, way: StudyConfig, test_id: str) -> bool:
-        if fold_key(self.campaign, way, test_id) in _folds():
-            return True
-        training, condition = way.training_campaign(self.campaign, test_id), self.campaign.test(test_id).condition
-        cache = Cache()
-        return all(is_estimate_cached(training, condition, name, way, cache) for name in way.approaches)
+
+def _is_fold_known(campaign: Campaign, way: StudyConfig, test_id: str) -> bool:
+    if fold_key(campaign, way, test_id) in _folds():
+        return True
+    training, condition, cache = way.training_campaign(campaign, test_id), campaign.test(test_id).condition, Cache()
+    return all(is_estimate_cached(training, condition, name, way, cache) for name in way.approaches)
 
 
 def _unlike_usual(config: StudyConfig) -> str:
@@ -166,47 +143,33 @@ class Fitted:
         """Their names: while a job fits them, of those that are ready."""
         return tuple(fit.approach.name for fit in self.fits)
 
-    def estimates(self, condition: Condition) -> list[Estimate]:
-        """Each approach's estimate at a condition."""
-        return estimates_at(self.fits, condition)
-
     def models(self, campaign: Campaign) -> bytes:
         """The fitted approaches as a zip; ``crashfuse predict --models`` takes the unpacked folder."""
         return zipped({model_file(fit.approach.name): model_bytes(fit, campaign) for fit in self.fits})
 
 
-@dataclass(frozen=True)
-class FitRequest(Request[Fitted]):
+def fit_request(campaign: Campaign, config: StudyConfig) -> Request[Fitted]:
     """Fit approaches to all tests of a campaign."""
+    names = config.approaches
 
-    campaign: Campaign
-    config: StudyConfig
-
-    @property
-    def key(self) -> Hashable:  # noqa: D102
-        config = self.config
-        return "fit", said_of(self.campaign), config.approaches, config.preset, config.seed, config.device
-
-    @property
-    def title(self) -> str:  # noqa: D102
-        return f"{self.campaign.name}: fit on all {len(self.campaign.tests)} tests{_unlike_usual(self.config)}"
-
-    def work(self, watch: Watch) -> Fitted:  # noqa: D102
-        names = self.config.approaches
+    def work(watch: Watch) -> Fitted:
         early_first = sorted(names, key=lambda name: CLASSES[name].trains_networks)
         fits: dict[str, Fit] = {}
         for name in early_first:
-            fits[name] = Fit.of(self.campaign, name, self.config, watch=watch)
+            fits[name] = Fit.of(campaign, name, config, watch=watch)
             if set(fits) - {BASELINE}:  # the raw CAE model alone answers nothing
                 watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits)))
         fitted = Fitted(tuple(fits[name] for name in names))
-        at_no_test = np.median(self.campaign.cae.vectors, axis=0)  # where nothing is known from earlier
-        fitted.estimates(Condition.of_vector(at_no_test))  # computes what all later answers share
+        at_no_test = np.median(campaign.cae.vectors, axis=0)  # where nothing is known from earlier
+        estimates_at(fitted.fits, Condition.of_vector(at_no_test))  # computes what all later answers share
         return fitted
 
-    def in_cache(self) -> bool:  # noqa: D102
-        cache = Cache()
-        return all(is_cached(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
+    return Request(
+        ("fit", said_of(campaign), names, config.preset, config.seed, config.device),
+        f"{campaign.name}: fit on all {len(campaign.tests)} tests{_unlike_usual(config)}",
+        work,
+        lambda: all(is_cached(config.create(name, Cache()), campaign, Cache()) for name in names),
+    )
 
 
 def answers(key: Hashable, condition: Condition, fitted: Fitted) -> list[Estimate]:
@@ -216,7 +179,7 @@ def answers(key: Hashable, condition: Condition, fitted: Fitted) -> list[Estimat
 
 @st.cache_resource(max_entries=12, show_spinner=False)
 def _answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fits
-    return _fitted.estimates(condition)
+    return estimates_at(_fitted.fits, condition)
 
 
 @st.cache_resource(max_entries=50, show_spinner=False)
@@ -231,44 +194,19 @@ def advised(
     return recommend_for(_estimates, _campaign, condition, window_ms)
 
 
-@dataclass(frozen=True)
-class Task(Request[T]):
-    """A computation of which a page needs the result alone."""
-
-    identity: Hashable
-    name: str
-    compute: Callable[[Watch], T]
-    is_known: Callable[[], bool] = lambda: False
-
-    @property
-    def key(self) -> Hashable:  # noqa: D102
-        return self.identity
-
-    @property
-    def title(self) -> str:  # noqa: D102
-        return self.name
-
-    def work(self, watch: Watch) -> T:  # noqa: D102
-        return self.compute(watch)
-
-    def in_cache(self) -> bool:  # noqa: D102
-        return self.is_known()
-
-
-def sweep_over_speed(request: FitRequest, fitted: Fitted, condition: Condition) -> Request[SpeedSweep]:
-    """Predict over impact speed with approaches fitted to a campaign."""
-    campaign, key = request.campaign, ("sweep", request.key, replace(condition, speed_mps=1.0))
+def sweep_over_speed(campaign: Campaign, key: Hashable, fitted: Fitted, condition: Condition) -> Request[SpeedSweep]:
+    """Predict over impact speed with approaches fitted to a campaign, by the key of these fits."""
 
     def compute(watch: Watch) -> SpeedSweep:
         sweeps = sweep_speed(fitted.fits, condition, usual_speeds(campaign), watch)
         return SpeedSweep(campaign, sweeps, fitted.fits[0].config)
 
-    return Task(key, f"{campaign.name}: predict over speed", compute)
+    return Request(("sweep", key, replace(condition, speed_mps=1.0)), f"{campaign.name}: predict over speed", compute)
 
 
 def learn_curve(campaign: Campaign, config: StudyConfig) -> Request[LearningCurve]:
     """Predict the tests of a campaign from fewer of the others."""
-    return Task(
+    return Request(
         ("learning curve", said_of(campaign), config),
         f"{campaign.name}: predict tests from fewer of the others",
         lambda watch: learning_curve(campaign, config, watch=watch),

@@ -1,4 +1,4 @@
-"""Curves of a figure of pulses: the prediction by one approach with its band, and what is chosen beside it."""
+"""Curves of a figure of pulses: a prediction with its band, and what is chosen beside it."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from contextlib import suppress
@@ -35,16 +35,14 @@ from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config, kept_choice, pinned
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import FitRequest, Request, StudyRequest, answers, jobs
+from crashfuse.ui.kit.computation import Request, answers, fit_request, jobs, study_request
 from crashfuse.ui.kit.progress import patience, result_or_none
 from crashfuse.ui.kit.text import plain
 from crashfuse.wording import read_out
 
 REPRESENTATIVE = "representative"  # stands among the curves for a pulse that looks like a test
 _NEAREST = 3
-_NEAREST_HELP = (
-    f"The {_NEAREST} nearest tests by shares of speed and mass, and any that stands apart near the condition."
-)
+_NEAREST_HELP = f"The {_NEAREST} nearest tests by speed and mass, and any that stands apart near the condition."
 _MOST = 24  # added curves: with the test and the approaches some thirty
 _PIN, _SETTINGS = "at:", "by:"  # begin what stands for them in the address: no id of a test has a colon in it
 _LOOK_AGAIN_S = 60.0  # the command line may have computed more
@@ -94,11 +92,6 @@ class Subject:
     view: View
     condition: Condition
     test: str = ""  # none at a condition
-
-    @classmethod
-    def held_out(cls, view: View) -> "Subject":
-        """The held-out test."""
-        return cls(view, view.held_out.condition, view.held_out.id)
 
     @property
     def page(self) -> str:
@@ -153,26 +146,26 @@ class Subject:
         return tuple(EarlierPrediction(own, config, self.shown) for config, own in found if own is not None)
 
     def offer(self) -> None:
-        """Offer to predict with settings that were chosen, by a link perhaps, or show how far that is."""
+        """Offer to predict with settings that were chosen, or show how far that is."""
         for config in self.wanted:
             if self._estimate(config) is None:
                 words = otherwise(config, self.shown)
                 of = plain(self.test) if self.test else "this condition"
-                then = patience(config, "This takes a minute or two; then it stands beside the others.")
-                lacking = f"The prediction of {of} with {words} is not there yet, or is no longer kept."
+                then = patience(config, "This takes a minute or two.")
+                lacking = f"The prediction of {of} with {words} is not there (any more)."
                 button = " ".join(["Predict", *([of] if self.test else []), "with", words])
                 result_or_none(self._request(config), invitation=f"{lacking} {then}", button=button)
 
     def _request(self, config: StudyConfig) -> Request[Any]:
         campaign = self.view.campaign
-        return StudyRequest(campaign, (self.test,), config) if self.test else FitRequest(campaign, config)
+        return study_request(campaign, (self.test,), config) if self.test else fit_request(campaign, config)
 
     def _estimate(self, config: StudyConfig) -> Estimate | None:
         campaign, approach, estimates = self.view.campaign, self.approach, None
         if not self.test:
             prediction = predicted(campaign, config, self.condition)
             estimates = None if prediction is None else prediction.estimates
-        elif (study := StudyRequest(campaign, (self.test,), config).result) is not None:
+        elif (study := study_request(campaign, (self.test,), config).result) is not None:
             estimates = study.fold(self.test).estimates
         else:  # a study by fewer approaches may have left this one
             key = campaign.fingerprint, jobs().ended
@@ -182,14 +175,14 @@ class Subject:
 
 def predicted(campaign: Campaign, config: StudyConfig, condition: Condition) -> PredictedPulse | None:
     """What is predicted at a condition from all tests with some settings, if it is ready."""
-    request = FitRequest(campaign, config)
+    request = fit_request(campaign, config)
     if (fitted := request.result) is None:
         return None
     return PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config)
 
 
 def choose_approach(subject: Subject, known: Sequence[str], advice: Recommendation | None) -> None:
-    """Let the user choose the approach that the page shows, at first the recommended one."""
+    """Let the user choose an approach, at first the recommended one."""
     usual = by_preference(known)[0] if advice is None else advice.approach
     address.default(subject.chosen_approach, usual, known)
     st.selectbox(
@@ -199,7 +192,7 @@ def choose_approach(subject: Subject, known: Sequence[str], advice: Recommendati
 
 
 def choose_curves(subject: Subject, known: Sequence[str]) -> Shown:
-    """Let the user choose what a figure shows beside the prediction by the chosen approach."""
+    """Let the user choose what a figure shows beside the prediction."""
     approach = subject.approach
     others = [name for name in known if name != approach]
     offered = [TEST, *others] if subject.test else [*others, REPRESENTATIVE]
@@ -208,7 +201,7 @@ def choose_curves(subject: Subject, known: Sequence[str]) -> Shown:
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
         chosen = kept_choice(
             key, offered, st.pills, "Beside the prediction", selection_mode="multi", width="content",
-            format_func=_label, help="The choice stays on this page, and is in the link.",
+            format_func=_label, help="Stays on this page, and is in the link.",
         )  # fmt: skip
         also, missing = _add(subject)
     if st.toggle("Nearest tests", key=f"{subject.page}_nearest", persist_state="session", help=_NEAREST_HELP):
@@ -255,7 +248,7 @@ def _add(subject: Subject) -> tuple[tuple[Further, ...], list[str]]:
     unknown = [name.removeprefix(RUN)[:80] for name in wanted_pulses if name not in {*campaign.test_ids, *offered}]
     missing = [f"Not among the tests in use and the CAE runs: {plain(', '.join(unknown))}."] if unknown else []
     if wanted and not at_pins:
-        missing.append("Pinned predictions are shown once the page Predict has an answer with these settings.")
+        missing.append("Pinned predictions are shown once Predict has an answer with these settings.")
     if wrong := [text for text in subject.settings_asked if _settings_of(text, subject.shown) is None]:
         texts = " or ".join(text.removeprefix(_SETTINGS)[:80] for text in wrong)
         missing.append(f"Not shown: {plain(texts)}. There are no such settings.")
@@ -264,7 +257,6 @@ def _add(subject: Subject) -> tuple[tuple[Further, ...], list[str]]:
 
 
 def _nearest(subject: Subject) -> Sequence[str]:
-    """The nearest tests, and whichever stands apart near the condition."""
     others = subject.view.campaign.without([subject.test] if subject.test else [])
     apart = (departure.test for departure in departures_near(subject.view.campaign, subject.condition))
     near = dict.fromkeys([*(test.id for test in nearest_tests(others, subject.condition, _NEAREST)), *apart])
@@ -291,7 +283,6 @@ def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[st
 def _known_of_test(
     key: Hashable, test_id: str, approach: str, shown: StudyConfig, _campaign: Campaign  # noqa: ARG001
 ) -> Sequence[StudyConfig]:  # fmt: skip
-    """Settings of past results with a prediction of a test."""
     return earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
 
 

@@ -25,14 +25,11 @@ _REFUSED = "edit refused"  # session key
 _KEPT_NOTES = "notes"  # session key: notes by folder, where they cannot be kept in the folder
 _NOTE_REFUSED = "note refused"  # session key: why the last one was not added
 _DELETED_NOTE = "note deleted"  # session key: the folder, and the last one that was
-_LEFT_OUT_HELP = (
-    "A click leaves a test out of use, another uses it again. Nothing learns from it, and it is not rated: `unused` in "
-    "campaign.toml."
-)
+_LEFT_OUT_HELP = "A click leaves a test out of use: nothing learns from it, and it is not rated. Another uses it again."
 
 
 def can_be_edited(folder: Path) -> bool:
-    """True if a campaign folder is the user's own and can be written: not the sample, nor an upload."""
+    """True if a folder can be written, and is neither the sample nor an upload."""
     return not is_ours(folder) and os.access(folder, os.W_OK)
 
 
@@ -45,7 +42,7 @@ def show_last_change(view: View) -> None:
             st.button(
                 "Undo", icon=":material/undo:", on_click=_edit,
                 args=(view, lambda: f"Undone: {undo(view.folder, last).what}"),
-                help=f"{plain(str(last))}. The folder will be what it was before.",
+                help=f"{plain(str(last))}. The folder will be as before.",
             )  # fmt: skip
 
 
@@ -61,7 +58,7 @@ def offer_leaving_out(view: View) -> None:
 
 
 def choose_tests_in_use(view: View) -> None:
-    """Let the tests in use be changed, or offer a copy of the campaign where they can be."""
+    """Let the tests in use be changed, or offer a copy in which they can be."""
     if not can_be_edited(view.folder):
         _offer_copy(view)
         return
@@ -74,7 +71,7 @@ def choose_tests_in_use(view: View) -> None:
 
 
 def show_tests_out_of_use(view: View) -> None:
-    """Ask why tests are left out, offer to take them out of the folder, and show why a change was refused."""
+    """Ask why tests are left out, offer to take them away, and show why a change was refused."""
     if problems := st.session_state.pop(_REFUSED, None):
         show_problems(problems, "Nothing was changed", "The campaign is as it was.", place="edit")
     for test_id, _ in view.campaign.unused if can_be_edited(view.folder) else ():
@@ -83,13 +80,13 @@ def show_tests_out_of_use(view: View) -> None:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
             st.markdown(f":small[{plain(label)}]", width="content")
             st.text_input(
-                label, key=key, max_chars=LONGEST_REASON, on_change=_say_why, args=(view, test_id, key),
-                label_visibility="collapsed", placeholder="no reason given; what you write stands in every report",
+                label, key=key, max_chars=LONGEST_REASON, on_change=_edit,
+                args=(view, lambda test=test_id, key=key: say_why(view.folder, test, st.session_state[key])),
+                label_visibility="collapsed", placeholder="no reason given; it stands in every report",
             )  # fmt: skip
             st.button(
                 f"Take {plain(test_id)} out of the folder", icon=":material/delete:", on_click=_edit,
-                args=(view, partial(remove_tests, view.folder, [test_id])),
-                help="Its row and its pulse leave the folder. Undo brings them back.",
+                args=(view, partial(remove_tests, view.folder, [test_id])), help="With its pulse. Undo brings it back.",
             )  # fmt: skip
 
 
@@ -99,10 +96,6 @@ def _change_use(view: View, used: tuple[str, ...]) -> None:
         _edit(view, lambda: leave_out(view.folder, out))
     if again := sorted(chosen - {*used}):
         _edit(view, lambda: use_again(view.folder, again))
-
-
-def _say_why(view: View, test_id: str, key: str) -> None:
-    _edit(view, lambda: say_why(view.folder, test_id, st.session_state[key]))
 
 
 def _edit(view: View, change_it: Callable[[], str]) -> None:
@@ -119,10 +112,10 @@ def _edit(view: View, change_it: Callable[[], str]) -> None:
 
 def _offer_copy(view: View) -> None:
     with st.popover("Save a copy to edit", icon=":material/content_copy:"):
-        st.markdown("This campaign is not edited: leave tests out of use, or add some, in a copy.")
+        st.markdown("Tests are left out of use, or added, in a copy.")
         st.text_input(
             "Folder of the copy", key=_COPY, persist_state="session", placeholder=str(Path.home() / "my-campaign"),
-            help="On the computer that crashfuse runs on; a new or empty one.",
+            help="A new or empty one on the computer that crashfuse runs on.",
         )  # fmt: skip
         st.button("Save the copy", type="primary", on_click=_save_copy, args=(view,))
 
@@ -178,10 +171,10 @@ def edit_notes(view: View, notes: Sequence[Note]) -> None:
             st.form_submit_button("Add", icon=":material/add:", on_click=_add_note, args=(view,))
         if refused := st.session_state.pop(_NOTE_REFUSED, ""):
             st.warning(plain(refused), icon=":material/warning:")
-        kept = f"They are kept in {FILE} of the campaign folder, for everyone who opens it."
+        kept = f"kept in {FILE} of the campaign folder"
         if not can_be_edited(view.folder):
-            kept = "They last until this tab is closed: this campaign's folder is not written to."
-        st.caption(f"A note with a time is a mark on the figures over time. All go into the report. {kept}")
+            kept = "lost when this tab is closed"
+        st.caption(f"Notes go into the report; one with a time is a mark on the figures over time. They are {kept}.")
 
 
 def _add_note(view: View) -> None:
@@ -196,8 +189,6 @@ def _add_note(view: View) -> None:
 
 
 def _delete_note(view: View, note: Note) -> None:
-    """Delete a note, which can be put back until another is deleted."""
-
     def without(notes: tuple[Note, ...]) -> list[Note]:
         place = notes.index(note) if note in notes else len(notes)  # another reader may have deleted it
         return [*notes[:place], *notes[place + 1 :]]

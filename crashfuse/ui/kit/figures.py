@@ -22,13 +22,6 @@ from crashfuse.ui.kit.files import Caption, caption, export_button
 from crashfuse.ui.kit.navigation import component
 
 _DIGITS = 5  # of the largest value of a curve, on a screen of thousands of pixels
-_BUTTONS = """
-<div class=row>
-<button type="button" data-format="svg" title="Save this figure as SVG: sharp at any size">SVG</button>
-<button type="button" data-format="png" title="Save this figure as PNG: for any document">PNG</button>
-<button type="button" data-format="csv" title="Save the numbers of the curves and bands that are visible">CSV</button>
-</div>
-"""
 _LIGHT = json.dumps({dark: light for light, dark in IN_THE_DARK.items()})
 _CACHED = 200  # figures of up to half a megabyte
 _TOOLS: dict[str, Any] = {"displaylogo": False, "showSendToCloud": False}  # none of those left sends a figure anywhere
@@ -88,7 +81,7 @@ def offer_files(figure: go.Figure, caption: Caption, key: str) -> None:
     if asked:
         table = figure_table(figure, [int(place) for place in asked["hidden"]])
         data |= {"at": asked["at"], "csv": csv_bytes(table).decode()}
-    tools = component("figure_tools", html=_BUTTONS, css="buttons.css", LIGHT=_LIGHT)
+    tools = component("figure_tools", css="buttons.css", LIGHT=_LIGHT)
     tools(data=data, key=key, on_csv_change=lambda: None)
 
 

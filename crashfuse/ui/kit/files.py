@@ -37,23 +37,23 @@ _QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "earlier
 _OF_TEST = ("train", "compare")  # pages whose figures are of the held-out test
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
-    "certification.csv": "Every verdict, a row each.",
-    "track_record.csv": "Verdicts on left-out tests beside what they measured.",
-    "changes.csv": "Verdicts beside the earlier ones, and tests run since.",
-    "criteria.toml": "The criteria as judged, for the campaign folder.",
-    "matrix.csv": "The conditions as judged, for the campaign folder.",
-    "certification.json": "The whole certification, to hold a later one against it.",
-    "comparison.csv": "The ratings of both studies, and their differences.",
-    "learning_curve.csv": "Mean ratings by number of tests, with their errors.",
-    "metrics.csv": "The pulse metrics with their 95 % intervals.",
-    "models.zip": "The fitted approaches: unpack it for crashfuse predict --models.",
-    "next_tests.csv": "Every candidate, with what it would gain.",
-    "pulses.csv": "Predicted pulses over time, with both bands.",
-    "pulses.parquet": "As pulses.csv, for programs that read Parquet.",
-    "scores.csv": "Ratings and their scores by test, approach and window.",
-    "side_by_side.csv": "The metrics of this prediction and those beside it.",
-    "speed_groups.csv": "As scores.csv, with all tests at about the speed left out.",
-    "sweep.csv": "The pulse metrics over speed, with 95 % intervals.",
+    "certification.csv": "Every verdict.",
+    "track_record.csv": "Verdicts on left-out tests, and what they measured.",
+    "changes.csv": "Earlier verdicts, and tests run since.",
+    "criteria.toml": "The criteria, for the campaign folder.",
+    "matrix.csv": "The planned tests, for the campaign folder.",
+    "certification.json": "All of it, to hold a later one against it.",
+    "comparison.csv": "Ratings of both studies.",
+    "learning_curve.csv": "Mean ratings by number of tests.",
+    "metrics.csv": "Pulse metrics with 95 % intervals.",
+    "models.zip": "Unpack it for crashfuse predict --models.",
+    "next_tests.csv": "Every candidate and its gain.",
+    "pulses.csv": "Predicted pulses with both bands.",
+    "pulses.parquet": "As pulses.csv.",
+    "scores.csv": "Ratings by test, approach and window.",
+    "side_by_side.csv": "Metrics of this prediction and others.",
+    "speed_groups.csv": "As scores.csv, with speed groups left out.",
+    "sweep.csv": "Pulse metrics over speed.",
 }
 _PULSE_LABELS = {name: SOLVERS[name].label if name in SOLVERS else "ISO-MME" for name in PULSE_FORMATS}
 
@@ -67,7 +67,7 @@ class Caption(NamedTuple):
 
 
 def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Caption:
-    """The caption of a figure on the open page, named by what is ``drawn``, else the alternative text."""
+    """The caption of a figure, named by what is ``drawn``, else the alternative text."""
     page, title, state = address.here().page, alt.partition(";")[0], st.session_state
     names, details = [drawn or title], list[str]()
     if (page == "data" and state.get("import")) or not state.get("campaign"):  # of any campaign, or of none
@@ -104,7 +104,7 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
 
 
 def unusual_settings() -> list[str]:
-    """In what the settings of the open page differ from the usual ones, for names of files."""
+    """How the settings of the open page differ from the usual ones, for names of files."""
     page, config, usual = address.here().page, chosen_config(), StudyConfig()
     if page not in _WITH_SETTINGS:
         return []
@@ -135,7 +135,7 @@ def _left_out(page: str) -> list[str]:
 
 
 def export_button(show: Callable[[], None]) -> None:
-    """Button that opens a dialog in which ``show`` draws what can be downloaded; it outlasts a redrawn page."""
+    """Button of a dialog, in which ``show`` draws what can be downloaded; it outlasts a redrawn page."""
     place, state = address.here(), st.session_state
 
     def show_and_listen() -> None:
@@ -150,7 +150,7 @@ def export_button(show: Callable[[], None]) -> None:
 
 
 def download_table(name: str, table: Callable[[], pd.DataFrame], of: str = "") -> None:
-    """Button that downloads a CSV as the command line writes it; before its name stands what it is ``of``."""
+    """Button that downloads a CSV as the command line writes it; its name begins with what it is ``of``."""
     download_bytes(name, lambda: csv_bytes(table()), of, mime="text/csv")
 
 
@@ -158,7 +158,7 @@ def download_report(write: Callable[[], str], of: str, name: str = "report.html"
     """Buttons that download a report and, if that can be, its figures as slides."""
     st.download_button(
         name, lambda: write().encode(), file_name=_named(name, of), mime="text/html", icon=":material/description:",
-        on_click="ignore", help="One file, opens without a network, prints on paper.",
+        on_click="ignore", help="One file, opens without a network.",
     )  # fmt: skip
     if not missing_for(("pptx",)):
         slides = f"{name.removesuffix('.html')}.pptx"
@@ -167,7 +167,7 @@ def download_report(write: Callable[[], str], of: str, name: str = "report.html"
 
 def download_bytes(name: str, write: Callable[[], bytes], of: str = "", mime: str | None = None) -> None:
     """Button that downloads a file of any kind, and says what a known one holds."""
-    slides = "The answer, then the figures of the report, one a slide." if name.endswith(".pptx") else None
+    slides = "The answer, then one figure a slide." if name.endswith(".pptx") else None
     st.download_button(
         name, write, file_name=_named(name, of), mime=mime, icon=":material/download:", on_click="ignore",
         help=_HOLDS.get(name, slides),
@@ -191,15 +191,14 @@ def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report, and which tests it shows one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
         form = choose_form(
-            "the recommendation, all ratings and the test that was predicted worst",
-            "the paper's tables 3 and 5, each test, the data, the method and its settings",
+            "the recommendation, all ratings and the worst test",
+            "each test, the data, the method and its settings",
         )
         shown: Sequence[str] = ()
         if len(tests) > 1:
             shown = st.multiselect(
                 "Tests shown one by one", tests, key=f"report tests of {view.name}", persist_state="session",
-                placeholder="all tests" if form == "whole" else "the worst",
-                help="Means are over all tests, whichever are shown.",
+                placeholder="all tests" if form == "whole" else "the worst", help="Means are over all tests.",
             )  # fmt: skip
     return ReportOptions(form, tuple(test for test in tests if test in shown), notes_of(view))
 
@@ -209,7 +208,7 @@ def offer_pulses(
 ) -> None:
     """Ask which pulses go out and how; remarks go into the files."""
     with st.expander("Pulse for an occupant model", icon=":material/airline_seat_recline_normal:"):
-        st.markdown("The expected pulse, a representative one, and whole draws, a file each.")
+        st.markdown("The expected pulse, a representative one, and draws: a file each.")
         form: PulseFormat = st.segmented_control(
             "Format", PULSE_FORMATS[1:] + PULSE_FORMATS[:1], default="lsdyna", required=True,
             format_func=_PULSE_LABELS.__getitem__, key="export format", persist_state="session",
@@ -225,7 +224,7 @@ def offer_pulses(
         if (drawn := estimate.prediction.draws_mps2) is not None:
             draws = right.number_input(
                 "Draws", 0, len(drawn), 0, key=f"export draws of {len(drawn)}", persist_state="session",
-                help="Pulses drawn from the band, all equally likely: how much of the band reaches the occupant?",
+                help="Pulses drawn from the band, all equally likely.",
             )  # fmt: skip
         try:
             location, curve = (_location(), None) if form == "isomme" else (LOCATION, _curve())
@@ -240,7 +239,7 @@ def offer_pulses(
 def _location() -> str:
     return st.text_input(
         "Location code", LOCATION, max_chars=12, key="export location", persist_state="session",
-        help="The first 12 characters of the channel codes: test object, position, main and fine locations.",
+        help="The first 12 characters of the channel codes.",
     ).upper()  # fmt: skip
 
 
@@ -256,7 +255,7 @@ def _curve() -> SolverCurve:
     )  # fmt: skip
     number = right.number_input(
         "Curve id", 1, MOST_ID, 1, key="export id", persist_state="session",
-        help="Of the first curve; the others count on from it.",
+        help="Of the first curve; the others count on.",
     )  # fmt: skip
     left, middle, _ = st.columns(3)
     start_ms = left.number_input(

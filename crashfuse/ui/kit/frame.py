@@ -1,4 +1,4 @@
-"""Frame of every page: set-up, the sidebar's choices, the settings, and the notice that a campaign is synthetic."""
+"""Frame of every page: set-up, the sidebar, the settings, and the line above."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -49,14 +49,12 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
     left, right = st.columns(2, gap="large")
     left.radio(
         "Settings", PRESETS, format_func={"fast": "Fast", "paper": "Paper"}.__getitem__, key="preset",
-        captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023), for comparison."],
-        persist_state="session",
+        captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023)."], persist_state="session",
     )  # fmt: skip
     with right.expander("Advanced", icon=":material/tune:"):
         st.number_input(  # without bounds, within which a browser would keep the last one and say nothing to the page
-            "Seed", step=1, key="seed", persist_state="session",
-            help="Of all random numbers. The same seed gives the same results.",
-        )  # fmt: skip
+            "Seed", step=1, key="seed", persist_state="session", help="The same seed gives the same results."
+        )
         if leaving_out:
             choose_left_out("train")
         from torch import cuda  # imported while the first pages are read
@@ -65,7 +63,7 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
             "Networks are trained on",
             DEVICES if cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu"),
             format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
-            key="device", persist_state="session", help="Results of different devices differ in their last digits.",
+            key="device", persist_state="session", help="Results differ in their last digits.",
         )  # fmt: skip
     config = chosen_config()
     if config.preset == "paper":
@@ -87,13 +85,12 @@ def choose_left_out(page: str) -> None:
         "Left out", address.CHOICES["leave_out"].options, required=True,
         format_func={"test": "The test", "speed group": "All at its speed"}.__getitem__, key=shown,
         persist_state="session", on_change=lambda: state.update(leave_out=state[shown]),
-        help="Without any test at about its speed: the harder question. Tests "
-        f"less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart are at about one speed.",
+        help=f"At one speed: less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart.",
     )  # fmt: skip
 
 
 def sidebar(page: str) -> View | Sequence[Problem]:
-    """Show links to the pages and the choices that act on the open one; returns these, or what is wrong."""
+    """Show links to the pages, and the choices on the open one; returns these, or what is wrong."""
     opened: View | Sequence[Problem] = ()
     state = st.session_state
     with st.sidebar:
@@ -102,8 +99,7 @@ def sidebar(page: str) -> View | Sequence[Problem]:
         if state["campaign"] in names:
             state.pop(ASKED, None)  # by Forward, or opened elsewhere: the address is written again
         elif state["campaign"] is not None:
-            _note("You have not opened the campaign {} of this link. Open its folder, or upload it, on the page Data; "
-                  "the link then shows what it stands for.", state["campaign"])  # fmt: skip
+            _note("You have not opened the campaign {} of this link. Do so on the page Data.", state["campaign"])
             state[ASKED], state["campaign"] = state["campaign"], None
         if state["campaign"] is None and ASKED not in state:
             state["campaign"] = campaigns.at_start()
@@ -157,7 +153,7 @@ def _choose_window() -> None:
     st.selectbox(
         "Rated time window", sorted({*WINDOWS_MS, shown}), format_func=lambda ms: f"0–{ms:g} ms", key="window",
         accept_new_options=True, on_change=_take_window, args=(shown,), persist_state="session",
-        help="Type any other from 10 to 100 ms.",
+        help="Type any from 10 to 100 ms.",
     )  # fmt: skip
 
 
@@ -185,14 +181,15 @@ def _choose_units(page: str) -> None:
     with st.container(gap=None, key="units"):
         st.markdown(
             f":small[Units{', sign of braking' if address.acts('sign', page) else ''}]",
-            help="Kept for you; files have their own. SAE J1733: braking is negative.",
+            help="Files have their own. SAE J1733: braking is negative.",
         )
         with st.container(horizontal=True, gap="xxsmall"):
             for key, (label, words) in labels.items():
                 if address.acts(key, page):
-                    address.choose_one(
-                        key, label, format_func=words.__getitem__, label_visibility="collapsed", width="content",
-                        on_change=keep, args=(key,),
+                    st.segmented_control(
+                        label, address.CHOICES[key].options, required=True, key=key, persist_state="session",
+                        format_func=words.__getitem__, label_visibility="collapsed", width="content", on_change=keep,
+                        args=(key,),
                     )  # fmt: skip
 
 
@@ -211,7 +208,7 @@ def _choose_held_out(tests: Mapping[str, CrashTest], *, was_drawn: bool) -> None
     st.selectbox(
         "Held-out test", list(tests), key=shown, on_change=lambda: choose_held_out(tests[state[shown]]),
         format_func=lambda test_id: f"{test_id} · {said(speed(tests[test_id].condition.speed_mps), units)}",
-        help="The test to be predicted. Nothing that predicts it sees its pulse.",
+        help="Nothing that predicts it sees its pulse.",
     )  # fmt: skip
 
 
@@ -227,7 +224,6 @@ def _turn_to_campaign() -> None:
 
 
 def _keep_up(shown: address.Place) -> None:
-    """Update what changes without a click."""
     if not shown.is_here:
         st.rerun()
     show_running()
@@ -257,7 +253,7 @@ def route(page: Page) -> None:
 
 @st.fragment
 def by_itself(show: Callable[[], None]) -> None:
-    """Show the rest of a page, so that a choice made in it is answered without all that stands around it."""
+    """Show the rest of a page, which is then redrawn without what stands around it."""
     address.publish()
     with st.container(key="alone"):
         show()
@@ -279,33 +275,25 @@ def enter() -> View | None:
     return None
 
 
-def enter_with_campaign(
-    title: str, detail: Callable[[View], str] | None = None, *, by_group: Callable[[View], bool] | None = None
-) -> View:
-    """Start a page that needs a campaign; without one, say what to do and stop.
-
-    A page with results gives what they are of as a ``detail``, beside which their settings stand, and may say whether
-    tests are left out ``by_group``.
-    """
+def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None) -> View:
+    """Start a page that needs a campaign; one with results gives what they are of as a ``detail``."""
     view = enter()
     if view is None:
         st.title(title)
-        st.markdown("No campaign is open yet. Open one on the page **Data**, or look around with the sample.")
+        st.markdown("No campaign is open yet. Open one on **Data**, or look around with the sample.")
         offer_sample()
         show_link("data", "Open a campaign of your own", ":material/folder_open:")
         end_page()
     row = show_title(title)
     if detail is None:
         return view
-    chosen = address.acts("leave_out", address.here().page) and st.session_state["leave_out"] == "speed group"
-    grouped = chosen if by_group is None else by_group(view)
     config = chosen_config()
     colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
     label = f"{config.preset.capitalize()} settings, seed {config.seed}"
     with row:
         st.subheader(detail(view), width="content", anchor=False)
         st.badge(label, color=colour, help="As chosen on the page Train.")
-        if grouped:
+        if address.acts("leave_out", address.here().page) and config.leave_out == "speed group":
             st.badge("All at its speed left out", color="orange")
     seed, seeds = st.session_state.get("seed", 0), address.CHOICES["seed"].options
     if seed not in seeds:
@@ -316,7 +304,7 @@ def enter_with_campaign(
 
 
 def show_title(title: str) -> DeltaGenerator:
-    """Show the title of a page; what is drawn within what is returned stands beside it."""
+    """Show the title of a page; what is returned stands in its row."""
     if lost := _not_kept():
         st.warning(plain(lost), icon=":material/save:")
     row = st.container(horizontal=True, vertical_alignment="center", key="head")
@@ -325,7 +313,7 @@ def show_title(title: str) -> DeltaGenerator:
 
 
 class _AnswerLine:
-    """The line above every page, outside of it, so that the browser keeps it: what is known of the campaign."""
+    """The line above every page, outside of it: what is known of the campaign."""
 
     def __init__(self, view: View) -> None:
         self.view = view
@@ -340,7 +328,7 @@ class _AnswerLine:
 
         view = self.view
         verdicts, told = last_verdicts(view)
-        meaning = "Certify tells which planned tests need not be run."
+        meaning = "Which planned tests need not be run?"
         if verdicts is not None:
             n, of = verdicts.certification.saved
             told = f"{n:,} of {counted(of, 'planned test')} need not be run"
@@ -365,7 +353,6 @@ class _AnswerLine:
 
 
 def _open_with(page: str, chosen: Mapping[str, str]) -> None:
-    """Open a page where this is chosen; a callback."""
     st.session_state.update(chosen, opening=None)
     forget()
     open_next(page)
@@ -381,13 +368,13 @@ def _not_kept() -> str:
             return ""
     except OSError as error:
         return (
-            f"Results are lost when the server ends: {folder} cannot be written ({error.strerror or error}). Make the "
-            "folder writable, or name another by CRASHFUSE_CACHE."
+            f"Results are lost when the server ends: {folder} cannot be written ({error.strerror or error}). Name "
+            "another by CRASHFUSE_CACHE."
         )
 
 
 def offer_sample() -> None:
-    """Show the one button that a newcomer needs: load the sample."""
+    """Offer to load the sample."""
     st.button(
         "Load the sample campaign", type="primary", icon=":material/play_arrow:", on_click=choose_campaign,
         args=(campaigns.SAMPLE,),

@@ -114,10 +114,12 @@ def watch_browser() -> None:
 
 
 @cache
-def component(name: str, html: str = "", css: str = "", **values: str) -> ComponentRenderer:
-    """What the browser does, by the script of this name in ``browser/``; ``values`` stand in it for $NAME."""
+def component(name: str, css: str = "", **values: str) -> ComponentRenderer:
+    """What the browser does and shows, by the files of this name in ``browser/``; ``values`` stand for $NAME."""
     script = (_BROWSER / f"{name}.js").read_text(encoding="utf-8")
     for key, value in values.items():
         script = script.replace(f"${key}", value)
     style = (_BROWSER / css).read_text(encoding="utf-8") if css else None
-    return st.components.v2.component(f"crashfuse_{name}", html=html or None, css=style, js=script)
+    page = _BROWSER / f"{name}.html"
+    html = page.read_text(encoding="utf-8") if page.is_file() else None
+    return st.components.v2.component(f"crashfuse_{name}", html=html, css=style, js=script)

@@ -24,7 +24,7 @@ _WAITED_FOR, _ENDED = "waited for", "ended"  # session keys: jobs that run for t
 
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
-    """The result of a request, or what is known of it so far; until then the page shows how to get it and stops."""
+    """The result of a request, or what is known of it; until then the page shows how to get it and stops."""
     result = result_or_none(request, invitation=invitation, button=button)
     if result is None:
         end_page()
@@ -48,12 +48,11 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
 
 
 def stop_with_a_single_test(campaign: Campaign) -> None:
-    """If there is only one test, end a page that leaves tests out, with an explanation."""
+    """End a page that leaves tests out if there is only one."""
     if len(campaign.tests) > 1:
         return
     st.info(
-        f"{plain(campaign.test_ids[0])} is the only test of this campaign: left out, it would leave nothing to learn "
-        "from. How well Predict predicts can be checked with a second test.",
+        f"{plain(campaign.test_ids[0])} is the only test of this campaign: without it there is nothing to learn from.",
         icon=":material/looks_one:",
     )
     show_link("predict", "Predict another condition")
@@ -65,11 +64,11 @@ def show_end(job: Job[Any]) -> None:
     if job.state == "failed":
         st.error(plain(job.message), icon=":material/error:")
     elif job.state == "cancelled":
-        st.warning("Cancelled. What was finished is kept; starting again continues there.", icon=":material/cancel:")
+        st.warning("Cancelled. What was finished is kept.", icon=":material/cancel:")
 
 
 def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in_full: bool = True) -> None:
-    """Show the progress of a job; the page is redrawn once it ends, or more is known than was ``shown``."""
+    """Show the progress of a job; the page is redrawn once more is known than was ``shown``."""
     every_s = _OFTEN_S if shown is None else _SELDOM_S
     st.fragment(_show_job, run_every=every_s)(job, shown, since, in_full=in_full)
 
@@ -91,7 +90,7 @@ def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> N
             else:
                 st.button(
                     "I want it, too", icon=":material/add:", on_click=job.join, args=(me,), key=f"join {id(job)}",
-                    help="It then goes on for you if the other cancels it.",
+                    help="It goes on if the other cancels it.",
                 )  # fmt: skip
         if job.cancelling:
             st.caption("Stopping at the next opportunity …")
@@ -127,7 +126,7 @@ def title_of(job: Job[Any]) -> str:
 
 def patience(config: StudyConfig, usually: str) -> str:
     """Typical duration of a computation, adjusted if the settings are the paper's."""
-    return usually if config.preset == "fast" else "With the paper's settings this takes many hours without a GPU."
+    return usually if config.preset == "fast" else "The paper's settings take many hours without a GPU."
 
 
 def show_training(config: StudyConfig, ready: Collection[str]) -> None:

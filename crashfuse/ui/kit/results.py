@@ -1,4 +1,4 @@
-"""What pages show of results: tables, problems in data, recommendation, notes; the numbers come from the library."""
+"""What pages show of results: tables, problems in data, recommendation, notes."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -33,7 +33,6 @@ from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import advice_on_page, as_read, chosen_units, plain
 from crashfuse.wording import UnitSystem
 
-_COPY = '<button type="button" title="Copy this table for a spreadsheet">Copy</button>'
 _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| %| of \d+)?|–|)( \[.*\]| \(.*\))?")
 """A cell with a number, perhaps with its interval or a remark, or without one."""
 _GRADED = re.compile(rf"\d\.\d+ ({'|'.join(GRADE_COLOURS)})")
@@ -42,10 +41,10 @@ TEST_COLUMN = "Test"  # heading of what was measured, beside the approaches
 
 
 def show_table(table: Styler | pd.DataFrame, key: str, remark: str = "", meanings: Sequence[str] = ()) -> None:
-    """Show a table with a button that copies it, a remark, and what its rows mean as tooltips; the key is unique."""
+    """Show a table with a button that copies it, a remark, and what its rows mean as tooltips."""
     styler = aligned(table if isinstance(table, Styler) else literal(table))
     st.table(styler, border="horizontal")
-    copy = component("copy_table", html=_COPY, css="buttons.css")
+    copy = component("copy_table", css="buttons.css")
     text = spreadsheet_text(styler.data.rename(columns=as_read))
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         copy(data={"text": text, "meanings": list(meanings)}, key=f"copy {key}", width="content")
@@ -93,7 +92,7 @@ def _literally(cell: object) -> object:
 
 
 def problem_table(problems: Sequence[Problem], *, merged: bool = False) -> pd.DataFrame:
-    """One row of text per problem, or per run of neighbours that differ only in their row, as in rows 2–21."""
+    """One row per problem, or per run of neighbours that differ only in their row, as in 2–21."""
     runs = groupby(problems, key=lambda problem: replace(problem, row=None) if merged else id(problem))
     table = []
     for first, *others in (tuple(run) for _, run in runs):
@@ -189,7 +188,7 @@ def ratings_table(
     repeats: Mapping[float, Repeatability],
     draws: Mapping[str, tuple[float, float]],
 ) -> Styler:
-    """Ratings by prediction and window, parts and single draws over one window; last, what a repeat would rate."""
+    """Ratings by prediction and window, parts and draws over one window; last, a repeat."""
     table = pd.DataFrame(
         {
             "Approach": LABELS.get(name, name),
@@ -208,7 +207,7 @@ def ratings_table(
 def metrics_tables(
     columns: Sequence[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display
 ) -> tuple[Styler, Styler]:
-    """Pulse metrics, the main ones and the others; coloured where an interval does not hold what the test measured."""
+    """Pulse metrics, the main ones and the others; coloured where an interval misses the test."""
     headings = campaign.metric_headings
     table = pd.DataFrame({"Pulse metric": {name: display.heading(label) for name, label in headings.items()}})
     css = pd.DataFrame("", list(headings), ["Pulse metric", *dict(columns)])
@@ -273,9 +272,9 @@ def grade_chip(grade: str) -> str:
 
 
 def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) -> None:
-    """Show the main pulse metrics by column, the test or an approach, and what each of them means."""
+    """Show the main pulse metrics of the test and of approaches."""
     missed = " Coloured: the test lies outside." if missed_by(columns) else ""
-    remark = f"Values: what a test shows in the middle. Brackets: 95 of 100 tests lie inside.{missed}"
+    remark = f"Values: the middle of what tests show. Brackets: 95 of 100 lie inside.{missed}"
     main, _ = metrics_tables(columns, view.campaign, view.display)
     show_table(main, "metrics", remark, [glossary.METRICS[name] for name in MAIN_METRICS])
 
@@ -287,8 +286,8 @@ def show_details(
     said: Collection[str],
     remarks: Sequence[str] = (),
 ) -> None:
-    """Show, folded, what few readers need, but those all of it; notes already ``said`` on the page are left out."""
-    with st.expander("More: equivalent pulses, loading, rebound; notes; how the fits went", icon=":material/notes:"):
+    """Show, folded, what few readers need; notes already ``said`` on the page are left out."""
+    with st.expander("More: equivalent pulses, loading, rebound; notes; fits", icon=":material/notes:"):
         show_table(metrics_tables(columns, view.campaign, view.display)[1], "more metrics")
         st.caption(glossary.PULSE_SHAPE)
         main, more = metric_remarks(columns)

@@ -222,7 +222,6 @@ def note_use(folder: Path) -> None:
 
 
 def _make_room() -> None:
-    """Delete the uploads that nobody has looked at for longest."""
     uploads = sorted((folder.stat().st_mtime, folder) for folder in _scratch().iterdir())
     sizes = {folder: sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) for _, folder in uploads}
     excess = sum(sizes.values()) - _MOST_BYTES
@@ -239,7 +238,6 @@ def _make_room() -> None:
 
 @st.cache_resource
 def _opened() -> dict[tuple[str, str], str]:
-    """Names of uploaded campaigns by visitor and content."""
     return {}
 
 

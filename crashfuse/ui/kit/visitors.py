@@ -116,7 +116,7 @@ def short_key() -> str:
 
 
 def begin_log() -> None:
-    """Let the lines, warnings and unforeseen errors go to the file or to standard error."""
+    """Let lines, warnings and errors go to the file, else to standard error."""
     file = os.environ.get(LOG)
     handler = logging.FileHandler(file, encoding="utf-8") if file else logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter(_LINE, "%Y-%m-%dT%H:%M:%S%z"))

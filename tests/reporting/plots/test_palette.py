@@ -22,12 +22,16 @@ LINE, TEXT = 3.0, 4.5  # WCAG 2.1, 1.4.11 and 1.4.3
 LIGHT, DARK = palette.PAPER, palette.IN_THE_DARK[palette.PAPER]
 
 
+def linear(colour: str) -> FloatArray:
+    """Shares of red, green and blue light."""
+    parts = [int(colour[i : i + 2], 16) for i in (1, 3, 5)] if colour[0] == "#" else colour[4:-1].split(",")
+    shares = np.array([int(part) / 255 for part in parts])
+    return np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+
+
 def luminance(colour: str) -> float:
     """Relative luminance (WCAG 2.1)."""
-    parts = [int(colour[i : i + 2], 16) for i in (1, 3, 5)] if colour[0] == "#" else colour[4:-1].split(",")
-    shares = [int(part) / 255 for part in parts]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares]
-    return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
+    return float(linear(colour) @ [0.2126, 0.7152, 0.0722])
 
 
 SIGHTS = (  # Machado, Oliveira & Fernandes (2009): usual, without red, without green
@@ -49,9 +53,8 @@ _LAB = [
 
 def seen(colours: Sequence[str], sight: FloatArray) -> FloatArray:
     """Colours in OKLab as an eye sees them."""
-    parts = np.array([[int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] for colour in colours])
-    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
-    return np.asarray(np.cbrt(np.clip(linear @ sight.T, 0, 1) @ np.transpose(_CONES)) @ np.transpose(_LAB))
+    light = np.clip(np.array([linear(colour) for colour in colours]) @ sight.T, 0, 1)
+    return np.asarray(np.cbrt(light @ np.transpose(_CONES)) @ np.transpose(_LAB))
 
 
 def contrast(colour: str, ground: str) -> float:
