@@ -182,6 +182,11 @@ class VehicleArchive:
 
     def save(self, path: str | Path) -> None:
         """Write it to a ``.cfa`` file."""
+        write_atomically(Path(path), self.content)
+
+    @property
+    def content(self) -> bytes:
+        """The content of its file."""
         priors = [self.whole, *self.without]
         arrays = {f"{n} {name}": array for n, prior in enumerate(priors) for name, array in prior.arrays.items()}
         record = {
@@ -190,7 +195,7 @@ class VehicleArchive:
             "record": self.record.to_dict("list"),
             "seed": self.seed,
         }
-        write_atomically(Path(path), tensor_bytes(record, arrays))
+        return tensor_bytes(record, arrays)
 
 
 def load_archive(path: str | Path) -> VehicleArchive:
