@@ -2,7 +2,7 @@
 
 import shutil
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -12,7 +12,7 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.progress import Watch
 from crashfuse.vehicle_archive import VehicleArchive, load_archive
 from tests.archives import made_archive
-from tests.ui.conftest import Session, Visit
+from tests.ui.conftest import SOON, Session, Visit
 
 LEARN = "Learn an archive"
 
@@ -73,30 +73,39 @@ def choose(session: Session) -> Session:
     return session.run()
 
 
+@pytest.fixture
+def going_on() -> Iterator[threading.Barrier]:
+    """Where learning waits for the test twice: once it has begun, and before it ends."""
+    barrier = threading.Barrier(2)
+    yield barrier
+    barrier.abort()
+
+
 def test_an_archive_is_learned_from_open_campaigns(
-    three: Session, open_campaign: Path, monkeypatch: pytest.MonkeyPatch
+    three: Session, open_campaign: Path, going_on: threading.Barrier, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A job with progress that ends; what it learned is a file, and can be used here, where it is without this one."""
-    ended = threading.Event()
+    """A job with progress; what it learned is a file, and can be used here, where it is without this campaign."""
 
     def learn(campaigns: Sequence[Campaign], *, seed: int, watch: Watch) -> VehicleArchive:
         assert (seed, [campaign.name for campaign in campaigns]) == (0, ["campaign", "van", "coupe"])
-        while not ended.wait(0.01):
-            watch.report("Tuning of the pre-trained network", 1, 4)
+        watch.report("Tuning of the pre-trained network", 1, 4)
+        going_on.wait(SOON)
+        going_on.wait(SOON)
         return made_archive(campaigns[0])
 
     monkeypatch.setattr("crashfuse.study.archive_learning.learn_archive", learn)
     assert "Choose 3 or more of the 4 that are open" in three.words
     assert LEARN not in three.buttons
     choose(three).press(LEARN)
-    assert "Tuning of the pre-trained network" in three.words
+    going_on.wait(SOON)
+    assert "Tuning of the pre-trained network" in three.run().words
     assert "Cancel" in three.buttons
-    ended.set()
+    going_on.wait(SOON)
     assert three.finish().downloads == ["archive.cfa"]
     three.press("Use it for this campaign")
     assert "campaign, which this is, was taken out of it" in three.words
     assert three.downloads == ["archive.cfa"]  # what was learned is still there
-    assert [vehicle.name for vehicle in load_archive(open_campaign / "archive.cfa").vehicles][-1] == "campaign"
+    assert load_archive(open_campaign / "archive.cfa").vehicles[-1].name == "campaign"
 
 
 def test_campaigns_that_nothing_is_learned_from_are_one_sentence(
