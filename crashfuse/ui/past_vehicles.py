@@ -22,14 +22,14 @@ from crashfuse.ui.kit.text import plain
 from crashfuse.vehicle_archive import LEAST_VEHICLES, load_archive
 
 _CHOSEN = "past vehicles"  # widget key
-_RECORD = "Its own record: each vehicle left out, and predicted with the others and without them."
 
 
 def show_past_vehicles(view: View) -> None:
     """Show the archive that teaches the campaign; let it be taken out, another be put in, or one be learned."""
-    prior, editable = view.campaign.prior, can_be_edited(view.folder)
-    used = f": archive of {len(prior.vehicles)} vehicles" if prior else ""
-    with st.expander(f"Past vehicles{used}", icon=":material/inventory_2:", expanded=prior is not None):
+    prior, editable, state = view.campaign.prior, can_be_edited(view.folder), st.session_state
+    wanted = f"past vehicles of {view.name}"  # once in use, or being learned: it is not folded under the mouse
+    state[wanted] = state.get(wanted, False) or prior is not None or bool(state.get(_CHOSEN))
+    with st.expander("Past vehicles", icon=":material/inventory_2:", expanded=state[wanted]):
         show_refused()
         if prior is not None:
             st.markdown(plain(prior.sentence))
@@ -70,13 +70,15 @@ def _learn(view: View, *, editable: bool) -> None:
         "**Learn an archive** from three or more campaigns with four tests or more each. Five take some 20 minutes on "
         "two cores; what is finished is kept."
     )
-    known = list(campaigns.open_campaigns())
+    known, state = list(campaigns.open_campaigns()), st.session_state
+    if not {*state.get(_CHOSEN, [])} <= {*known}:  # an upload was closed
+        state[_CHOSEN] = [name for name in state[_CHOSEN] if name in known]
     chosen = st.multiselect(
         "Campaigns to learn from", known, key=_CHOSEN, format_func=campaigns.label, persist_state="session",
         help="Of vehicles with like CAE models. If this campaign is among them, it is taken out where it is judged.",
     )  # fmt: skip
     if len(chosen) < LEAST_VEHICLES:
-        st.caption(f":material/info: Choose {LEAST_VEHICLES} or more of the {len(known)} that are open.")
+        st.caption(f":material/info: Choose {LEAST_VEHICLES} or more; {len(known)} are open.")
         show_link("data", "Open another campaign")
         return
     try:
@@ -99,8 +101,9 @@ def _learn(view: View, *, editable: bool) -> None:
 
 
 def _show_record(sentence: str, table: pd.DataFrame, key: str) -> None:
-    st.markdown(f"{_RECORD} {plain(sentence)}")
-    show_table(table, key)
+    st.markdown(plain(sentence))
+    with st.expander("Its record, vehicle by vehicle", icon=":material/table:"):
+        show_table(table, key)
 
 
 @st.cache_data(max_entries=4, show_spinner=False)

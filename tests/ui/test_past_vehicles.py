@@ -94,7 +94,7 @@ def test_an_archive_is_learned_from_open_campaigns(
         return made_archive(campaigns[0])
 
     monkeypatch.setattr("crashfuse.study.archive_learning.learn_archive", learn)
-    assert "Choose 3 or more of the 4 that are open" in three.words
+    assert "Choose 3 or more; 4 are open" in three.words
     assert LEARN not in three.buttons
     choose(three).press(LEARN)
     going_on.wait(SOON)
