@@ -20,7 +20,7 @@ def made_archive(*campaigns: Campaign) -> VehicleArchive:
         for name in names
         for n in (1, 2)
     ]
-    without = [_prior([name for name in names if name != out]) for out in names]
+    without = [_prior(names[:place] + names[place + 1 :]) for place in range(len(names))]
     return VehicleArchive(tuple(vehicles), _prior(names), tuple(without), pd.DataFrame(rows))
 
 
