@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.errors import UsageError
 from crashfuse.execution.progress import Watch
 from crashfuse.vehicle_archive import VehicleArchive, load_archive
 from tests.archives import made_archive
@@ -67,12 +66,6 @@ def three(open_campaign: Path, tmp_path: Path, visit: Visit) -> Session:
     return session.run().go("train")
 
 
-def choose(session: Session) -> Session:
-    """Choose all three of them."""
-    session.app.multiselect(key="past vehicles").set_value(["campaign", "van", "coupe"])
-    return session.run()
-
-
 @pytest.fixture
 def going_on() -> Iterator[threading.Barrier]:
     """Where learning waits for the test twice: once it has begun, and before it ends."""
@@ -96,7 +89,8 @@ def test_an_archive_is_learned_from_open_campaigns(
     monkeypatch.setattr("crashfuse.study.archive_learning.learn_archive", learn)
     assert "Choose 3 or more; 4 are open" in three.words
     assert LEARN not in three.buttons
-    choose(three).press(LEARN)
+    three.app.multiselect(key="past vehicles").set_value(["campaign", "van", "coupe"])
+    three.run().press(LEARN)
     going_on.wait(SOON)
     assert "Tuning of the pre-trained network" in three.run().words
     assert "Cancel" in three.buttons
@@ -106,17 +100,3 @@ def test_an_archive_is_learned_from_open_campaigns(
     assert "campaign, which this is, was taken out of it" in three.words
     assert three.downloads == ["archive.cfa"]  # what was learned is still there
     assert load_archive(open_campaign / "archive.cfa").vehicles[-1].name == "campaign"
-
-
-def test_campaigns_that_nothing_is_learned_from_are_one_sentence(
-    three: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As the library says it."""
-
-    def refuse(*_: object, **__: object) -> VehicleArchive:
-        raise UsageError("Two of the campaigns share their tests.")
-
-    monkeypatch.setattr("crashfuse.study.archive_learning.learn_archive", refuse)
-    choose(three).press(LEARN).finish()
-    assert "Two of the campaigns share their tests." in three.words
-    assert LEARN in three.buttons
