@@ -66,10 +66,7 @@ def _offer_upload(view: View) -> None:
 
 def _learn(view: View, *, editable: bool) -> None:
     """Learn an archive of open campaigns; offer it as a file and, where that can be, for this campaign."""
-    st.markdown(
-        "**Learn an archive** from three or more campaigns with four tests or more each. Five take some 20 minutes on "
-        "two cores; what is finished is kept."
-    )
+    st.markdown("**Learn an archive** from three or more campaigns with four tests or more each.")
     known, state = list(campaigns.open_campaigns()), st.session_state
     if not {*state.get(_CHOSEN, [])} <= {*known}:  # an upload was closed
         state[_CHOSEN] = [name for name in state[_CHOSEN] if name in known]
@@ -86,7 +83,8 @@ def _learn(view: View, *, editable: bool) -> None:
     except DataError as error:
         show_wrong(error)
         return
-    archive = result_or_none(request, invitation="", button="Learn an archive")
+    invitation = "Five vehicles take some 20 minutes on two cores; what is finished is kept."
+    archive = result_or_none(request, invitation=invitation, button="Learn an archive")
     if archive is None:
         return
     with st.container(horizontal=True):
