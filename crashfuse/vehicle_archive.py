@@ -5,6 +5,7 @@ knows what all others teach.
 """
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
@@ -33,6 +34,7 @@ _USUAL_MEAN: FloatArray = np.array([-1.1, -1.6, -0.5])
 _BETWEEN: FloatArray = np.array([1.8, 3.4, 3.6])
 _WITHIN: FloatArray = np.array([0.9, 2.4, 3.2])
 _FEW = 4  # tests: with more, archives change little
+_CHOSEN = math.log(20.0)  # odds before the tests
 _AGAIN = "learn it again with crashfuse learn-archive"
 
 
@@ -94,13 +96,15 @@ class Prior:
         """Log odds that a vehicle is of the archive's kind, not of any, by :func:`differences` of its tests, (n, 3).
 
         Both kinds are normal in each part of a crash. The deviation between the archive's vehicles is shrunk as if
-        one more had deviated as vehicles of any kind do.
+        one more had deviated as vehicles of any kind do. Before its tests a vehicle is taken for one of the archive's
+        kind: its maker chose the archive.
         """
         n, mean = len(self.differences), self.differences.mean(axis=0)
         spread = (_BETWEEN**2 + ((self.differences - mean) ** 2).sum(axis=0)) / n
         within = _WITHIN**2 / len(found)
         alike = _log_normal(found.mean(axis=0) - mean, spread * (1 + 1 / n) + within)
-        return alike - _log_normal(found.mean(axis=0) - _USUAL_MEAN, _BETWEEN**2 + within)
+        of_any = _log_normal(found.mean(axis=0) - _USUAL_MEAN, _BETWEEN**2 + within)
+        return _CHOSEN + alike - of_any
 
 
 def _log_normal(off: FloatArray, variance: FloatArray) -> float:
@@ -182,6 +186,11 @@ class VehicleArchive:
 
     def save(self, path: str | Path) -> None:
         """Write it to a ``.cfa`` file."""
+        write_atomically(Path(path), self.content)
+
+    @property
+    def content(self) -> bytes:
+        """The content of its file."""
         priors = [self.whole, *self.without]
         arrays = {f"{n} {name}": array for n, prior in enumerate(priors) for name, array in prior.arrays.items()}
         record = {
@@ -190,7 +199,7 @@ class VehicleArchive:
             "record": self.record.to_dict("split", index=False),
             "seed": self.seed,
         }
-        write_atomically(Path(path), tensor_bytes(record, arrays))
+        return tensor_bytes(record, arrays)
 
 
 def load_archive(path: str | Path) -> VehicleArchive:

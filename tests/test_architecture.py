@@ -27,6 +27,7 @@ ROOMS = (
     "synthetic",
     "execution",
     "campaign",
+    "vehicle_archive",
     "crash_test",
     "cae_library",
     "condition",

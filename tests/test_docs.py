@@ -33,7 +33,8 @@ NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
 WITH_CODE = [page for page in PAGES if re.search(r"```(python|console)", (DOCS / page).read_text(encoding="utf-8"))]
 
 IDS = ("T04", "T05", "T09", "T10")  # the pages speak of the sample campaign; here a small one has its place and its ids
-READ_ONLY = ("--scheduler", "--device cuda")  # options that need what a test machine may not have
+# what needs more than a test machine has, or many minutes
+READ_ONLY = ("--scheduler", "--device cuda", "learn-archive", "--archive")
 # the words of others: not run here
 NOT_OURS = ("python -m pip ", "python -m mkdocs ", "dask ", "osv-scanner ", "pip-audit ", "sed ", "uv ", "uvx ")
 BLOCK = re.compile(r"```python\n(?P<code>[^`]*)```|```console\n(?P<commands>[^`]*)```\n\n```text\n(?P<output>[^`]*)```")

@@ -61,7 +61,7 @@ def test_likeness_is_the_ratio_of_two_normal_densities() -> None:
     between = (_BETWEEN**2 + ((known.differences - mean) ** 2).sum(axis=0)) / n
     alike = norm.logpdf(found.mean(axis=0), mean, np.sqrt(between * (1 + 1 / n) + _WITHIN**2 / 2))
     of_any = norm.logpdf(found.mean(axis=0), _USUAL_MEAN, np.sqrt(_BETWEEN**2 + _WITHIN**2 / 2))
-    assert known.likeness(found) == pytest.approx((alike - of_any).sum())
+    assert known.likeness(found) == pytest.approx(np.log(20) + (alike - of_any).sum())
 
 
 def test_a_vehicle_is_like_those_whose_cae_models_err_alike() -> None:

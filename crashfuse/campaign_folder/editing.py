@@ -19,11 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from crashfuse.cae_library import RunQuality
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder import condition_tables, writer
 from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, Role
 from crashfuse.campaign_folder.copies import check_tests_differ
 from crashfuse.campaign_folder.history import changing, is_vacant, settle, taking_turns
-from crashfuse.campaign_folder.load import FILES, WALLS
+from crashfuse.campaign_folder.load import ARCHIVE, FILES, WALLS, read_archive
 from crashfuse.campaign_folder.pulse_files import PulseFiles, RecordedPulse
 from crashfuse.campaign_folder.settings import read_settings, reason, sound_settings
 from crashfuse.condition import ABOUT, About, Condition
@@ -159,6 +160,17 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
                 if path.is_file():
                     new(path)  # without a content
         return what
+
+
+def set_archive(folder: Path, campaign: Campaign, content: bytes | None) -> str:
+    """Put the file of an archive into the folder of a campaign, or take it out; otherwise as :func:`leave_out`."""
+    what = f"Archive of past vehicles {'taken out' if content is None else 'put in'}"
+    with taking_turns(folder), changing(folder, what) as new:
+        target = new(folder / ARCHIVE)
+        if content is not None:
+            target.write_bytes(content)
+            campaign.with_archive(read_archive(target))  # or the folder could not be opened any more
+    return what
 
 
 def _set_cells(folder: Path, ids: Sequence[str], values: Mapping[str, str], what: str) -> str:

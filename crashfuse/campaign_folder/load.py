@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -24,20 +25,29 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import CHECK_PATH, DataError, Problem, collecting, printable, shortened
+from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, collecting, printable, shortened
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.wall import Wall
 from crashfuse.units import KN, MS
-from crashfuse.vehicle_archive import load_archive
+from crashfuse.vehicle_archive import VehicleArchive, load_archive
 
 _FEWEST_RUNS = 10
 PULSES = (".csv", ".parquet")  # endings of tables of pulses
 WALLS: Mapping[str, str] = {"tests": "tests_wall.parquet", "cae": "cae_wall.parquet"}  # forces of the barrier
 WALL_COLUMNS = ("id", "time_ms", "force_kn")
-FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", *WALLS.values())  # beside pulses
+ARCHIVE = "archive.cfa"  # of past vehicles that teach the campaign
+FILES = (
+    *TABLES,
+    "campaign.toml",
+    "criteria.toml",
+    "matrix.csv",
+    "notes.csv",
+    ARCHIVE,
+    *WALLS.values(),
+)  # beside pulses
 AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}  # in no folder
 _ABOUT = re.compile(r"(?i)(readme|licen[cs]e)(\..*)?|.*\.md")
 _ROLES: tuple[Role, ...] = ("tests", "cae")
@@ -50,20 +60,19 @@ def load_campaign(path: str | Path, archive: str | Path | None = None) -> Campai
 
     It contains ``tests.csv`` and ``cae.csv``, the pulses of each as ``<role>/<id>.csv`` (or ``.parquet``) or
     ``<role>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``. All pulses are then on the study grid.
-    An ``archive`` of past vehicles (``.cfa``) teaches it: :meth:`crashfuse.campaign.Campaign.with_archive`.
+    An ``archive`` of past vehicles (``.cfa``) teaches it, else the folder's ``archive.cfa``, if it has one:
+    :meth:`crashfuse.campaign.Campaign.with_archive`.
     """
     path = Path(path)
-    if archive is not None:
-        known = load_archive(archive)  # before the campaign, which takes longer
-        return load_campaign(path).with_archive(known)
+    known = None if archive is None else load_archive(archive)  # before the campaign, which takes longer
     if not (path.is_file() and path.suffix.lower() == ".zip"):
-        return read_folder(path)
+        return read_folder(path, known)
     with tempfile.TemporaryDirectory(prefix="crashfuse-") as scratch:
-        return read_folder(lay_out([(path.name, path.read_bytes())], Path(scratch)))
+        return read_folder(lay_out([(path.name, path.read_bytes())], Path(scratch)), known)
 
 
-def read_folder(folder: str | Path) -> Campaign:
-    """:func:`load_campaign` of a folder alone."""
+def read_folder(folder: str | Path, archive: VehicleArchive | None = None) -> Campaign:
+    """:func:`load_campaign` of a folder alone, with an archive that has been read."""
     folder = Path(folder)
     if not folder.is_dir():
         found = "a file" if folder.exists() else "no such folder"
@@ -100,6 +109,10 @@ def read_folder(folder: str | Path) -> Campaign:
         pulses["cae"] = np.delete(pulses["cae"], left_out, axis=0)
     _check_counts(tables, len(left_out), problems, warnings)
     walls, walls_of_runs = (_read_walls(folder / name, problems) for name in WALLS.values())
+    kept: VehicleArchive | None = None
+    if archive is None and (folder / ARCHIVE).is_file():
+        with collecting(problems):
+            kept = read_archive(folder / ARCHIVE)
     if problems:
         raise DataError(shortened(problems))
     is_comparable = gap is None or not gap.hides_tests
@@ -130,11 +143,31 @@ def read_folder(folder: str | Path) -> Campaign:
         warnings += _shortened([f"{who}: {text}." for who, texts in findings_of for text in texts])
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
-    return Campaign(
+    campaign = Campaign(
         settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits,
         settings.occupant, import_cfcs.pop() if len(import_cfcs) == 1 else None,
         tables["tests"].units, unused, settings.unused,
     )  # fmt: skip
+    if archive is not None:
+        return campaign.with_archive(archive)
+    return campaign if kept is None else _taught(campaign, kept)
+
+
+def read_archive(path: Path) -> VehicleArchive:
+    """The archive of past vehicles that lies in a campaign folder; a DataError if it is none."""
+    try:
+        return load_archive(path)
+    except DataError as error:
+        advice = f"take it out of the folder, or {error.problems[0].advice}"
+        raise DataError([replace(problem, where=path.name, advice=advice) for problem in error.problems]) from error
+
+
+def _taught(campaign: Campaign, archive: VehicleArchive) -> Campaign:
+    try:
+        return campaign.with_archive(archive)
+    except UsageError as error:
+        expected, advice = "past vehicles, at most one of them this one", "take it out of the folder"
+        raise DataError(Problem(ARCHIVE, expected, str(error), advice)) from error
 
 
 def _read_walls(path: Path, problems: list[Problem]) -> dict[str, Wall]:
@@ -308,7 +341,7 @@ def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Prob
 
 def _strange(member: Member) -> Problem | None:
     ending = member.path.suffix.lower()
-    if ending in (*PULSES, *_NOTES, ".toml"):
+    if ending in (*PULSES, *_NOTES, ".toml", Path(ARCHIVE).suffix):
         return None
     expected = "a file of a campaign (.csv, .parquet, campaign.toml) or one to be imported"
     return Problem(member.where, expected, printable(member.path.name), "unpack or leave it out")

@@ -30,7 +30,8 @@ def certify(arguments: argparse.Namespace) -> None:
         raise UsageError(f"{arguments.out} holds the earlier certification; name another folder for --out.")
     earlier = read_earlier(arguments.since) if arguments.since else None
     key = None if arguments.seal is None else seal.private_key(arguments.seal)
-    inputs = {} if key is None else seal.rests_on(arguments.campaign, arguments.criteria, arguments.matrix)
+    others = arguments.criteria, arguments.matrix, arguments.archive
+    inputs = {} if key is None else seal.rests_on(arguments.campaign, *others)
     (campaign, display), notes = opened(arguments, "certification"), read_notes(arguments.campaign)
     criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     if earlier is not None:

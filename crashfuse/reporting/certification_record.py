@@ -80,7 +80,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "cae_tuned": {test.id: test.cae_tuned for test in campaign.tests if test.cae_tuned is not None},
         "about": {test.id: dict(test.about) for test in campaign.tests if test.about},
         "tests_sha256": {test.id: test.digest for test in campaign.tests},
-        "command": certify_command(config, campaign.units, since=certification.since is not None),
+        "command": certify_command(campaign, config, campaign.units, since=certification.since is not None),
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
         "criteria": {
             "confidence": criteria.confidence,

@@ -9,6 +9,7 @@ from importlib import metadata
 from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_sentences import rating_sentences
@@ -21,7 +22,7 @@ from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_for, recommend_without
 from crashfuse.study.study import Study
 from crashfuse.version import COMPUTING, __version__
-from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem
+from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem, read_out
 
 _PACKAGES = (*COMPUTING, "pandas", "plotly")
 
@@ -41,6 +42,7 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
         "occupant": asdict(campaign.occupant),
         "cae_runs": len(campaign.cae),
         "tests": list(campaign.test_ids),
+        "archive": past_vehicles(campaign),
         "warnings": list(campaign.remarks),
         "facts": [fact.record for fact in campaign_facts(campaign)],
         "held_out": list(held_out),
@@ -49,24 +51,35 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
     }
 
 
+def past_vehicles(campaign: Campaign) -> str:
+    """The archive that teaches a campaign, in a line; empty for none."""
+    prior = campaign.prior
+    return "" if prior is None else f"{read_out(prior.vehicles)}; SHA-256 {prior.fingerprint[:12]}"
+
+
 def study_command(campaign: Campaign, held_out: Sequence[str], config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a study; the reader fills in the folders."""
     tests = [] if tuple(held_out) == campaign.test_ids else ["--held-out", *held_out]
     leave_out = ["--leave-out", config.leave_out.replace(" ", "-")]
-    return _command("study", [*tests, *_settings(config), *_windows(config), *leave_out], units)
+    return _command("study", [*tests, *_settings(config), *_windows(config), *leave_out, *_archive(campaign)], units)
 
 
-def prediction_command(condition: Condition, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
+def prediction_command(
+    campaign: Campaign, condition: Condition, config: StudyConfig, units: UnitSystem = MPH_LB
+) -> str:
     """The command line that reproduces a prediction."""
-    return _command("predict", [*_axes(units, condition), *_factors(condition), *_settings(config)], units)
+    settings = [*_settings(config), *_archive(campaign)]
+    return _command("predict", [*_axes(units, condition), *_factors(condition), *settings], units)
 
 
-def sweep_command(condition: Condition, speeds_mps: FloatArray, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
+def sweep_command(
+    campaign: Campaign, condition: Condition, speeds_mps: FloatArray, config: StudyConfig, units: UnitSystem = MPH_LB
+) -> str:
     """The command line that reproduces a sweep."""
     speeds, *weights = _AXES
     ends = [replace(condition, speed_mps=float(speed)) for speed in speeds_mps[[0, -1]]]
     at = [*_axes(units, *ends, only=[speeds]), *_axes(units, condition, only=weights)]
-    return _command("sweep", [*at, *_factors(condition), *_settings(config)], units)
+    return _command("sweep", [*at, *_factors(condition), *_settings(config), *_archive(campaign)], units)
 
 
 def next_test_command(low: Condition, high: Condition, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
@@ -87,18 +100,21 @@ def certification_settings(campaign: Campaign, config: StudyConfig, confidence: 
         "CAE runs": f"{len(campaign.cae):,}, fingerprint {campaign.cae.fingerprint[:12]}",
         "tests' filter class": campaign.filter_class or "not given",
         "occupant model": campaign.occupant.words,
+        "archive of past vehicles": past_vehicles(campaign) or "none",
     }
 
 
-def certify_command(config: StudyConfig, units: UnitSystem = MPH_LB, *, since: bool = False) -> str:
+def certify_command(campaign: Campaign, config: StudyConfig, units: UnitSystem = MPH_LB, *, since: bool = False) -> str:
     """The command line that reproduces a certification from its criteria and matrix as files."""
     files = ["--criteria", "criteria.toml", "--matrix", "matrix.csv", *["--since", "EARLIER"] * since]
-    return _command("certify", [*files, *_settings(config)], units)
+    return _command("certify", [*files, *_settings(config), *_archive(campaign)], units)
 
 
-def learning_curve_command(config: StudyConfig, repeats: int, cost: str, units: UnitSystem = MPH_LB) -> str:
+def learning_curve_command(
+    campaign: Campaign, config: StudyConfig, repeats: int, cost: str, units: UnitSystem = MPH_LB
+) -> str:
     """The command line that reproduces a learning curve."""
-    settings = ["--approach", *config.approaches, "--seed", str(config.seed), *_windows(config)]
+    settings = ["--approach", *config.approaches, "--seed", str(config.seed), *_windows(config), *_archive(campaign)]
     price = ["--cost-per-test", cost] if cost else []
     return _command("learning-curve", [*settings, "--repeats", str(repeats), *price], units)
 
@@ -129,6 +145,10 @@ def _factors(condition: Condition) -> list[str]:
 def _settings(config: StudyConfig) -> list[str]:
     approaches = [] if config.approaches == APPROACHES else ["--approach", *config.approaches]
     return [*approaches, "--preset", config.preset, "--seed", str(config.seed), "--device", config.device]
+
+
+def _archive(campaign: Campaign) -> list[str]:
+    return [] if campaign.prior is None else ["--archive", ARCHIVE]
 
 
 def _windows(config: StudyConfig) -> list[str]:

@@ -39,6 +39,23 @@ def scores_table(study: Study) -> pd.DataFrame:
     )
 
 
+def archive_table(record: pd.DataFrame) -> pd.DataFrame:
+    """The record of an archive as read: its vehicles, each left out and predicted with the others and without."""
+    return pd.DataFrame(
+        {
+            "Vehicle left out": row["vehicle"],
+            "From tests": row["n_tests"],
+            "Predictions": row["predicted"],
+            "Rating": f"{row['rating']:.3f}",
+            "Rating without": f"{row['rating_without']:.3f}",
+            "In 95 % intervals (%)": f"{100 * row['inside']:.1f}",
+            "In those without (%)": f"{100 * row['inside_without']:.1f}",
+            "Width of intervals, without = 1": f"{row['width']:.2f}",
+        }
+        for row in record.to_dict("records")
+    )
+
+
 def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
     """One row per study, way of leaving tests out, approach and window: mean and lowest overall rating of its tests."""
     parts = []

@@ -41,6 +41,7 @@ from crashfuse.ui.kit.progress import (
 )
 from crashfuse.ui.kit.results import show_table, window_label
 from crashfuse.ui.kit.text import plain
+from crashfuse.ui.past_vehicles import show_past_vehicles
 
 _ON_ALL, _NETWORKS, _MEND = "Train on all tests", "Networks", "What to mend"
 _STAGES = {
@@ -129,6 +130,7 @@ def show_form(view: View) -> None:
         show_job(study, study.part, time.monotonic())
     if fitted is not None and fitted.active:
         show_job(fitted, None, math.inf)
+    show_past_vehicles(view)
 
 
 def _choose_tests(view: View) -> tuple[str, ...]:

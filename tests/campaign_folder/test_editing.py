@@ -23,6 +23,7 @@ from crashfuse.campaign_folder.editing import (
     leave_out,
     remove_tests,
     say_why,
+    set_archive,
     use_again,
 )
 from crashfuse.campaign_folder.history import changes, sample_folder, undo
@@ -32,6 +33,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import KPH, LB, MPH
+from tests.archives import made_archive
 from tests.conftest import Capture, content_of, problems_of
 
 CONDITION = Condition.of_vector([30 * MPH, 2050 * LB, 1500 * LB], (("drive", "AWD"), ("colour", "red")))
@@ -275,7 +277,12 @@ def test_a_text_full_of_what_looks_like_the_list_is_not_searched_to_its_end(
     text, tried = 'made_with = """\n' + "unused = [\n" * 20_000 + f'"""\n{SETTINGS}', list[str]()
     (folder / "campaign.toml").write_text(text)
     read = editing._values
-    monkeypatch.setattr(editing, "_values", lambda text: tried.append(text) or read(text))
+
+    def counting(text: str) -> dict[str, object] | None:
+        tried.append(text)
+        return read(text)
+
+    monkeypatch.setattr(editing, "_values", counting)
     leave_out(folder, ["T2"])
     assert len(tried) < 100
     assert (folder / "campaign.toml").read_text() == f'unused = ["T2"]\n{text}'
@@ -397,7 +404,11 @@ def test_a_journal_from_elsewhere_touches_nothing_outside(folder: Path, name: ob
         (leave_out, ["T1", "T2", "T4"], "At least one test has to stay in use."),
         (use_again, ["T1"], "There is no test 'T1' that is left out of use; there is T3."),
         (remove_tests, ["T1", "T2", "T4"], "At least one test has to stay in use."),
-        (lambda folder, ids: say_why(folder, *ids, "loose"), ["T1"], "There is no test 'T1' that is left out of use; "),
+        (
+            lambda folder, ids: say_why(folder, ids[0], "loose"),
+            ["T1"],
+            "There is no test 'T1' that is left out of use; ",
+        ),
     ],
 )
 def test_what_cannot_be_edited_is_said(folder: Path, edit: Callable[..., str], ids: list[str], sentence: str) -> None:
@@ -420,8 +431,9 @@ def test_the_sample_is_not_edited_but_a_copy_is(tmp_path: Path) -> None:
     assert load_campaign(tmp_path / "copy").fingerprint == load_campaign(sample_folder()).fingerprint
     assert (tmp_path / "copy" / "criteria.toml").is_file()
     (tmp_path / "copy" / "notes.csv").write_text("test,start_ms,end_ms,text\n")
+    made_archive().save(tmp_path / "copy" / "archive.cfa")
     copy_campaign(tmp_path / "copy", tmp_path / "again")
-    assert (tmp_path / "again" / "notes.csv").is_file()
+    assert all((tmp_path / "again" / name).is_file() for name in ("notes.csv", "archive.cfa"))
     leave_out(tmp_path / "copy", ["T01"])
     assert "T01" not in load_campaign(tmp_path / "copy").test_ids
 
@@ -499,4 +511,22 @@ def test_what_could_not_be_read_back_is_not_written(
     before = content_of(campaign_folder)
     with pytest.raises(DataError, match=message):
         add_to_campaign(campaign_folder, {"tests": [replace(addition(), condition=replace(CONDITION, **changed))]})
+    assert content_of(campaign_folder) == before
+
+
+def test_an_archive_is_put_in_and_taken_out_and_either_is_undone(campaign_folder: Path) -> None:
+    """Byte for byte; one that could not be read is refused, and nothing is changed."""
+    campaign, before, content = load_campaign(campaign_folder), content_of(campaign_folder), made_archive().content
+    with pytest.raises(DataError, match=r"^archive\.cfa: expected an archive"):
+        set_archive(campaign_folder, campaign, content[:-1])
+    with pytest.raises(UsageError, match="shares tests"):
+        set_archive(campaign_folder, campaign, made_archive(campaign, campaign).content)
+    assert content_of(campaign_folder) == before
+    set_archive(campaign_folder, campaign, content)
+    assert (campaign_folder / "archive.cfa").read_bytes() == content
+    set_archive(campaign_folder, campaign, None)
+    assert load_campaign(campaign_folder).prior is None
+    undo(campaign_folder)
+    assert (campaign_folder / "archive.cfa").read_bytes() == content
+    undo(campaign_folder)
     assert content_of(campaign_folder) == before

@@ -13,6 +13,7 @@ from crashfuse.campaign_folder.load import load_campaign, unread_files
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import KPH, LB, MPH, MS, G
+from tests.archives import made_archive
 from tests.campaign_folder.test_refusals import edit, put
 from tests.conftest import problems_of
 
@@ -167,7 +168,7 @@ def test_unfiltered_pulses_are_warned_of(campaign_folder: Path, ripple_g: float,
 def test_files_that_nothing_reads_are_named(campaign_folder: Path, tmp_path: Path) -> None:
     """At the top and among the pulses; not what systems leave and what tells of the folder, nor our own files."""
     assert unread_files(campaign_folder) == ""
-    for name in ("README.md", ".DS_Store", "notes.csv", "criteria.toml", "LICENSE", "Thumbs.db"):
+    for name in ("README.md", ".DS_Store", "notes.csv", "criteria.toml", "archive.cfa", "LICENSE", "Thumbs.db"):
         (campaign_folder / name).touch()
     assert unread_files(campaign_folder) == ""
     (campaign_folder / "summary.csv").touch()
@@ -329,3 +330,34 @@ def test_names_from_the_settings_are_one_harmless_line(campaign_folder: Path) ->
     loaded = load_campaign(campaign_folder)
     assert loaded.name == "\\x1b[31mred\\u202e"
     assert loaded.notice == "two lines"
+
+
+def test_the_archive_in_the_folder_teaches_it_unless_another_is_named(
+    campaign: Campaign, campaign_folder: Path, tmp_path: Path
+) -> None:
+    """Whatever others were named before; the campaign is taken out of an archive that it is in."""
+    plain, archive = load_campaign(campaign_folder), made_archive()
+    archive.save(campaign_folder / "archive.cfa")
+    with_this_one = made_archive(plain)
+    with_this_one.save(tmp_path / "other.cfa")
+    loaded, other = load_campaign(campaign_folder), load_campaign(campaign_folder, tmp_path / "other.cfa")
+    assert loaded.prior is not None
+    assert loaded.prior.vehicles == ("Sedan", "Van", "Coupe")
+    assert loaded.fingerprint == plain.with_archive(archive).fingerprint != plain.fingerprint
+    assert other.prior is not None
+    assert (other.prior.vehicles, other.prior.taken_out) == (("Sedan", "Van"), "campaign")
+    assert_same(loaded, campaign)
+
+
+def test_an_archive_that_cannot_be_used_is_one_problem_beside_the_others(campaign_folder: Path) -> None:
+    """One that this campaign is in twice, and a damaged one: the advice is to take it out."""
+    path, plain = campaign_folder / "archive.cfa", load_campaign(campaign_folder)
+    path.write_bytes(made_archive(plain, plain).content)
+    (twice,) = problems_of(lambda: load_campaign(campaign_folder))
+    assert (twice.where, twice.advice) == (path.name, "take it out of the folder")
+    path.write_bytes(made_archive().content[:-1])
+    (campaign_folder / "tests" / "T1.csv").unlink()
+    damaged, missing = sorted(problems_of(lambda: load_campaign(campaign_folder)), key=lambda problem: problem.where)
+    assert damaged.where == path.name
+    assert damaged.advice == "take it out of the folder, or learn it again with crashfuse learn-archive"
+    assert "T1" in str(missing)

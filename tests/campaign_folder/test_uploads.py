@@ -13,6 +13,7 @@ from crashfuse.campaign_folder.load import lay_out, load_campaign
 from crashfuse.errors import DataError
 from crashfuse.files import archive
 from crashfuse.files.archive import Limits
+from tests.archives import made_archive
 from tests.campaign_folder.test_refusals import CAE, PULSE, TABLE, TESTS, edit, put
 from tests.conftest import content_of, problems_of
 
@@ -58,8 +59,9 @@ def test_loose_files_find_their_folder(content: dict[str, bytes], campaign: Camp
 
 @pytest.mark.parametrize("loose", [True, False], ids=["loose", "zipped"])
 def test_what_is_asked_of_a_campaign_comes_with_it(content: dict[str, bytes], tmp_path: Path, loose: bool) -> None:
-    """Criteria and the matrix of a certification are no strays: they lie beside the tables."""
+    """Criteria and matrix of a certification and past vehicles are no strays: they lie beside the tables."""
     asked = {"criteria.toml": b"confidence = 0.9", "matrix.csv": TABLE + b"M1,25,2000,1500\n"}
+    asked["archive.cfa"] = made_archive().content
     files = [(Path(name).name if loose else name, data) for name, data in {**content, **asked}.items()]
     folder = lay_out(files if loose else [("Our car.zip", zipped(*files))], tmp_path)
     assert {name: content_of(folder)[name] for name in asked} == asked

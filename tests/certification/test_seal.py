@@ -193,9 +193,10 @@ def test_a_review_is_signed_once_all_holds_and_one_key_for_both_is_told(
 
 def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, maker: Path, campaign_folder: Path) -> None:
     """Each by its place; a changed one, and one that is gone, are named."""
+    (campaign_folder / "archive.cfa").write_bytes(b"past vehicles")
     seal(sealed, private_key(maker), rests_on(campaign_folder), None)
     assert verify(sealed, campaign=campaign_folder)
-    assert {"tests.csv", "tests/T1.csv", "cae_pulses.parquet"} <= set(verify(sealed).rests_on)
+    assert {"archive.cfa", "tests.csv", "tests/T1.csv", "cae_pulses.parquet"} <= set(verify(sealed).rests_on)
     (campaign_folder / "tests.csv").write_bytes(b"x")
     (campaign_folder / "tests" / "T1.csv").unlink()
     found = {p.where: p.found for p in problems_of(lambda: verify(sealed, campaign=campaign_folder))}

@@ -17,6 +17,7 @@ from crashfuse.certification import file_store
 from crashfuse.certification.criteria import criteria_of
 from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import Matrix
+from tests.archives import made_archive
 from tests.conftest import Capture, write_campaign
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -105,11 +106,14 @@ def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path
     assert cli.main(["key", str(key)]) == cli.DONE
     assert certify(planned, tmp_path / "none", "--seal", f"{key}.pub") == cli.WRONG_DATA
     assert not list((tmp_path / "none").glob("*"))
-    assert certify(planned, out, "--seal", str(key)) == cli.DONE
+    made_archive().save(tmp_path / "past.cfa")
+    assert certify(planned, out, "--seal", str(key), "--archive", str(tmp_path / "past.cfa")) == cli.DONE
     assert cli.main(["verify", str(out), "--key", f"{key}.pub", "--campaign", str(planned)]) == cli.DONE
     record = json.loads((out / "certification.json").read_bytes())
     assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "report.html"}
-    assert {"tests.csv", "criteria.toml", "cae_pulses.parquet"} <= set(record["seal"]["rests_on"])
+    assert {"tests.csv", "criteria.toml", "cae_pulses.parquet", "../past.cfa"} <= set(record["seal"]["rests_on"])
+    assert "Sedan, Van and Coupe; SHA-256" in (out / "report.html").read_text(encoding="utf-8")
+    assert record["command"].partition("--archive ")[2].startswith("archive.cfa")
     assert certify(planned, tmp_path / "after", "--since", str(out), "--seal", str(key)) == cli.DONE
     after = json.loads((tmp_path / "after" / "certification.json").read_bytes())
     assert after["seal"]["before"] == hashlib.sha256((out / "certification.json").read_bytes()).hexdigest()

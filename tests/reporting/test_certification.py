@@ -340,7 +340,7 @@ def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: C
     assert len(cells) == len(certification.cells) + len(certification.record.counted)
     assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # domain, record, reliability, matrix
     assert certification.campaign.fingerprint in text
-    assert certify_command(certification.config) in text
+    assert certify_command(certification.campaign, certification.config) in text
     for place in ("summary", "domain", "record"):
         assert all(str(escape(sentence)) in text for sentence in sentences(certification, place))
     assert all(str(escape(sentence)) in text for told in exceptions(certification).values() for sentence in told)
@@ -382,10 +382,10 @@ def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certificat
     assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # the matrix as one figure, in colours alone
 
 
-def test_the_command_is_parsed_back_to_its_settings() -> None:
+def test_the_command_is_parsed_back_to_its_settings(campaign: Campaign) -> None:
     """Approach, preset, seed and device, as they were."""
     config = StudyConfig(approaches=("displacement_domain",), preset="fast", seed=7, device="cpu")
-    _, *command = certify_command(config).split()
+    _, *command = certify_command(campaign, config).split()
     parsed = cli.parser().parse_args(command)
     assert (parsed.approach, parsed.preset, parsed.seed, parsed.device) == ("displacement_domain", "fast", 7, "cpu")
     assert (parsed.criteria, parsed.matrix) == (Path("criteria.toml"), Path("matrix.csv"))

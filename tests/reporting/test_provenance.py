@@ -36,10 +36,12 @@ def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaig
 
 
 @pytest.mark.parametrize("units", SYSTEMS)
-def test_the_command_of_a_prediction_is_parsed_back_to_its_condition(units: str) -> None:
+def test_the_command_of_a_prediction_is_parsed_back_to_its_condition(campaign: Campaign, units: str) -> None:
     """To ten digits, with its factors, in the units of the report."""
     condition = Condition.of_vector([33.3 * MPH, 2100.5 * LB, 1500 * LB], (("drive", "all wheels"), ("motor", "")))
-    parsed = parser().parse_args(shlex.split(prediction_command(condition, StudyConfig(), SYSTEMS[units]))[1:])
+    parsed = parser().parse_args(
+        shlex.split(prediction_command(campaign, condition, StudyConfig(), SYSTEMS[units]))[1:]
+    )
     found = parsed.speed_mps, parsed.front_weight_kg, parsed.rear_weight_kg
     np.testing.assert_allclose(found, condition.vector, rtol=1e-9)
     assert parsed.units == units
@@ -49,23 +51,25 @@ def test_the_command_of_a_prediction_is_parsed_back_to_its_condition(units: str)
 _WORDS = st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]), min_size=1, max_size=30)
 
 
-@given(st.dictionaries(_WORDS.filter(lambda name: "=" not in name), _WORDS, min_size=1, max_size=3), _WORDS)
-def test_a_command_gives_back_whatever_words_are_in_it(factors: dict[str, str], word: str) -> None:
+@given(
+    factors=st.dictionaries(_WORDS.filter(lambda name: "=" not in name), _WORDS, min_size=1, max_size=3), word=_WORDS
+)
+def test_a_command_gives_back_whatever_words_are_in_it(campaign: Campaign, factors: dict[str, str], word: str) -> None:
     """Pasted into a shell, nothing that a table or a user says is run, split or lost."""
     condition = Condition.of_vector([15.0, 950.0, 700.0], tuple(factors.items()))
-    parsed = parser().parse_args(shlex.split(prediction_command(condition, StudyConfig()))[1:])
+    parsed = parser().parse_args(shlex.split(prediction_command(campaign, condition, StudyConfig()))[1:])
     assert parsed.factor == [f"{name}={value}" for name, value in factors.items()]
-    words = shlex.split(learning_curve_command(StudyConfig(), 3, word))
+    words = shlex.split(learning_curve_command(campaign, StudyConfig(), 3, word))
     assert words[words.index("--cost-per-test") + 1] == word
 
 
-def test_commands_are_in_the_units_of_the_report() -> None:
+def test_commands_are_in_the_units_of_the_report(campaign: Campaign) -> None:
     """Round numbers stay round: 56 km/h is no 34.8 mph."""
     condition, higher = Condition.of_vector([56 * KPH, 950.0, 700.0]), Condition.of_vector([64 * KPH, 1000.0, 750.0])
     vehicle = " --front-weight-kg 950 --rear-weight-kg 700"
-    assert f" --speed-kph 56{vehicle} " in prediction_command(condition, StudyConfig(), KPH_KG)
+    assert f" --speed-kph 56{vehicle} " in prediction_command(campaign, condition, StudyConfig(), KPH_KG)
     speeds = np.array([condition.speed_mps, 16.0, higher.speed_mps])
-    assert f" --speed-kph 56 64{vehicle} " in sweep_command(condition, speeds, StudyConfig(), KPH_KG)
+    assert f" --speed-kph 56 64{vehicle} " in sweep_command(campaign, condition, speeds, StudyConfig(), KPH_KG)
     over = " --speed-kph 56 64 --front-weight-kg 950 1000 --rear-weight-kg 700 750 "
     assert over in next_test_command(condition, higher, StudyConfig(), KPH_KG)
 

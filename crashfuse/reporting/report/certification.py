@@ -37,7 +37,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         for table, file in [(make(certification, display), _FILES.get(name, "certification.csv"))]
         for left in [len(table) - _MOST_ROWS]
     }
-    command = certify_command(certification.config, display.system, since=since is not None)
+    command = certify_command(campaign, certification.config, display.system, since=since is not None)
     origin = campaign, certification.config, command, display, campaign.test_ids
     return render(
         "certification",

@@ -85,6 +85,7 @@ def render(
         origin={
             "Command": command,
             "Campaign fingerprint (SHA-256)": campaign.fingerprint,
+            **({"Archive of past vehicles": record["archive"]} if record["archive"] else {}),
             "crashfuse": record["crashfuse"],
             "Python, platform": f"{record['python']}, {record['platform']}",
             "Packages": _listed(record["packages"]),

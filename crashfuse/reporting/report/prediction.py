@@ -48,7 +48,9 @@ def prediction_report(
     prediction = PredictedPulse(campaign, tuple(estimates), config)
     advice = recommend_for(estimates, campaign, condition)
     whole = one_of("form of a report", form, {"whole": True, "short": False})
-    commands = [prediction_command(own.condition, own.config, display.system) for own in (prediction, *beside)]
+    commands = [
+        prediction_command(own.campaign, own.condition, own.config, display.system) for own in (prediction, *beside)
+    ]
     title, origin = f"prediction at {display.condition(condition)}", (campaign, config, "; ".join(commands), display)
     return render(
         "prediction" if whole else "short_prediction",
@@ -82,7 +84,7 @@ def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> str:
     """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
     campaign, sweeps, config = sweep.campaign, sweep.sweeps, sweep.config
     condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
-    origin = campaign, config, sweep_command(condition, speeds, config, display.system), display
+    origin = campaign, config, sweep_command(campaign, condition, speeds, config, display.system), display
     shown = [(name, sweep.plot(name, display=display), missing_over_speed(sweeps, name)) for name in MAIN_METRICS]
     metrics = [(METRIC_LABELS[name], figure, missing) for name, figure, missing in shown]
     weights = weights_sentence(condition, campaign.tests)
@@ -117,7 +119,7 @@ ONE_MORE_MEANING = (
 
 def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, display: Display = DEFAULT) -> str:
     """HTML report of a learning curve; with the cost of a test, also what a hundredth of rating costs."""
-    command = learning_curve_command(curve.config, curve.repeats, str(cost or ""), display.system)
+    command = learning_curve_command(curve.campaign, curve.config, curve.repeats, str(cost or ""), display.system)
     origin = curve.campaign, curve.config, command, display, curve.campaign.test_ids
     return render(
         "learning_curve",

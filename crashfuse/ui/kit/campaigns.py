@@ -13,7 +13,7 @@ import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.history import sample_folder
-from crashfuse.campaign_folder.load import read_folder
+from crashfuse.campaign_folder.load import ARCHIVE, read_folder
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
@@ -222,6 +222,11 @@ def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001 
 
 
 def _stamp(folder: Path) -> tuple[object, ...]:
+    return data_stamp(folder), *(stamp(path) for path in folder.glob(ARCHIVE))
+
+
+def data_stamp(folder: Path) -> tuple[object, ...]:
+    """Changes whenever tests, CAE runs or settings of a campaign do."""
     patterns = ("tests.csv", "cae.csv", "campaign.toml", "*_pulses.*", "*_wall.*", "tests/*", "cae/*")
     files = sorted(path for pattern in patterns for path in folder.glob(pattern))
     return tuple((path.name, *stamp(path)) for path in files)

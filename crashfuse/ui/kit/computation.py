@@ -5,6 +5,7 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Generic, TypeVar
 from weakref import WeakValueDictionary
 
@@ -14,6 +15,7 @@ import streamlit as st
 from crashfuse.approaches.fit_cache import is_cached
 from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.load import read_folder
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
@@ -31,8 +33,10 @@ from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Fold, Study
 from crashfuse.study.sweep import sweep_speed, usual_speeds
 from crashfuse.ui.kit import address
+from crashfuse.ui.kit.campaigns import data_stamp
 from crashfuse.ui.kit.jobs import Job, Jobs
 from crashfuse.ui.kit.visitors import visitor
+from crashfuse.vehicle_archive import VehicleArchive
 
 T = TypeVar("T")
 _PATIENCE_S = 3.0  # to read from the cache; after that, progress is shown
@@ -202,6 +206,18 @@ def sweep_over_speed(campaign: Campaign, key: Hashable, fitted: Fitted, conditio
         return SpeedSweep(campaign, sweeps, fitted.fits[0].config)
 
     return Request(("sweep", key, replace(condition, speed_mps=1.0)), f"{campaign.name}: predict over speed", compute)
+
+
+def learn_vehicles(folders: Sequence[Path], seed: int) -> Request[VehicleArchive]:
+    """Learn an archive of past vehicles from campaigns, which are read once the job begins."""
+
+    def compute(watch: Watch) -> VehicleArchive:
+        from crashfuse.study.archive_learning import learn_archive  # with PyTorch
+
+        return learn_archive([read_folder(folder) for folder in folders], seed=seed, watch=watch)
+
+    key = "archive", frozenset((folder, data_stamp(folder)) for folder in folders), seed
+    return Request(key, f"Learn an archive of {len(folders)} past vehicles", compute)
 
 
 def learn_curve(campaign: Campaign, config: StudyConfig) -> Request[LearningCurve]:

@@ -7,7 +7,14 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, say_why, use_again
+from crashfuse.campaign_folder.editing import (
+    copy_campaign,
+    leave_out,
+    remove_tests,
+    say_why,
+    set_archive,
+    use_again,
+)
 from crashfuse.campaign_folder.history import changed_by, changes, undo
 from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, change_notes, read_notes
 from crashfuse.campaign_folder.settings import LONGEST_REASON
@@ -70,10 +77,15 @@ def choose_tests_in_use(view: View) -> None:
     )  # fmt: skip
 
 
-def show_tests_out_of_use(view: View) -> None:
-    """Ask why tests are left out, offer to take them away, and show why a change was refused."""
+def show_refused() -> None:
+    """Show why the last change was refused."""
     if problems := st.session_state.pop(_REFUSED, None):
         show_problems(problems, "Nothing was changed", "The campaign is as it was.", place="edit")
+
+
+def show_tests_out_of_use(view: View) -> None:
+    """Ask why tests are left out, offer to take them away, and show why a change was refused."""
+    show_refused()
     for test_id, _ in view.campaign.unused if can_be_edited(view.folder) else ():
         key, label = f"why {test_id} of {view.folder} is left out", f"Why is {test_id} left out?"
         address.put(key, view.campaign.why_unused.get(test_id, ""))
@@ -96,6 +108,11 @@ def _change_use(view: View, used: tuple[str, ...]) -> None:
         _edit(view, lambda: leave_out(view.folder, out))
     if again := sorted(chosen - {*used}):
         _edit(view, lambda: use_again(view.folder, again))
+
+
+def use_archive(view: View, content: bytes | None) -> None:
+    """Put the file of an archive into the campaign's folder, or take it out; a callback."""
+    _edit(view, lambda: set_archive(view.folder, view.campaign, content))
 
 
 def _edit(view: View, change_it: Callable[[], str]) -> None:

@@ -37,6 +37,7 @@ _QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "earlier
 _OF_TEST = ("train", "compare")  # pages whose figures are of the held-out test
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
+    "archive.cfa": "What past vehicles teach, for any campaign folder; no pulse.",
     "certification.csv": "Every verdict.",
     "track_record.csv": "Verdicts on left-out tests, and what they measured.",
     "changes.csv": "Earlier verdicts, and tests run since.",

@@ -341,6 +341,8 @@ class _AnswerLine:
                 self._link(
                     key, f":orange[{label} at {at}]", fact.sentence, "compare", test=str(test), compare_tab="Why"
                 )
+            elif fact.code == "campaign.archive":
+                self._link(key, label, fact.sentence, "train", train_tab="Train")
             elif tab := _TAB_OF.get(fact.code):
                 warned = label if fact.code == "campaign.notice" else f":orange[{label}]"
                 self._link(key, warned, fact.sentence, "data", data_tab=tab)
