@@ -12,7 +12,7 @@ from crashfuse import views
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
-from crashfuse.certification.criteria import CONFIDENCE, CriteriaGiven, criteria_given
+from crashfuse.certification.criteria import CriteriaGiven, criteria_given, with_costs
 from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import MatrixGiven, matrix_given
 from crashfuse.errors import one_of, require_a
@@ -125,7 +125,8 @@ def certify(
     criteria: CriteriaGiven,
     matrix: MatrixGiven,
     *,
-    confidence: float = CONFIDENCE,
+    confidence: float | None = None,
+    costs: tuple[float, float] | None = None,
     approach: str = APPROACH,
     config: StudyConfig = StudyConfig(),
     cache: Cache | None = None,
@@ -141,8 +142,10 @@ def certify(
         ``criteria.toml``, or its tables, one row each in a frame: name, metric, window_ms, at_least, at_most.
     matrix : path, DataFrame or Matrix
         ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
-    confidence : float
-        Of criteria given as mappings or rows.
+    confidence : float, optional
+        Of criteria given as mappings or rows; else as the costs ask for, or 0.95.
+    costs : (float, float), optional
+        Of a test and of a wrong answer, in one currency, in place of those of the criteria.
     approach : str
         Whose predictions are judged.
     config : StudyConfig
@@ -158,6 +161,7 @@ def certify(
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
+    limits = limits if costs is None else with_costs(limits, *costs)
     config = replace(config, approaches=(approach,))
     certification = certify_matrix(
         campaign, limits, conditions, config, cache=cache, watch=watch, workers=workers, scheduler=scheduler

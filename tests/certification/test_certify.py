@@ -174,7 +174,7 @@ def test_other_limits_take_no_new_prediction(
 
 def test_a_confidence_that_the_record_does_not_support_leaves_every_verdict_open(campaign: Campaign) -> None:
     """Four tests cannot support 0.999; the reason says what would."""
-    found = certified(campaign, replace(CRITERIA, confidence=0.999))
+    found = certified(campaign, replace(CRITERIA, declared=0.999))
     inside = [own for row in found.verdicts[:2] for own in row]
     assert {own.word for own in inside} == {"open"}
     sure = [own for own in inside if own.probability is not None and not 0.001 < own.probability < 0.999]

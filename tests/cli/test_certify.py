@@ -14,7 +14,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note, write_notes
 from crashfuse.certification import file_store
-from crashfuse.certification.criteria import criteria_of
+from crashfuse.certification.criteria import Costs, criteria_of
 from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import Matrix
 from tests.conftest import Capture, write_campaign
@@ -245,3 +245,18 @@ def test_a_full_disk_leaves_no_part_of_a_certification(
     assert certify(planned, tmp_path / "out") == cli.WRONG_DATA
     assert "Nothing was written to" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_costs_stand_in_the_record_and_an_earlier_one_is_held_against_them(
+    planned: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    """Beside the confidence that was declared; costs that are none are one sentence."""
+    assert certify(planned, tmp_path / "out", "--costs", "5", "100") == cli.DONE
+    earlier = read_earlier(tmp_path / "out").criteria
+    assert (earlier.confidence, earlier.declared, earlier.costs) == (0.8, 0.8, Costs(5, 100))
+    assert "only 0.8 was asked for" in capsys.readouterr().out
+    assert certify(planned, tmp_path / "again", "--since", str(tmp_path / "out")) == cli.DONE
+    assert "costs none (then 5 a test, 100 a wrong answer)" in capsys.readouterr().out
+    assert certify(planned, tmp_path / "wrong", "--costs", "0", "100") == cli.WRONG_DATA
+    assert capsys.readouterr().err.count("expected costs test and wrong_answer, above 0") == 1

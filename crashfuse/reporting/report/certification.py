@@ -9,7 +9,7 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS
-from crashfuse.reporting.certification_facts import exceptions, sentences
+from crashfuse.reporting.certification_facts import PLACES, exceptions, sentences
 from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -37,7 +37,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         for table, file in [(make(certification, display), _FILES.get(name, "certification.csv"))]
         for left in [len(table) - _MOST_ROWS]
     }
-    command = certify_command(certification.config, display.system, since=since is not None)
+    command = certify_command(certification.config, display.system, since=since is not None, costs=criteria.costs)
     origin = campaign, certification.config, command, display, campaign.test_ids
     return render(
         "certification",
@@ -45,7 +45,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         *origin,
         date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         words=WORDS,
-        said={place: sentences(certification, place) for place in ("answer", "summary", "domain", "record", "changes")},
+        said={place: sentences(certification, place) for place in PLACES},
         exceptions=exceptions(certification),
         table_of=tables,
         n_conditions=len(certification.matrix.ids),
@@ -53,6 +53,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         notes=[(note.test, note.when, note.text) for note in notes],
         repeats=repeats_table(repeats, campaign.test_ids, windows_ms),
         confidence=criteria.confidence,
+        costs=criteria.costs,
         earlier=None if since is None else since.earlier,
         domain_figure=validated_domain(certification, display),
         matrix_figures=list(_matrix_figures(certification, display)),

@@ -9,7 +9,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import at_most
-from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, planned
+from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, planned, sentences
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts
@@ -72,6 +72,8 @@ def _show_headline(certification: Certification) -> None:
         bound = f"({at_most(missed, n)}, exact 95 % bound)"
         record = f"{missed} of {n} tests that need not have been run missed a criterion {bound}"
     st.caption(f"Confidence {certification.criteria.confidence:g}. Wrong so far: {record}.")
+    for sentence in sentences(certification, "costs"):
+        st.caption(plain(sentence))
 
 
 def _show_planned(judgement: Judgement) -> None:
@@ -169,7 +171,7 @@ def _asked_otherwise(certification: Certification, variant: str) -> Request[Verd
         return judge(campaign.without((variant.removeprefix(_WITHOUT),)), criteria, matrix)
     if variant == _STRICTER:
         return judge(campaign, replace(criteria, items=tuple(map(_stricter, criteria.items))), matrix)
-    return judge(campaign, replace(criteria, confidence=float(variant.split()[-1])), matrix)
+    return judge(campaign, replace(criteria, declared=float(variant.split()[-1])), matrix)
 
 
 def _show_variants(certification: Certification) -> None:

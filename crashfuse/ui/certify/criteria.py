@@ -1,12 +1,12 @@
 """The acceptance criteria: those of the campaign, an uploaded file's, or typed in, a row each."""
 
+from dataclasses import replace
 from typing import Any
 
 import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.certification.criteria import (
-    CONFIDENCE,
     RATING,
     Criteria,
     Criterion,
@@ -14,6 +14,7 @@ from crashfuse.certification.criteria import (
     limits_of_tests,
     ratings_wanted,
     read_criteria,
+    with_costs,
 )
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
@@ -24,6 +25,7 @@ from crashfuse.ui.kit.campaigns import View
 
 _FILE = "criteria.toml"
 _FIELDS = ("metric", "window_ms", "at_least", "at_most", "name")  # of a criterion in the session and the address
+_COSTS = {"cost_test": "Cost of a test", "cost_wrong": "Cost of a wrong answer"}
 _METRICS = {**metric_headings(), RATING: f"{STANDARD} rating against a test there"}
 
 
@@ -36,10 +38,22 @@ def criteria_asked(view: View) -> Criteria | None:
     except DataError as error:
         wrong = error
     address.default("criteria", [_text(_values(own)) for own in declared.items] if declared else [])
-    address.default("confidence", declared.confidence if declared else CONFIDENCE)
+    usual = declared or Criteria(())
+    for key, cost in _costs_of(usual).items():
+        address.default(key, cost)
+    costs, wrong_costs = [state[key] for key in _COSTS], None
+    try:
+        usual = with_costs(usual, *costs) if any(cost is not None for cost in costs) else replace(usual, costs=None)
+    except DataError as error:
+        wrong_costs = error
+    address.default("confidence", usual.confidence)
     state["criteria"] = [text for text in state["criteria"] if _is_row(text)]  # of a link that was cut
     if state["criteria"]:
-        return criteria_of([_row(text) for text in state["criteria"]], state["confidence"])
+        if wrong_costs is not None:
+            raise wrong_costs
+        confidence = usual.declared if state["confidence"] == usual.confidence else state["confidence"]
+        typed = criteria_of([_row(text) for text in state["criteria"]], confidence)
+        return replace(typed, costs=usual.costs)
     if wrong is not None:
         raise wrong
     return None
@@ -74,6 +88,11 @@ def choose_criteria(view: View) -> Criteria | None:
             "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session", width=150,
             help="A criterion is met from this probability, not met from its complement, else open.",
         )  # fmt: skip
+        for key, label in _COSTS.items():
+            st.number_input(
+                label, value=None, format="%.10g", key=key, persist_state="session", width=170, placeholder="optional",
+                help="In any currency. Both say from which confidence skipping a test pays, and what it saves.",
+            )  # fmt: skip
         st.selectbox(
             "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach",
             persist_state="session", width=210,
@@ -108,7 +127,12 @@ def choose_criteria(view: View) -> Criteria | None:
 def take(criteria: Criteria) -> None:
     """Ask for these criteria; call it from a callback."""
     rows = [_text(_values(own)) for own in criteria.items]
-    st.session_state.update(criteria=rows, confidence=criteria.confidence)
+    st.session_state.update(criteria=rows, confidence=criteria.confidence, **_costs_of(criteria))
+
+
+def _costs_of(criteria: Criteria) -> dict[str, float | None]:
+    costs = criteria.costs
+    return dict(zip(_COSTS, (None, None) if costs is None else (costs.test, costs.wrong_answer), strict=True))
 
 
 def _values(criterion: Criterion) -> dict[str, Any]:

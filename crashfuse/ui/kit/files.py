@@ -33,7 +33,7 @@ from crashfuse.wording import SYSTEMS
 
 _EXPORTED = "view whose files are shown"  # session key
 _LONGEST_NAME, _DIGEST = 130, 6
-_QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "earlier")
+_QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "cost_test", "cost_wrong", "earlier")
 _OF_TEST = ("train", "compare")  # pages whose figures are of the held-out test
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
