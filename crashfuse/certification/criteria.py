@@ -225,6 +225,27 @@ def limits_of_tests(campaign: Campaign, units: UnitSystem) -> list[dict[str, Any
     return [*rows, {"metric": RATING, "window_ms": WINDOW_MS, "at_least": _GOOD}]
 
 
+def varied(criteria: Criteria) -> dict[str, Criteria]:
+    """The criteria at another confidence, or with limits 5 % stricter or looser, by what is other."""
+    confidences = {f"confidence {own:g}": own for own in (0.9, 0.99) if own != criteria.confidence}
+    limits = {"stricter": 0.05, "looser": -0.05}
+    return {name: replace(criteria, declared=own) for name, own in confidences.items()} | {
+        f"limits 5 % {word}": replace(criteria, items=tuple(_tightened(own, by) for own in criteria.items))
+        for word, by in limits.items()
+    }
+
+
+def _tightened(criterion: Criterion, share: float) -> Criterion:
+    """The same with limits stricter by a share; a rating is at most 1."""
+    least, most = criterion.at_least, criterion.at_most
+    highest = 1.0 if criterion.window_ms is not None else math.inf
+    return replace(
+        criterion,
+        at_least=None if least is None else min((1 + share) * least, highest),
+        at_most=None if most is None else min((1 - share) * most, highest),
+    )
+
+
 def ratings_wanted() -> list[dict[str, Any]]:
     """Criteria on the prediction alone: good ratings over the usual windows."""
     rating = {"metric": RATING, "at_least": _GOOD}

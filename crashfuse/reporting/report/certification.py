@@ -14,8 +14,7 @@ from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
-from crashfuse.reporting.report.page import render
-from crashfuse.reporting.report.sections import repeats_table
+from crashfuse.reporting.report.page import render, repeats_table
 from crashfuse.study.repeatability import repeatability
 
 _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
