@@ -44,7 +44,8 @@ def certify(arguments: argparse.Namespace) -> None:
     matrix = _matrix(arguments, campaign)
     with watching() as watch:
         judged = verdicts.certify(
-            campaign, criteria, matrix, costs=arguments.costs, approach=config.approaches[0], config=config,
+            campaign, criteria, matrix, costs=arguments.costs, robustness=arguments.robustness,
+            approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
     display, certification = display_of(arguments, campaign), judged.certification

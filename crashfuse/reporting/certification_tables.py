@@ -191,9 +191,9 @@ def answer_texts(certification: Certification, *, short: bool = False) -> dict[s
 
 
 def changed_text(variant: Variant) -> str:
-    """Which answers a variant changes, in words."""
+    """Which answers a variant changes, in words; empty if none."""
     words = {i: (ANSWER_WORDS[then], ANSWER_WORDS[now]) for i, (then, now) in variant.changed.items()}
-    return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in words.items() if then != now) or "no answer"
+    return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in words.items() if then != now)
 
 
 _CELLS: Mapping[str, Callable[[Verdict, Display, float], str]] = {

@@ -11,6 +11,7 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.certification_facts import PLACES, exceptions, sentences
 from crashfuse.reporting.certification_tables import SHOWN
+from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
@@ -21,6 +22,7 @@ _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # in a figure at the height it has on paper; of several, two fill a page
 _CRITERIA_A_FIGURE = 2
 _MOST_FIGURES = 20
+_SHEET = ["Activity", "Factor", "Question", "What the data say", "Source"]
 _FILES = {"trials": "track_record.csv", "changes": "changes.csv"}  # that have all rows; else certification.csv
 
 
@@ -47,6 +49,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         said={place: sentences(certification, place) for place in PLACES},
         exceptions=exceptions(certification),
         table_of=tables,
+        credibility=credibility_table(certification, display).set_axis(_SHEET, axis=1),
         n_conditions=len(certification.matrix.ids),
         quantities=list(dict.fromkeys(criterion.label for criterion in criteria.items)),
         notes=[(note.test, note.when, note.text) for note in notes],

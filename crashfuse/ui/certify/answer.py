@@ -174,7 +174,7 @@ def _show_variants(certification: Certification) -> None:
         elif job.result is not None:
             variant = Variant.of(name, certification, job.result.certification)
             saved, changed = "{} of {}".format(*variant.saved), changed_text(variant)
-            table.append({"What if": name, "Need not be run": saved, "What changes": changed})
+            table.append({"What if": name, "Need not be run": saved, "What changes": changed or "no answer"})
         else:
             show_end(job)
     if table:

@@ -39,6 +39,7 @@ _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
     "certification.csv": "Every verdict, a row each.",
     "track_record.csv": "Verdicts on left-out tests beside what they measured.",
+    "credibility.csv": "The factors of ASME V&V 40, with what the data say.",
     "changes.csv": "Verdicts beside the earlier ones, and tests run since.",
     "criteria.toml": "The criteria as judged, for the campaign folder.",
     "matrix.csv": "The conditions as judged, for the campaign folder.",
