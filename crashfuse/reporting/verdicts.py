@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self, Unpack
+from typing import Any, Self, Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -172,6 +172,6 @@ def certify(
     conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
     limits = limits if costs is None else with_costs(limits, *costs)
     config = replace(config, approaches=(approach,))
-    computing = {"cache": cache, "watch": watch, "workers": workers, "scheduler": scheduler}
+    computing: dict[str, Any] = {"cache": cache, "watch": watch, "workers": workers, "scheduler": scheduler}
     certification = certify_matrix(campaign, limits, conditions, config, **computing)
     return Verdicts(try_variants(certification, robustness, **computing))

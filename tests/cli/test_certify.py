@@ -62,9 +62,9 @@ def certify(campaign: Path, out: Path, *options: str) -> int:
 
 @pytest.mark.slow
 def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, tmp_path: Path, capsys: Capture) -> None:
-    """Four files and nothing else; counts in the JSON and on the terminal are those of the tables."""
+    """Five files and nothing else; counts in the JSON and on the terminal are those of the tables."""
     assert certify(planned, tmp_path / "out") == cli.DONE
-    names = {"certification.csv", "track_record.csv", "certification.json", "report.html"}
+    names = {"certification.csv", "track_record.csv", "credibility.csv", "certification.json", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert "bracket came loose" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
@@ -108,7 +108,7 @@ def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path
     assert certify(planned, out, "--seal", str(key)) == cli.DONE
     assert cli.main(["verify", str(out), "--key", f"{key}.pub", "--campaign", str(planned)]) == cli.DONE
     record = json.loads((out / "certification.json").read_bytes())
-    assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "report.html"}
+    assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "credibility.csv", "report.html"}
     assert {"tests.csv", "criteria.toml", "cae_pulses.parquet"} <= set(record["seal"]["rests_on"])
     assert certify(planned, tmp_path / "after", "--since", str(out), "--seal", str(key)) == cli.DONE
     after = json.loads((tmp_path / "after" / "certification.json").read_bytes())

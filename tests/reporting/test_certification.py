@@ -346,6 +346,7 @@ def test_the_order_is_that_of_a_review(text: str) -> None:
         "Data: 4 tests, 24 CAE runs",
         "How well tests repeat",
         "Evidence from left-out tests",
+        "Credibility sheet",
         "Acceptance criteria",
         "Verdicts",
         "Track record of the verdicts",

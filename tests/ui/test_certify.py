@@ -40,8 +40,8 @@ M1,20,2050,1500
 M2,33,2050,1500
 M3,70,2050,1500
 """
-FILES = ["report.html", "report.pptx", "certification.csv", "track_record.csv", "criteria.toml", "matrix.csv"]
-FILES += ["certification.json"]
+FILES = ["report.html", "report.pptx", "certification.csv", "track_record.csv", "credibility.csv", "criteria.toml"]
+FILES += ["matrix.csv", "certification.json"]
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 

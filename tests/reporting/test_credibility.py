@@ -1,0 +1,86 @@
+"""The credibility sheet: every factor with what a certification says of it, or that the data do not say."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import Certification, Variant, certify_matrix
+from crashfuse.certification.criteria import Costs, Criteria, Criterion
+from crashfuse.certification.matrix import Matrix
+from crashfuse.execution.cache import Cache
+from crashfuse.reporting.certification_facts import PLACES, SUBJECTS
+from crashfuse.reporting.credibility import credibility_table, factors
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import IMPORTANCE
+from crashfuse.units import MPH
+from crashfuse.wording import KPH_KG
+
+pytestmark = pytest.mark.usefixtures("one_cache")
+
+
+@pytest.fixture(scope="module")
+def certification(campaign: Campaign, shared_cache: Path) -> Certification:
+    """Verdicts of the raw CAE model at 20 mph, and at 70 mph, outside."""
+    here = campaign.tests[1].condition
+    matrix = Matrix(("M1", "M2"), tuple(replace(here, speed_mps=v * MPH) for v in (20.0, 70.0)))
+    criteria, config = Criteria((Criterion("crush", "max_crush", at_most=430.0),), 0.8), StudyConfig(("cae",))
+    return certify_matrix(campaign, criteria, matrix, config, cache=Cache(shared_cache), workers=1)
+
+
+def says(certification: Certification, factor: str, display: Display = DEFAULT) -> str:
+    """What the data say of a factor."""
+    return str(credibility_table(certification, display).set_index("factor").loc[factor, "data_say"])
+
+
+def test_every_factor_has_a_number_or_says_that_there_is_none(certification: Certification) -> None:
+    """The thirteen factors of V&V 40, their use before and robustness after; every fact that is asked for exists."""
+    table = credibility_table(certification)
+    groups = table["activity"].str.partition(":")[0]
+    assert groups.value_counts()[["Code verification", "Calculation verification", "Validation"]].tolist() == [2, 3, 6]
+    assert groups.value_counts()["Applicability"] == 2
+    assert (table[["factor", "question", "data_say"]] != "").all(axis=None)
+    assert not table["data_say"].str.contains("{", regex=False).any()
+    known = {*SUBJECTS, *IMPORTANCE, *(code for codes in PLACES.values() for code in codes)}
+    assert {code for row in factors() for code in row.get("facts", ())} <= known
+
+
+def test_its_numbers_are_those_of_the_certification(certification: Certification) -> None:
+    """Costs, domain, record, limits that tests came near; in the reader's units."""
+    assert says(certification, "Decision consequence") == "Not declared."
+    priced = replace(certification, criteria=replace(certification.criteria, costs=Costs(5, 100)))
+    assert "only 0.8 was asked for" in says(priced, "Decision consequence")
+    assert "1 of 2 planned tests lie inside the validated domain, 50 % outside." in says(
+        certification, "Relevance of the validation activities to the context of use"
+    )
+    n, wrong = certification.record.decided
+    assert f"{n} verdicts met or not met, {wrong} wrong" in says(certification, "Output comparison")
+    assert "1 of 1 criteria have a left-out test near" in says(certification, "Relevance of the quantities of interest")
+    assert "24.1 to" in says(certification, "Test conditions", Display(system=KPH_KG))
+
+
+def test_what_the_campaign_states_takes_the_place_of_what_is_not_said(certification: Certification) -> None:
+    """How runs ended, where tests come from, what the CAE model was tuned to."""
+    campaign = certification.campaign
+    assert "stated to have ended" not in says(certification, "Use error")
+    about = ((("about_termination", "normal"),), *((("about_termination", "error"),),) * (len(campaign.cae) - 1))
+    tests = [replace(test, cae_tuned=False, about=(("about_laboratory", "L"),)) for test in campaign.tests]
+    stated = replace(campaign, cae=replace(campaign.cae, about=about), tests=tuple(tests))
+    found = replace(certification, campaign=stated)
+    assert f"1 of {len(campaign.cae)} CAE runs are stated to have ended normally." in says(found, "Use error")
+    assert "did not end normally" in says(found, "Use error")
+    assert "laboratory 4" in says(found, "Test conditions")
+    assert "is not said" in says(certification, "Test samples")
+    assert "is not said" not in says(found, "Test samples")
+
+
+def test_what_was_not_tried_is_said_with_its_option(certification: Certification) -> None:
+    """The usual variants are always there; a seed that was tried is no longer asked for."""
+    assert all(own.name.capitalize() in says(certification, "Limits and confidence") for own in certification.variants)
+    assert "(certify --robustness seed preset tests)" in says(certification, "Seed, preset and tests")
+    seed = Variant("seed 1", (1, 2), {"M1": ("need not be run", "to be tested")})
+    told = says(replace(certification, variants=(*certification.variants, seed)), "Seed, preset and tests")
+    assert "Seed 1: 1 of 2, changed: M1: skip → run." in told
+    assert "(certify --robustness preset tests)" in told
