@@ -197,14 +197,9 @@ def certify_matrix(
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     domain, run = Domain.of(campaign), matrix.run((test.id, test.condition) for test in campaign.tests)
     left_out = [*_left_out(campaign, criteria, splits, config.approaches[0], at_trials)]
-    whole = tuple(
-        (way, holds_whole((own.whole_mps2[0], own.whole_mps2[1]), test.pulse.accel_mps2))
-        for (test, way, own, *_), (*_, held_out) in zip(left_out, splits, strict=True)
-        if len(own.whole_mps2) and not test.cae_tuned and (way == "test" or len(held_out) > 1)
-    )
 
     def by(criteria: Criteria) -> Certification:
-        record = _record(criteria, left_out, whole)
+        record = _record(criteria, left_out)
         judged = tuple(
             judge(at_cells[cell], cell.condition, criteria, domain.outside(cell.condition), tests)
             for cell, tests in zip(cells, run, strict=True)
@@ -222,6 +217,7 @@ def try_variants(certification: Certification, what: Sequence[str], **computing:
     ``computing`` is as for :func:`certify_matrix`.
     """
     campaign, config, others = certification.campaign, certification.config, {}
+    criteria, matrix = certification.criteria, certification.matrix
     for name in what:
         one_of("variant", name, dict.fromkeys(TRIED))
     if "seed" in what:
@@ -232,9 +228,7 @@ def try_variants(certification: Certification, what: Sequence[str], **computing:
     if "tests" in what and len(campaign.tests) > 1:
         others |= {f"without {test}": (campaign.without((test,)), config) for test in campaign.test_ids}
     variants = (
-        Variant.of(
-            name, certification, certify_matrix(of, certification.criteria, certification.matrix, by, **computing)
-        )
+        Variant.of(name, certification, certify_matrix(of, criteria, matrix, by, **computing))
         for name, (of, by) in others.items()
     )
     return replace(certification, variants=(*certification.variants, *variants))
@@ -274,6 +268,7 @@ class _LeftOut(NamedTuple):
     cae: Forecast
     outside: tuple[str, ...]
     measured: dict[str, float | None]  # by :func:`quantity`
+    whole: bool | None  # whether its pulse lies in the band of whole pulses; None if there is none, or it counts once
 
 
 def _left_out(
@@ -283,18 +278,22 @@ def _left_out(
         outside = Domain.of(campaign.without(held_out), for_record=True).exceeded_by(test.condition)
         own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
         measured = {quantity(limit): own.measured(limit, test, campaign.occupant) for limit in criteria.items}
-        yield _LeftOut(test, way, own, cae, outside, measured)
+        whole = None
+        if len(own.whole_mps2) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
+            whole = holds_whole((own.whole_mps2[0], own.whole_mps2[1]), test.pulse.accel_mps2)
+        yield _LeftOut(test, way, own, cae, outside, measured, whole)
 
 
-def _record(criteria: Criteria, left_out: Sequence[_LeftOut], whole: tuple[tuple[LeftOut, bool], ...]) -> TrackRecord:
+def _record(criteria: Criteria, left_out: Sequence[_LeftOut]) -> TrackRecord:
     trials, tuned = list[Trial](), list[Trial]()
-    for test, way, forecast, cae, outside, measured in left_out:
+    for test, way, forecast, cae, outside, measured, _ in left_out:
         for verdict in judge(forecast, test.condition, criteria, outside):
             criterion = verdict.criterion
             baseline = cae.distributions[quantity(criterion)] if criterion.window_ms is None else None
             raw = None if baseline is None else baseline.probability(criterion.at_least, criterion.at_most)
             if (value := measured[quantity(criterion)]) is not None:
                 (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, value, raw))
+    whole = tuple((own.way, own.whole) for own in left_out if own.whole is not None)
     return TrackRecord(tuple(trials), whole=whole, tuned=tuple(tuned))
 
 

@@ -148,7 +148,7 @@ CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Seque
 _TO_START = {"crush": "max_crush", "peak": "peak", "velocity change": "delta_v", "OLC": "olc"}
 _GOOD = 0.8  # the grade of ISO/TS 18571
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
-_COSTS = ("test", "wrong_answer")
+COSTS = ("test", "wrong_answer")
 
 
 def read_criteria(path: Path) -> Criteria:
@@ -173,12 +173,10 @@ def criteria_of(
     return _checked([dict(item) for item in criteria], confidence, costs, "the criteria", [])
 
 
-def with_costs(criteria: Criteria, *costs: float | None) -> Criteria:
-    """The criteria with these costs of a test and of a wrong answer; a DataError if they are none."""
+def with_costs(criteria: Criteria, costs: Mapping[str, object]) -> Criteria:
+    """The criteria with these costs (``test``, ``wrong_answer``), or none; a DataError if they are wrong."""
     problems: list[Problem] = []
-    checked = _costs(
-        {key: cost for key, cost in zip(_COSTS, costs, strict=True) if cost is not None}, "the costs", problems
-    )
+    checked = _costs(costs, "the costs", problems) if costs else None
     if problems:
         raise DataError(problems)
     return replace(criteria, costs=checked)
@@ -202,7 +200,7 @@ def criteria_text(criteria: Criteria) -> str:
     """The criteria as the text of ``criteria.toml``."""
     costs = criteria.costs
     lines = [f"confidence = {criteria.confidence!r}"] if criteria.declared is not None or costs is None else []
-    lines += [] if costs is None else ["", "[costs]", *(f"{key} = {getattr(costs, key)!r}" for key in _COSTS)]
+    lines += [] if costs is None else ["", "[costs]", *(f"{key} = {getattr(costs, key)!r}" for key in COSTS)]
     for criterion in criteria.items:
         values = {key: getattr(criterion, key) for key in ("name", "metric", "window_ms", "at_least", "at_most")}
         lines += ["", "[[criterion]]", *(f"{k} = {toml_text(v)}" for k, v in values.items() if v is not None)]
@@ -279,10 +277,10 @@ def _checked(
 
 
 def _costs(values: object, where: str, problems: list[Problem]) -> Costs | None:
-    costs = [values.get(key) for key in _COSTS] if isinstance(values, dict) and {*values} <= {*_COSTS} else []
-    numbers = [float(cost) for cost in costs if is_number(cost)]
-    if len(numbers) == len(_COSTS) and 0 < numbers[0] < numbers[1]:
-        return Costs(*numbers)
+    if isinstance(values, dict) and {*values} == {*COSTS} and all(map(is_number, values.values())):
+        costs = Costs(*(float(values[key]) for key in COSTS))
+        if 0 < costs.test < costs.wrong_answer:
+            return costs
     expected = "costs test and wrong_answer, above 0, the wrong answer the dearer"
     found = ", ".join(f"{k} {shown(v)}" for k, v in values.items()) if isinstance(values, dict) else shown(values)
     problems.append(Problem(where, expected, found or "none", "declare both in one currency"))

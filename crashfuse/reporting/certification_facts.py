@@ -218,10 +218,10 @@ def _costs(certification: Certification) -> Iterator[Fact]:
     if not skipped:
         return
     expected, n = sum(costs.saving(1 - probability) for probability in skipped), len(skipped)
-    most = certification.record.bounds()["tests"].at_most if certification.record.trials else None
-    cautious = None if most is None else n * costs.saving(most)
+    most, cautious = certification.record.bounds()["tests"].at_most, None
     told = f"Expected saving by {counted(n, 'test')} that need not be run, by their probabilities: {_amount(expected)}"
-    if cautious is not None and most is not None:
+    if most is not None:
+        cautious = n * costs.saving(most)
         told += f"; if as many answers are wrong as the record allows, {100 * most:.1f} % by test: {_amount(cautious)}"
     yield fact("costs.saving", f"{told}.", n=n, expected=expected, cautious=cautious, wrong_at_most=most)
 

@@ -25,21 +25,13 @@ from crashfuse.wording import Sentence, joined, number, read_out, speed, weight
 _NOTICED = 93  # of 100 faults, by ``benchmarks/deliberate_faults.py`` in November 2026
 _MOST = 3  # sentences of a code
 _PLACE = re.compile(r"\{(\w+)\}")
-_OTHERS = {
-    "seed": ("seed ", "another seed"),
-    "preset": ("preset ", "the other preset"),
-    "tests": ("without ", "leaving each test out"),
-}
-"""What ``--robustness`` tries: how the names of these variants begin, and what is done."""
+_VARIED = ("limits", "confidence", "seed", "preset", "without")  # how names of variants begin
 
 
 @cache
 def factors() -> list[dict[str, Any]]:
     """The rows of the sheet before they are filled."""
-    rows: list[dict[str, Any]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))[
-        "factor"
-    ]
-    return rows
+    return list(tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["factor"])
 
 
 def credibility_table(certification: Certification, display: Display = DEFAULT) -> pd.DataFrame:
@@ -61,16 +53,15 @@ def credibility_table(certification: Certification, display: Display = DEFAULT) 
 def _sentences(
     row: Mapping[str, Any], values: Mapping[str, object], known: Mapping[str, Mapping[str, None]]
 ) -> Iterator[str]:
-    for text in row.get("says", ()):
-        filled = [values[name] for name in _PLACE.findall(text)]
-        if None not in filled:
-            yield Sentence(_PLACE.sub("{}", text), *filled)
+    says = [(text, [values[name] for name in _PLACE.findall(text)]) for text in row.get("says", ())]
+    told = [Sentence(_PLACE.sub("{}", text), *filled) for text, filled in says if None not in filled]
+    yield from told
     of_codes = [[*known.get(code, ())] for code in row.get("facts", ())]
     for sentences in of_codes:
         yield from sentences[:_MOST]
         if len(sentences) > _MOST:
             yield f"({len(sentences) - _MOST} more are in report.html.)"
-    if "otherwise" in row and not any(of_codes):
+    if "otherwise" in row and not any(of_codes or told):
         yield row["otherwise"]
     if "unknown" in row:
         yield f"The data do not say: {row['unknown']}."
@@ -108,29 +99,18 @@ def _of_answers(certification: Certification) -> dict[str, object]:
     criteria, record = certification.criteria.items, certification.record
     conditions, brier = certification.matrix.conditions, record.brier or (None, None)
     outside = sum(bool(certification.domain.outside(condition)) for condition in conditions)
-    usual: list[str] = []
-    tried: list[str] = []
+    told = {begin: "{} of {} as asked for".format(*certification.saved) for begin in _VARIED}
     for own in certification.variants:
-        is_usual = not own.name.startswith(tuple(begin for begin, _ in _OTHERS.values()))
-        told = f"{own.name}: {own.saved[0]} of {own.saved[1]}, changed: {changed_text(own) or 'none'}."
-        (usual if is_usual else tried).append(told[0].upper() + told[1:])
-    untried = [
-        what
-        for what, (begin, _) in _OTHERS.items()
-        if not any(v.name.startswith(begin) for v in certification.variants)
-    ]
+        changed = changed_text(own).replace("; ", ", ") or "no change"
+        told[own.name.split()[0]] += f"; {own.name}: {own.saved[0]} of {own.saved[1]} ({changed})"
     return {
         "planned": len(conditions),
         "criteria": ", ".join(criterion.name for criterion in criteria),
         **{name: score and f"{score:.4f}" for name, score in zip(("brier", "brier_cae"), brier, strict=True)},
         "covered": sum(not certification.campaign.cae.extrapolation(condition) for condition in conditions),
         "near": sum(record.support(criterion).near for criterion in criteria),
-        "limits": len(criteria),
+        "asked": len(criteria),
         "inside": len(conditions) - outside,
         "outside": number(100 * outside / len(conditions), ".0f"),
-        "saved": "{} of {}".format(*certification.saved),
-        "limits_varied": " ".join(usual) or None,
-        "tried": " ".join(tried) or None,
-        "untried": read_out([_OTHERS[what][1] for what in untried]) or None,
-        "options": " ".join(untried),
+        **{begin: text if ";" in text else None for begin, text in told.items()},
     }

@@ -12,7 +12,7 @@ from crashfuse import views
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix, try_variants
-from crashfuse.certification.criteria import CriteriaGiven, criteria_given, with_costs
+from crashfuse.certification.criteria import COSTS, CriteriaGiven, criteria_given, with_costs
 from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import MatrixGiven, matrix_given
 from crashfuse.errors import one_of, require_a
@@ -170,7 +170,7 @@ def certify(
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
-    limits = limits if costs is None else with_costs(limits, *costs)
+    limits = limits if costs is None else with_costs(limits, dict(zip(COSTS, costs, strict=True)))
     config = replace(config, approaches=(approach,))
     computing: dict[str, Any] = {"cache": cache, "watch": watch, "workers": workers, "scheduler": scheduler}
     certification = certify_matrix(campaign, limits, conditions, config, **computing)

@@ -72,7 +72,7 @@ def test_without_a_confidence_the_costs_ask_for_one(
     assert found.costs == Costs(test, wrong)
     assert found.costs.confidence == pytest.approx(pays, rel=1e-12)
     assert (found.confidence, found.declared) == (asked, None)
-    stated = with_costs(criteria_of([{"metric": "peak", "at_most": 30}], 0.9), test, wrong)
+    stated = with_costs(criteria_of([{"metric": "peak", "at_most": 30}], 0.9), {"test": test, "wrong_answer": wrong})
     assert stated.confidence == 0.9
     for own in (found, stated):
         assert read_criteria(criteria_file(tmp_path, criteria_text(own))) == own

@@ -1,12 +1,13 @@
 """The acceptance criteria: those of the campaign, an uploaded file's, or typed in, a row each."""
 
-from dataclasses import replace
+from contextlib import suppress
 from typing import Any
 
 import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.certification.criteria import (
+    COSTS,
     RATING,
     Criteria,
     Criterion,
@@ -41,19 +42,14 @@ def criteria_asked(view: View) -> Criteria | None:
     usual = declared or Criteria(())
     for key, cost in _costs_of(usual).items():
         address.default(key, cost)
-    costs, wrong_costs = [state[key] for key in _COSTS], None
-    try:
-        usual = with_costs(usual, *costs) if any(cost is not None for cost in costs) else replace(usual, costs=None)
-    except DataError as error:
-        wrong_costs = error
+    costs = {name: state[key] for name, key in zip(COSTS, _COSTS, strict=True) if state[key] is not None}
+    with suppress(DataError):  # which the criteria tell below
+        usual = with_costs(usual, costs)
     address.default("confidence", usual.confidence)
     state["criteria"] = [text for text in state["criteria"] if _is_row(text)]  # of a link that was cut
     if state["criteria"]:
-        if wrong_costs is not None:
-            raise wrong_costs
         confidence = usual.declared if state["confidence"] == usual.confidence else state["confidence"]
-        typed = criteria_of([_row(text) for text in state["criteria"]], confidence)
-        return replace(typed, costs=usual.costs)
+        return criteria_of([_row(text) for text in state["criteria"]], confidence, costs or None)
     if wrong is not None:
         raise wrong
     return None
@@ -131,8 +127,7 @@ def take(criteria: Criteria) -> None:
 
 
 def _costs_of(criteria: Criteria) -> dict[str, float | None]:
-    costs = criteria.costs
-    return dict(zip(_COSTS, (None, None) if costs is None else (costs.test, costs.wrong_answer), strict=True))
+    return {key: getattr(criteria.costs, name, None) for key, name in zip(_COSTS, COSTS, strict=True)}
 
 
 def _values(criterion: Criterion) -> dict[str, Any]:
