@@ -423,18 +423,13 @@ def test_one_campaigns_confidence_is_not_anothers(visit: Visit) -> None:
     assert field(session, "Confidence").value == 0.95
 
 
-@pytest.mark.usefixtures("asking")
-def test_costs_are_kept_in_the_address_and_ask_for_a_confidence_unless_one_is_declared(
-    open_campaign: Path, visit: Visit
-) -> None:
+def test_costs_in_the_address_ask_for_a_confidence_unless_one_is_declared(asking: Path, visit: Visit) -> None:
     """The field follows them; a cost without the other is a sentence."""
-    session = visit("certify", **LINK)
-    field(session, "Cost of a test").set_value(5.0).run()
+    session = visit("certify", **LINK, cost_test="5")
     assert "expected costs test and wrong_answer, above 0" in session.words
     field(session, "Cost of a wrong answer").set_value(500.0).run()
-    assert field(session, "Confidence").value == 0.9
-    (open_campaign / "criteria.toml").write_text(CRITERIA.removeprefix("confidence = 0.9\n"))
+    assert (field(session, "Confidence").value, session.app.query_params["cost_wrong"]) == (0.9, "500")
+    (asking / "criteria.toml").write_text(CRITERIA.removeprefix("confidence = 0.9\n"))
     session = visit("certify", **LINK, cost_test="5", cost_wrong="500")
     assert field(session, "Confidence").value == 0.99
     assert "expected costs" not in session.words
-    assert session.app.query_params["cost_wrong"] == "500"
