@@ -1,10 +1,11 @@
 """Acceptance criteria: what a file declares, and what is refused, each in a sentence."""
 
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 
-from crashfuse.certification.criteria import Costs, Criterion, criteria_of, criteria_text, read_criteria, with_costs
+from crashfuse.certification.criteria import Costs, Criterion, criteria_of, criteria_text, read_criteria
 from crashfuse.errors import DataError
 from tests.conftest import problems_of
 
@@ -61,18 +62,15 @@ def test_mappings_declare_the_same_criteria_as_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("test", "wrong", "pays", "asked"), [(5, 100, 0.95, 0.95), (3, 4, 0.25, 0.5), (1, 1e9, 1 - 1e-9, 0.999999)]
+    ("costs", "pays", "asked"),
+    [(Costs(5, 100), 0.95, 0.95), (Costs(3, 4), 0.25, 0.5), (Costs(1, 1e9), 1 - 1e-9, 0.999999)],
 )
-def test_without_a_confidence_the_costs_ask_for_one(
-    tmp_path: Path, test: float, wrong: float, pays: float, asked: float
-) -> None:
+def test_without_a_confidence_the_costs_ask_for_one(tmp_path: Path, costs: Costs, pays: float, asked: float) -> None:
     """One minus their ratio, as far as it can be asked for; one that is declared stays, and both are written."""
-    limit = f"{CRUSH}at_most = 650"
-    found = read_criteria(criteria_file(tmp_path, f"[costs]\ntest = {test}\nwrong_answer = {wrong}\n{limit}"))
-    assert found.costs == Costs(test, wrong)
-    assert found.costs.confidence == pytest.approx(pays, rel=1e-12)
-    assert (found.confidence, found.declared) == (asked, None)
-    stated = with_costs(criteria_of([{"metric": "peak", "at_most": 30}], 0.9), {"test": test, "wrong_answer": wrong})
+    found = criteria_of([{"metric": "peak", "at_most": 30}], costs=asdict(costs))
+    assert (found.costs, found.confidence, found.declared) == (costs, asked, None)
+    assert costs.confidence == pytest.approx(pays, rel=1e-12)
+    stated = replace(found, declared=0.9)
     assert stated.confidence == 0.9
     for own in (found, stated):
         assert read_criteria(criteria_file(tmp_path, criteria_text(own))) == own

@@ -247,10 +247,8 @@ def test_a_full_disk_leaves_no_part_of_a_certification(
 
 
 @pytest.mark.slow
-def test_costs_stand_in_the_record_beside_which_later_ones_are_held(
-    planned: Path, tmp_path: Path, capsys: Capture
-) -> None:
-    """With the confidence that was declared."""
+def test_costs_stand_in_the_record(planned: Path, tmp_path: Path, capsys: Capture) -> None:
+    """With the confidence that was declared; a later certification is held against them."""
     assert certify(planned, tmp_path / "out", "--costs", "5", "100") == cli.DONE
     assert read_earlier(tmp_path / "out").criteria.costs == Costs(5, 100)
     assert certify(planned, tmp_path / "again", "--since", str(tmp_path / "out")) == cli.DONE

@@ -432,4 +432,3 @@ def test_costs_in_the_address_ask_for_a_confidence_unless_one_is_declared(asking
     (asking / "criteria.toml").write_text(CRITERIA.removeprefix("confidence = 0.9\n"))
     session = visit("certify", **LINK, cost_test="5", cost_wrong="500")
     assert field(session, "Confidence").value == 0.99
-    assert "expected costs" not in session.words
