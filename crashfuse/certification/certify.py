@@ -1,16 +1,17 @@
 """Certification of a campaign: a verdict for every condition and criterion, and the record of left-out tests."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 from crashfuse.approaches.base import holds_whole
 from crashfuse.approaches.mixture import AboutFused
 from crashfuse.approaches.registry import BASELINE
+from crashfuse.approaches.settings import PRESETS
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria import WINDOW_MS, Criteria
+from crashfuse.certification.criteria import WINDOW_MS, Criteria, varied
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import Earlier, RemovedTest
 from crashfuse.certification.forecasts import Asked, Forecast, Forecasts, quantity
@@ -20,7 +21,7 @@ from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, one_of
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig, check_window
@@ -32,11 +33,30 @@ APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
 _LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
 Rows = tuple[tuple[Verdict, ...], ...]
+TRIED = ("seed", "preset", "tests")
+"""What :func:`try_variants` makes other."""
 Answer = Literal[
     "run", "need not be run", "to be tested", "would miss", "test or redesign", "record for longer", "outside"
 ]
 """The first that is true: a test was made for it; it would meet all criteria at once; each is met, but all at once not
 with the confidence; it would miss one; one is open; one is open as records end too early; one was not checked."""
+
+
+class Variant(NamedTuple):
+    """What the answers are if something is other: by condition the answer, and that of the variant, where they differ.
+
+    Verdicts of earlier certifications are left aside.
+    """
+
+    name: str
+    saved: tuple[int, int]
+    changed: Mapping[str, tuple[Answer, Answer]]
+
+    @classmethod
+    def of(cls, name: str, usual: "Certification", other: "Certification") -> Self:
+        """Compare two certifications of the same conditions."""
+        pairs = {i: (answer, other.answers[i]) for i, answer in usual.answers.items()}
+        return cls(name, other.saved, {i: pair for i, pair in pairs.items() if pair[0] != pair[1]})
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +73,7 @@ class Certification:
     record: TrackRecord
     seconds: dict[str, float]  # to learn, leaving tests out included, and to judge the matrix
     since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it
+    variants: tuple[Variant, ...] = ()  # other limits and confidences; other seeds, presets and tests if asked for
 
     def __repr__(self) -> str:
         size = f"{len(self.criteria.items)} × {len(self.matrix.ids)} verdicts"
@@ -170,18 +191,47 @@ def certify_matrix(
     forecasts = Forecasts(campaign, criteria.windows_ms, config, cache or Cache(), watch)
     with workers_at(scheduler, workers) as place:
         start = time.perf_counter()
-        left_out = forecasts.all(trials, place, _LEARN, learn_for=cells)
+        at_trials = forecasts.all(trials, place, _LEARN, learn_for=cells)
         learned = time.perf_counter()
         at_cells = forecasts.all(cells, place, _JUDGE)
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
-    record = _record(campaign, criteria, splits, config.approaches[0], left_out)
     domain, run = Domain.of(campaign), matrix.run((test.id, test.condition) for test in campaign.tests)
-    judged = tuple(
-        judge(at_cells[cell], cell.condition, criteria, domain.outside(cell.condition), tests)
-        for cell, tests in zip(cells, run, strict=True)
+    left_out = [*_left_out(campaign, criteria, splits, config.approaches[0], at_trials)]
+
+    def by(criteria: Criteria) -> Certification:
+        record = _record(criteria, left_out)
+        judged = tuple(
+            judge(at_cells[cell], cell.condition, criteria, domain.outside(cell.condition), tests)
+            for cell, tests in zip(cells, run, strict=True)
+        )
+        verdicts = hold(judged, campaign, criteria, record)
+        return Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
+
+    found = by(criteria)
+    return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
+
+
+def try_variants(certification: Certification, what: Sequence[str], **computing: Any) -> Certification:  # noqa: ANN401
+    """The certification with variants by another ``seed``, the other ``preset``, or without each of the ``tests``.
+
+    ``computing`` is as for :func:`certify_matrix`.
+    """
+    campaign, config, others = certification.campaign, certification.config, {}
+    criteria, matrix = certification.criteria, certification.matrix
+    for name in what:
+        one_of("variant", name, dict.fromkeys(TRIED))
+    if "seed" in what:
+        others[f"seed {config.seed ^ 1}"] = campaign, replace(config, seed=config.seed ^ 1)
+    if "preset" in what:
+        (preset,) = (name for name in PRESETS if name != config.preset)
+        others[f"preset {preset}"] = campaign, replace(config, preset=preset)
+    if "tests" in what and len(campaign.tests) > 1:
+        others |= {f"without {test}": (campaign.without((test,)), config) for test in campaign.test_ids}
+    variants = (
+        Variant.of(name, certification, certify_matrix(of, criteria, matrix, by, **computing))
+        for name, (of, by) in others.items()
     )
-    verdicts = hold(judged, campaign, criteria, record)
-    return Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
+    return replace(certification, variants=(*certification.variants, *variants))
 
 
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, cache: Cache) -> bool:
@@ -209,24 +259,42 @@ def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Spl
     return splits, trials, [Asked((), approach, condition) for condition in matrix.conditions]
 
 
-def _record(
+class _LeftOut(NamedTuple):
+    """A test, left out: what was predicted of it, why it lies outside the others' domain, what it showed."""
+
+    test: CrashTest
+    way: LeftOut
+    forecast: Forecast
+    cae: Forecast
+    outside: tuple[str, ...]
+    measured: dict[str, float | None]  # by :func:`quantity`
+    whole: bool | None  # whether its pulse lies in the band of whole pulses; None if there is none, or it counts once
+
+
+def _left_out(
     campaign: Campaign, criteria: Criteria, splits: list[_Split], approach: str, forecasts: dict[Asked, Forecast]
-) -> TrackRecord:
-    trials, tuned = list[Trial](), list[Trial]()
-    whole: list[tuple[LeftOut, bool]] = []
+) -> Iterator[_LeftOut]:
     for test, way, held_out in splits:
-        domain = Domain.of(campaign.without(held_out), for_record=True)
+        outside = Domain.of(campaign.without(held_out), for_record=True).exceeded_by(test.condition)
         own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
+        measured = {quantity(limit): own.measured(limit, test, campaign.occupant) for limit in criteria.items}
+        whole = None
         if len(own.whole_mps2) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
-            whole.append((way, holds_whole((own.whole_mps2[0], own.whole_mps2[1]), test.pulse.accel_mps2)))
-        for verdict in judge(own, test.condition, criteria, domain.exceeded_by(test.condition)):
+            whole = holds_whole((own.whole_mps2[0], own.whole_mps2[1]), test.pulse.accel_mps2)
+        yield _LeftOut(test, way, own, cae, outside, measured, whole)
+
+
+def _record(criteria: Criteria, left_out: Sequence[_LeftOut]) -> TrackRecord:
+    trials, tuned = list[Trial](), list[Trial]()
+    for test, way, forecast, cae, outside, measured, _ in left_out:
+        for verdict in judge(forecast, test.condition, criteria, outside):
             criterion = verdict.criterion
-            measured = own.measured(criterion, test, campaign.occupant)
             baseline = cae.distributions[quantity(criterion)] if criterion.window_ms is None else None
             raw = None if baseline is None else baseline.probability(criterion.at_least, criterion.at_most)
-            if measured is not None:
-                (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, measured, raw))
-    return TrackRecord(tuple(trials), whole=tuple(whole), tuned=tuple(tuned))
+            if (value := measured[quantity(criterion)]) is not None:
+                (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, value, raw))
+    whole = tuple((own.way, own.whole) for own in left_out if own.whole is not None)
+    return TrackRecord(tuple(trials), whole=whole, tuned=tuple(tuned))
 
 
 def hold(

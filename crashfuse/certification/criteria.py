@@ -1,9 +1,9 @@
-"""Acceptance criteria: limits of pulse metrics, or of the rating, and the confidence they have to be met with."""
+"""Acceptance criteria: limits of pulse metrics or of the rating, the confidence to meet them with, and costs."""
 
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeAlias, TypeGuard, cast
@@ -96,11 +96,39 @@ class Criterion:
 
 
 @dataclass(frozen=True, slots=True)
+class Costs:
+    """Costs of a test, and of a wrong answer in its place, in one currency."""
+
+    test: float
+    wrong_answer: float
+
+    def __str__(self) -> str:
+        return f"{self.test:,.10g} a test, {self.wrong_answer:,.10g} a wrong answer"
+
+    @property
+    def confidence(self) -> float:
+        """The confidence from which it pays to skip a test."""
+        return 1 - self.test / self.wrong_answer
+
+    def saving(self, wrong: float) -> float:
+        """Expected saving by a test that is skipped, if its answer is wrong with this probability."""
+        return self.test - wrong * self.wrong_answer
+
+
+@dataclass(frozen=True, slots=True)
 class Criteria:
-    """Criteria with unique names, and the probability from which one counts as met, or as not met by its complement."""
+    """Criteria with unique names, and the confidence and costs that were declared with them."""
 
     items: tuple[Criterion, ...]
-    confidence: float = CONFIDENCE
+    declared: float | None = None  # confidence
+    costs: Costs | None = None
+
+    @property
+    def confidence(self) -> float:
+        """The probability from which one counts as met: as declared, else as the costs ask for, else 0.95."""
+        if self.declared is None and self.costs is not None:
+            return min(max(self.costs.confidence, LEAST_SURE), MOST_SURE)
+        return CONFIDENCE if self.declared is None else self.declared
 
     def __repr__(self) -> str:
         return f"<Criteria at {self.confidence:g}: {', '.join(f'{own.name} {own.limits}' for own in self.items)}>"
@@ -120,6 +148,7 @@ CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Seque
 _TO_START = {"crush": "max_crush", "peak": "peak", "velocity change": "delta_v", "OLC": "olc"}
 _GOOD = 0.8  # the grade of ISO/TS 18571
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
+COSTS = ("test", "wrong_answer")
 
 
 def read_criteria(path: Path) -> Criteria:
@@ -127,21 +156,33 @@ def read_criteria(path: Path) -> Criteria:
     if not path.is_file():
         raise DataError(Problem(path.name, "this file", NO_FILE, "declare the acceptance criteria in it"))
     values = read_toml(path, 1, "keep the criteria alone")
-    confidence, items = values.pop("confidence", CONFIDENCE), values.pop("criterion", [])
+    items, declared, costs = values.pop("criterion", []), values.pop("confidence", None), values.pop("costs", None)
     problems = []
     if values:
-        problems.append(Problem(path.name, "confidence and [[criterion]]", ", ".join(values), "remove or rename it"))
+        known = "confidence, [costs] and [[criterion]]"
+        problems.append(Problem(path.name, known, ", ".join(values), "remove or rename it"))
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise DataError(Problem(path.name, "tables [[criterion]]", "another value", "begin each with [[criterion]]"))
-    return _checked(items, confidence, path.name, problems)
+    return _checked(items, declared, costs, path.name, problems)
 
 
-def criteria_of(criteria: Sequence[Mapping[str, Any]], confidence: float = CONFIDENCE) -> Criteria:
+def criteria_of(
+    criteria: Sequence[Mapping[str, Any]], confidence: float | None = None, costs: Mapping[str, Any] | None = None
+) -> Criteria:
     """Create criteria from mappings with the keys of ``criteria.toml``; raises as :func:`read_criteria`."""
-    return _checked([dict(item) for item in criteria], confidence, "the criteria", [])
+    return _checked([dict(item) for item in criteria], confidence, costs, "the criteria", [])
 
 
-def criteria_given(criteria: CriteriaGiven, confidence: float = CONFIDENCE) -> Criteria:
+def with_costs(criteria: Criteria, costs: Mapping[str, object]) -> Criteria:
+    """The criteria with these costs (``test``, ``wrong_answer``), or none; a DataError if they are wrong."""
+    problems: list[Problem] = []
+    checked = _costs(costs, "the costs", problems) if costs else None
+    if problems:
+        raise DataError(problems)
+    return replace(criteria, costs=checked)
+
+
+def criteria_given(criteria: CriteriaGiven, confidence: float | None = None) -> Criteria:
     """Criteria in any form in which the library takes them; raises as :func:`read_criteria`."""
     if isinstance(criteria, Criteria):
         return criteria
@@ -157,11 +198,13 @@ def criteria_given(criteria: CriteriaGiven, confidence: float = CONFIDENCE) -> C
 
 def criteria_text(criteria: Criteria) -> str:
     """The criteria as the text of ``criteria.toml``."""
-    lines = [f"confidence = {criteria.confidence!r}"]
+    costs = criteria.costs
+    lines = [f"confidence = {criteria.confidence!r}"] if criteria.declared is not None or costs is None else []
+    lines += [] if costs is None else ["", "[costs]", *(f"{key} = {getattr(costs, key)!r}" for key in COSTS)]
     for criterion in criteria.items:
         values = {key: getattr(criterion, key) for key in ("name", "metric", "window_ms", "at_least", "at_most")}
         lines += ["", "[[criterion]]", *(f"{k} = {toml_text(v)}" for k, v in values.items() if v is not None)]
-    return "\n".join([*lines, ""])
+    return "\n".join([*lines, ""]).lstrip()
 
 
 def limits_of_tests(campaign: Campaign, units: UnitSystem) -> list[dict[str, Any]]:
@@ -180,16 +223,41 @@ def limits_of_tests(campaign: Campaign, units: UnitSystem) -> list[dict[str, Any
     return [*rows, {"metric": RATING, "window_ms": WINDOW_MS, "at_least": _GOOD}]
 
 
+def varied(criteria: Criteria) -> dict[str, Criteria]:
+    """The criteria at another confidence, or with limits 5 % stricter or looser, by what is other."""
+    confidences = {f"confidence {own:g}": own for own in (0.9, 0.99) if own != criteria.confidence}
+    limits = {"stricter": 0.05, "looser": -0.05}
+    return {name: replace(criteria, declared=own) for name, own in confidences.items()} | {
+        f"limits 5 % {word}": replace(criteria, items=tuple(_tightened(own, by) for own in criteria.items))
+        for word, by in limits.items()
+    }
+
+
+def _tightened(criterion: Criterion, share: float) -> Criterion:
+    """The same with limits stricter by a share; a rating is at most 1."""
+    least, most = criterion.at_least, criterion.at_most
+    highest = 1.0 if criterion.window_ms is not None else math.inf
+    return replace(
+        criterion,
+        at_least=None if least is None else min((1 + share) * least, highest),
+        at_most=None if most is None else min((1 - share) * most, highest),
+    )
+
+
 def ratings_wanted() -> list[dict[str, Any]]:
     """Criteria on the prediction alone: good ratings over the usual windows."""
     rating = {"metric": RATING, "at_least": _GOOD}
     return [{"name": f"rating {window:g} ms", "window_ms": window, **rating} for window in WINDOWS_MS]
 
 
-def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:
-    if not is_number(confidence) or not LEAST_SURE <= confidence <= MOST_SURE:
+def _checked(
+    items: list[dict[str, Any]], confidence: object, costs: object, where: str, problems: list[Problem]
+) -> Criteria:
+    declared = float(confidence) if is_number(confidence) else None
+    if confidence is not None and (declared is None or not LEAST_SURE <= declared <= MOST_SURE):
         expected = f"a confidence from {LEAST_SURE} to {MOST_SURE}"
         problems.append(Problem(where, expected, shown(confidence), "0.95 is usual"))
+    checked_costs = None if costs is None else _costs(costs, where, problems)
     if not items:
         problems.append(Problem(where, "at least one criterion", "none", "add a table [[criterion]]"))
     if len(items) > _MOST_CRITERIA:
@@ -203,9 +271,20 @@ def _checked(items: list[dict[str, Any]], confidence: object, where: str, proble
         elif criterion is not None:
             found[criterion.name] = criterion
     problems += [problem for pair in combinations(found.values(), 2) if (problem := _at_odds(*pair, where)) is not None]
-    if problems or not is_number(confidence):
+    if problems:
         raise DataError(problems)
-    return Criteria(tuple(found.values()), float(confidence))
+    return Criteria(tuple(found.values()), declared, checked_costs)
+
+
+def _costs(values: object, where: str, problems: list[Problem]) -> Costs | None:
+    if isinstance(values, dict) and {*values} == {*COSTS} and all(map(is_number, values.values())):
+        costs = Costs(*(float(values[key]) for key in COSTS))
+        if 0 < costs.test < costs.wrong_answer:
+            return costs
+    expected = "costs test and wrong_answer, above 0, the wrong answer the dearer"
+    found = ", ".join(f"{k} {shown(v)}" for k, v in values.items()) if isinstance(values, dict) else shown(values)
+    problems.append(Problem(where, expected, found or "none", "declare both in one currency"))
+    return None
 
 
 def _at_odds(one: Criterion, other: Criterion, where: str) -> Problem | None:

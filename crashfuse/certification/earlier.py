@@ -139,7 +139,9 @@ def parse_earlier(content: bytes, path: Path = Path(FILE)) -> Earlier:
 
 def _of(values: dict[str, Any], digest: str) -> Earlier:
     rows, cells, before = [dict(row) for row in values["matrix"]], values["cells"], values.get("since", {})
-    criteria = criteria_of(values["criteria"]["criterion"], values["criteria"]["confidence"])
+    asked = values["criteria"]
+    declared = None if asked.get("confidence_by_costs") else asked["confidence"]
+    criteria = criteria_of(asked["criterion"], declared, asked.get("costs"))
     matrix = Matrix(_ids(row.pop("id") for row in rows), tuple(Condition.of(**row) for row in rows))
     _require(not any(map(is_beyond, matrix.conditions)))
     return Earlier(

@@ -75,11 +75,16 @@ def parser() -> argparse.ArgumentParser:
     _add_out(certify)
     certify.add_argument("--criteria", type=Path, metavar="FILE.toml", help="default: CAMPAIGN/criteria.toml")
     certify.add_argument("--matrix", type=Path, metavar="FILE.csv", help="conditions (default: CAMPAIGN/matrix.csv)")
+    price, help_ = ("TEST", "WRONG"), "costs of a test and of a wrong answer, in place of [costs]"
+    certify.add_argument("--costs", type=number, nargs=2, metavar=price, help=help_)
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one, whose verdicts are compared")
     _add_settings(certify)
+    tried = ("seed", "preset", "tests")
+    help_ = "make all again with another seed, the other preset, each test left out"
+    certify.add_argument("--robustness", nargs="+", choices=tried, default=(), metavar="|".join(tried), help=help_)
     _add_units(certify)
     _add_workers(certify)
     certify.add_argument("--seal", type=Path, metavar="KEY", help="sign it with this private key (crashfuse key)")

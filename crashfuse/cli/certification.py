@@ -39,7 +39,8 @@ def certify(arguments: argparse.Namespace) -> None:
     matrix = _matrix(arguments, campaign)
     with watching() as watch:
         judged = verdicts.certify(
-            campaign, criteria, matrix, approach=config.approaches[0], config=config,
+            campaign, criteria, matrix, costs=arguments.costs, robustness=arguments.robustness,
+            approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
     certification = judged.certification

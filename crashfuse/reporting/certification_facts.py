@@ -1,7 +1,7 @@
 """What is said of a certification: every fact once, with its code and values, and where each of them is shown."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 from itertools import chain, groupby
 from typing import Literal, NamedTuple
@@ -23,9 +23,9 @@ from crashfuse.reporting.evidence_facts import (
 )
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import Sentence, counted, joined, probability_text, read_out
+from crashfuse.wording import Sentence, counted, joined, number, probability_text, read_out
 
-Place = Literal["answer", "summary", "matrix", "record", "domain", "changes"]
+Place = Literal["answer", "costs", "summary", "matrix", "record", "domain", "changes"]
 SUBJECTS = {
     "test.stands_apart": "Tests that stand apart",
     "since.wrong": "Verdicts that tests run since contradict",
@@ -69,6 +69,7 @@ ANSWERS: Mapping[Answer, tuple[str, str]] = {
 }
 """Of each answer, what stands before the conditions that have it, and what beside a single one."""
 _ANSWER = ("matrix.saved", *(f"answer.{answer}" for answer in ANSWERS))
+_COSTS = ("costs.confidence", "costs.saving")
 _MATRIX = ("matrix.every", "matrix.none_needed", "matrix.run_first")
 _RECORD = ("record.waived", "since.waived", "record.decided")
 _SINCE = ("since.dated", "since.outcomes", "since.intervals", "since.too_narrow", "since.waived_outcome", "since.moved")
@@ -76,13 +77,14 @@ _CONDITIONS = ("test.not_used", "condition.no_factor", "condition.new_together")
 _CRITERIA = ("criterion.unsupported", "criterion.untouched", "criterion.few")
 PLACES: Mapping[Place, tuple[str, ...]] = {
     "answer": _ANSWER,
+    "costs": _COSTS,
     "summary": (
-        *(*_ANSWER, "matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", *_SINCE, *_CONDITIONS),
-        *(*_CRITERIA, "record.none", "tests.cae_tuned"),
+        *(*_ANSWER, *_COSTS, "matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", *_SINCE),
+        *(*_CONDITIONS, *_CRITERIA, "record.none", "tests.cae_tuned"),
     ),
     "matrix": (
-        *("test.stands_apart", *_ANSWER, *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
-        *("test.not_used", "criterion.unsupported"),
+        *("test.stands_apart", *_ANSWER, *_COSTS, *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved"),
+        *("since.too_narrow", "test.not_used", "criterion.unsupported"),
     ),
     "record": (
         *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.no_gain"),
@@ -107,6 +109,7 @@ def facts(certification: Certification) -> tuple[Fact, ...]:
     found = chain(
         _campaign(certification),
         _matrix(certification),
+        _costs(certification),
         record_facts(certification),
         domain_facts(certification.domain),
         _conditions(certification),
@@ -198,6 +201,34 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     if first := certification.run_first:
         told = f"Run {first} first, the fastest that a test can settle, and certify again."
         yield fact("matrix.run_first", told, condition=first)
+
+
+def _costs(certification: Certification) -> Iterator[Fact]:
+    criteria, costs = certification.criteria, certification.criteria.costs
+    if costs is None:
+        return
+    pays, confidence = costs.confidence, criteria.confidence
+    asked = f"{'only ' * (confidence < pays)}{confidence:g} was asked for"
+    if criteria.declared is None:
+        nearest = ", the nearest that can be asked for" * (confidence != pays)
+        asked = f"no other confidence was declared, so that asked for follows from the costs: {confidence:g}{nearest}"
+    told = f"Skipping a test pays from a confidence of {pays:g} ({costs}, declared with the criteria); {asked}."
+    values = {**asdict(costs), "pays_from": pays, "confidence": confidence, "follows": criteria.declared is None}
+    yield fact("costs.confidence", told, **values)
+    skipped = [met.probability for i, met in certification.waived.items() if i not in certification.counted_once]
+    if not skipped:
+        return
+    expected, n = sum(costs.saving(1 - probability) for probability in skipped), len(skipped)
+    most, cautious = certification.record.bounds()["tests"].at_most, None
+    told = f"Expected saving by {counted(n, 'test')} that need not be run, by their probabilities: {_amount(expected)}"
+    if most is not None:
+        cautious = n * costs.saving(most)
+        told += f"; if as many answers are wrong as the record allows, {100 * most:.1f} % by test: {_amount(cautious)}"
+    yield fact("costs.saving", f"{told}.", n=n, expected=expected, cautious=cautious, wrong_at_most=most)
+
+
+def _amount(value: float) -> str:
+    return number(float(f"{value:.3g}"), ",.10g")
 
 
 def _detail(certification: Certification, i: str) -> str:

@@ -7,7 +7,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import WrongShare, trial_bounds
-from crashfuse.reporting.certification_facts import exceptions, sentences
+from crashfuse.reporting.certification_facts import exceptions, sentences, shown
 from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, share_columns
 from crashfuse.reporting.exports import json_bytes
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
@@ -68,11 +68,12 @@ def _since(changes: Changes) -> dict[str, object]:
 def certification_record(certification: Certification) -> dict[str, object]:
     """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
-    criteria, domain = certification.criteria, certification.domain
+    criteria, domain, costs = certification.criteria, certification.domain, certification.criteria.costs
     counts = counts_table(certification).set_index("criterion")
     brier, (tests, saved, wrong) = record.brier or (None, None), record.waived(criteria)
     saved_with_since, missed_with_since = saved_and_missed(certification)
     (inside, intervals), (telling, telling_wrong) = record.intervals, record.telling.decided
+    since = certification.since is not None
     return {
         **provenance(campaign, campaign.test_ids, config),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -80,12 +81,18 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "cae_tuned": {test.id: test.cae_tuned for test in campaign.tests if test.cae_tuned is not None},
         "about": {test.id: dict(test.about) for test in campaign.tests if test.about},
         "tests_sha256": {test.id: test.digest for test in campaign.tests},
-        "command": certify_command(campaign, config, campaign.units, since=certification.since is not None),
+        "command": certify_command(campaign, config, campaign.units, since=since, costs=costs),
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
         "criteria": {
             "confidence": criteria.confidence,
+            **({} if costs is None else {"confidence_by_costs": criteria.declared is None, "costs": asdict(costs)}),
             "criterion": [_criterion(criterion) for criterion in criteria.items],
         },
+        **(
+            {"costs": {own.code.partition(".")[2]: own.values for own in shown(certification, "costs")}}
+            if costs
+            else {}
+        ),
         "matrix": matrix_table(certification.matrix).to_dict("records"),
         "cells": {
             i: {own.criterion.name: (own.word, own.probability, own.lower, own.upper) for own in row}

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Answer, Certification
+from crashfuse.certification.certify import Answer, Certification, Variant
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
@@ -188,6 +188,12 @@ def answer_texts(certification: Certification, *, short: bool = False) -> dict[s
         texts[i] = ANSWER_WORDS[certification.answers[i]] + (f": {by}" if tests else "") + alike
         texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
     return texts
+
+
+def changed_text(variant: Variant) -> str:
+    """Which answers a variant changes, in words; empty if none."""
+    words = {i: (ANSWER_WORDS[then], ANSWER_WORDS[now]) for i, (then, now) in variant.changed.items()}
+    return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in words.items() if then != now)
 
 
 _CELLS: Mapping[str, Callable[[Verdict, Display, float], str]] = {

@@ -161,6 +161,7 @@ def change_facts(changes: Changes) -> Iterator[Fact]:
     )  # fmt: skip
     now = certification_settings(later.campaign, later.config, later.criteria.confidence)
     pairs = [(name, value, earlier.settings.get(name, "unknown")) for name, value in now.items()]
+    pairs.append(("costs", str(later.criteria.costs or "none"), str(earlier.criteria.costs or "none")))
     if differ := [f"{name} {value} (then {then})" for name, value, then in pairs if value != then]:
         yield fact("since.settings", f"Made otherwise: {'; '.join(differ)}.")
     yield from _tested(changes)

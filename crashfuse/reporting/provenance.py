@@ -10,6 +10,7 @@ from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
+from crashfuse.certification.criteria import Costs
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_sentences import rating_sentences
@@ -104,10 +105,18 @@ def certification_settings(campaign: Campaign, config: StudyConfig, confidence: 
     }
 
 
-def certify_command(campaign: Campaign, config: StudyConfig, units: UnitSystem = MPH_LB, *, since: bool = False) -> str:
+def certify_command(
+    campaign: Campaign,
+    config: StudyConfig,
+    units: UnitSystem = MPH_LB,
+    *,
+    since: bool = False,
+    costs: Costs | None = None,
+) -> str:
     """The command line that reproduces a certification from its criteria and matrix as files."""
     files = ["--criteria", "criteria.toml", "--matrix", "matrix.csv", *["--since", "EARLIER"] * since]
-    return _command("certify", [*files, *_settings(config), *_archive(campaign)], units)
+    prices = [] if costs is None else ["--costs", f"{costs.test:.10g}", f"{costs.wrong_answer:.10g}"]
+    return _command("certify", [*files, *prices, *_settings(config), *_archive(campaign)], units)
 
 
 def learning_curve_command(

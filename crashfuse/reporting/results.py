@@ -21,6 +21,7 @@ from crashfuse.reporting.certification_tables import (
     csv_as_given,
     track_record_table,
 )
+from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.exports import json_bytes, parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -129,6 +130,7 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "certification.csv": lambda certification, *_: csv_as_given(certification_table(certification)),
         "track_record.csv": lambda certification, *_: csv_bytes(track_record_table(certification)),
         "changes.csv": lambda certification, *_: certification.since and csv_as_given(changes_table(certification)),
+        "credibility.csv": lambda certification, *_: csv_bytes(credibility_table(certification)),
         "report.html": lambda *result: certification_report(*result).encode(),
         "certification.json": lambda certification, *_: certification_json(certification),
     },

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self, Unpack
+from typing import Any, Self, Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -11,8 +11,8 @@ import plotly.graph_objects as go
 from crashfuse import views
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
-from crashfuse.certification.criteria import CONFIDENCE, CriteriaGiven, criteria_given
+from crashfuse.certification.certify import APPROACH, Certification, certify_matrix, try_variants
+from crashfuse.certification.criteria import COSTS, CriteriaGiven, criteria_given, with_costs
 from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import MatrixGiven, matrix_given
 from crashfuse.errors import one_of, require_a
@@ -25,6 +25,7 @@ from crashfuse.reporting.certification_tables import (
     counts_table,
     track_record_table,
 )
+from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.notebook import card, facts_words
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import Display, DisplayOptions
@@ -46,6 +47,11 @@ class Verdicts:
     def track_record(self) -> pd.DataFrame:
         """One row a left-out test and criterion, as ``track_record.csv``."""
         return track_record_table(self.certification)
+
+    @property
+    def credibility(self) -> pd.DataFrame:
+        """One row a factor of ASME V&V 40, as ``credibility.csv``."""
+        return credibility_table(self.certification)
 
     @property
     def counts(self) -> pd.DataFrame:
@@ -125,7 +131,9 @@ def certify(
     criteria: CriteriaGiven,
     matrix: MatrixGiven,
     *,
-    confidence: float = CONFIDENCE,
+    confidence: float | None = None,
+    costs: tuple[float, float] | None = None,
+    robustness: Sequence[str] = (),
     approach: str = APPROACH,
     config: StudyConfig = StudyConfig(),
     cache: Cache | None = None,
@@ -141,8 +149,12 @@ def certify(
         ``criteria.toml``, or its tables, one row each in a frame: name, metric, window_ms, at_least, at_most.
     matrix : path, DataFrame or Matrix
         ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
-    confidence : float
-        Of criteria given as mappings or rows.
+    confidence : float, optional
+        Of criteria given as mappings or rows; else as the costs ask for, or 0.95.
+    costs : (float, float), optional
+        Of a test and of a wrong answer, in one currency, in place of those of the criteria.
+    robustness : sequence of {"seed", "preset", "tests"}
+        What is tried, too: another seed, the other preset, each test left out. It computes all of it again.
     approach : str
         Whose predictions are judged.
     config : StudyConfig
@@ -158,8 +170,8 @@ def certify(
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
+    limits = limits if costs is None else with_costs(limits, dict(zip(COSTS, costs, strict=True)))
     config = replace(config, approaches=(approach,))
-    certification = certify_matrix(
-        campaign, limits, conditions, config, cache=cache, watch=watch, workers=workers, scheduler=scheduler
-    )
-    return Verdicts(certification)
+    computing: dict[str, Any] = {"cache": cache, "watch": watch, "workers": workers, "scheduler": scheduler}
+    certification = certify_matrix(campaign, limits, conditions, config, **computing)
+    return Verdicts(try_variants(certification, robustness, **computing))

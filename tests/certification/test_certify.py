@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Answer, Certification, certify_matrix
-from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.certify import Answer, Certification, Variant, certify_matrix, try_variants
+from crashfuse.certification.criteria import Criteria, Criterion, varied
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
@@ -174,7 +174,7 @@ def test_other_limits_take_no_new_prediction(
 
 def test_a_confidence_that_the_record_does_not_support_leaves_every_verdict_open(campaign: Campaign) -> None:
     """Four tests cannot support 0.999; the reason says what would."""
-    found = certified(campaign, replace(CRITERIA, confidence=0.999))
+    found = certified(campaign, replace(CRITERIA, declared=0.999))
     inside = [own for row in found.verdicts[:2] for own in row]
     assert {own.word for own in inside} == {"open"}
     sure = [own for own in inside if own.probability is not None and not 0.001 < own.probability < 0.999]
@@ -330,3 +330,25 @@ def test_the_verdicts_of_a_condition_make_one_answer(campaign: Campaign, crush: 
 def test_a_condition_that_was_run_has_no_other_answer(campaign: Campaign, word: Word) -> None:
     """Whatever the verdict on another test there."""
     assert answer(campaign, (word, 0.99), (word, 0.99), "T1") == "run"
+
+
+def test_variants_are_what_the_same_certification_says_if_asked_otherwise(campaign: Campaign) -> None:
+    """Limits 5 % stricter and looser and two confidences each time."""
+    two = Criteria((Criterion("mean", "mean", at_least=8.0, at_most=16.0), RATING), 0.8)
+    found, others = certified(campaign, two), varied(two)
+    assert others["limits 5 % stricter"].items[0] == Criterion("mean", "mean", at_least=8.4, at_most=0.95 * 16)
+    assert others["limits 5 % looser"].items[1].at_least == pytest.approx(0.57)
+    assert [own.confidence for own in others.values()] == [0.9, 0.99, 0.8, 0.8]
+    assert [*found.variants] == [Variant.of(name, found, certified(campaign, own)) for name, own in others.items()]
+    assert any(own.changed for own in found.variants)
+
+
+def test_another_seed_and_each_test_left_out_are_tried_if_asked_for(campaign: Campaign) -> None:
+    """Each as if it had been asked for alone; what there is not is refused."""
+    asked = CRITERIA, matrix(campaign, 20.0, 30.0), StudyConfig(approaches=("cae",))
+    found = certify_matrix(campaign, *asked, workers=1)
+    seed, first, *others = try_variants(found, ["tests", "seed"], workers=1).variants[len(found.variants) :]
+    assert [own.name for own in (seed, *others)] == ["seed 1", *(f"without {test}" for test in campaign.test_ids[1:])]
+    assert first == Variant.of("without T1", found, certify_matrix(campaign.without(("T1",)), *asked, workers=1))
+    with pytest.raises(UsageError, match="variant"):
+        try_variants(found, ["luck"])

@@ -1,10 +1,11 @@
 """Acceptance criteria: what a file declares, and what is refused, each in a sentence."""
 
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 
-from crashfuse.certification.criteria import Criterion, criteria_of, criteria_text, read_criteria
+from crashfuse.certification.criteria import Costs, Criterion, criteria_of, criteria_text, read_criteria
 from crashfuse.errors import DataError
 from tests.conftest import problems_of
 
@@ -60,7 +61,23 @@ def test_mappings_declare_the_same_criteria_as_a_file(tmp_path: Path) -> None:
     assert read_criteria(criteria_file(tmp_path, criteria_text(found))) == found
 
 
+@pytest.mark.parametrize(
+    ("costs", "pays", "asked"),
+    [(Costs(5, 100), 0.95, 0.95), (Costs(3, 4), 0.25, 0.5), (Costs(1, 1e9), 1 - 1e-9, 0.999999)],
+)
+def test_without_a_confidence_the_costs_ask_for_one(tmp_path: Path, costs: Costs, pays: float, asked: float) -> None:
+    """One minus their ratio, as far as it can be asked for; one that is declared stays, and both are written."""
+    found = criteria_of([{"metric": "peak", "at_most": 30}], costs=asdict(costs))
+    assert (found.costs, found.confidence, found.declared) == (costs, asked, None)
+    assert costs.confidence == pytest.approx(pays, rel=1e-12)
+    stated = replace(found, declared=0.9)
+    assert stated.confidence == 0.9
+    for own in (found, stated):
+        assert read_criteria(criteria_file(tmp_path, criteria_text(own))) == own
+
+
 CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
+NO_COSTS = "expected costs test and wrong_answer, above 0, the wrong answer the dearer, found "
 
 
 @pytest.mark.parametrize(
@@ -114,8 +131,13 @@ CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
         (f'confidence = "high"\n{CRUSH}at_most = 650', "expected a confidence from 0.5 to 0.999999, found 'high'"),
         (
             f"sure = 0.95\n{CRUSH}at_most = 650",
-            "expected confidence and [[criterion]], found sure; remove or rename it.",
+            "expected confidence, [costs] and [[criterion]], found sure; remove or rename it.",
         ),
+        (f"costs = 3\n{CRUSH}at_most = 650", f"{NO_COSTS}3"),
+        (f"[costs]\ntest = 5\n{CRUSH}at_most = 650", f"{NO_COSTS}test 5"),
+        (f"[costs]\ntest = -1\nwrong_answer = 5\n{CRUSH}at_most = 650", f"{NO_COSTS}test -1, wrong_answer 5"),
+        (f"[costs]\ntest = 5\nwrong_answer = 5\n{CRUSH}at_most = 650", f"{NO_COSTS}test 5, wrong_answer 5"),
+        (f"[costs]\ntest = 5\nwrong = 9\n{CRUSH}at_most = 650", f"{NO_COSTS}test 5, wrong 9"),
     ],
 )
 def test_what_cannot_be_judged_is_refused_in_a_sentence(tmp_path: Path, text: str, sentence: str) -> None:

@@ -14,7 +14,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note, write_notes
 from crashfuse.certification import file_store
-from crashfuse.certification.criteria import criteria_of
+from crashfuse.certification.criteria import Costs, read_criteria
 from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import Matrix
 from tests.archives import made_archive
@@ -63,9 +63,9 @@ def certify(campaign: Path, out: Path, *options: str) -> int:
 
 @pytest.mark.slow
 def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, tmp_path: Path, capsys: Capture) -> None:
-    """Four files and nothing else; counts in the JSON and on the terminal are those of the tables."""
+    """Five files and nothing else; counts in the JSON and on the terminal are those of the tables."""
     assert certify(planned, tmp_path / "out") == cli.DONE
-    names = {"certification.csv", "track_record.csv", "certification.json", "report.html"}
+    names = {"certification.csv", "track_record.csv", "credibility.csv", "certification.json", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert "bracket came loose" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
@@ -110,7 +110,7 @@ def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path
     assert certify(planned, out, "--seal", str(key), "--archive", str(tmp_path / "past.cfa")) == cli.DONE
     assert cli.main(["verify", str(out), "--key", f"{key}.pub", "--campaign", str(planned)]) == cli.DONE
     record = json.loads((out / "certification.json").read_bytes())
-    assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "report.html"}
+    assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "credibility.csv", "report.html"}
     assert {"tests.csv", "criteria.toml", "cae_pulses.parquet", "../past.cfa"} <= set(record["seal"]["rests_on"])
     assert "Sedan, Van and Coupe; SHA-256" in (out / "report.html").read_text(encoding="utf-8")
     assert record["command"].partition("--archive ")[2].startswith("archive.cfa")
@@ -135,9 +135,7 @@ def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Pa
     assert record["fingerprint"] == campaign.fingerprint
     assert record["config"]["approaches"] == ["cae"]
     assert record["seed"] == 3
-    criteria = criteria_of(record["criteria"]["criterion"], record["criteria"]["confidence"])
-    assert [own.name for own in criteria.items] == ["crush", "peak", "rating"]
-    assert criteria.items[2].window_ms == 60.0
+    assert read_earlier(tmp_path / "first").criteria == read_criteria(planned / "criteria.toml")
     frame = pd.DataFrame(record["matrix"])
     for again, own in zip(
         Matrix.of(frame, campaign.factors).conditions, Matrix.read(planned / "matrix.csv", {"drive": ()}).conditions,
@@ -205,6 +203,7 @@ def test_what_was_typed_in_km_h_and_kg_is_written_so(planned: Path, tmp_path: Pa
     [
         (["--criteria", "{tmp}/none.toml"], 1, "none.toml: expected this file, found no such file"),
         (["--criteria", "{tmp}/long.toml"], 1, "expected a record over 0–100 ms, found 80 ms"),
+        (["--costs", "0", "100"], 1, "expected costs test and wrong_answer, above 0"),
         (["--matrix", "{tmp}/none.csv"], 1, "none.csv: expected this file, found no such file; list the conditions in"),
         (["--matrix", "{tmp}/twice.csv"], 1, "row 3: expected each condition once, found that of A again"),
         (["--approach", "magic"], 2, "There is no approach 'magic'; choose from cae, "),
@@ -249,3 +248,14 @@ def test_a_full_disk_leaves_no_part_of_a_certification(
     assert certify(planned, tmp_path / "out") == cli.WRONG_DATA
     assert "Nothing was written to" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_costs_stand_in_the_record(planned: Path, tmp_path: Path, capsys: Capture) -> None:
+    """With the confidence that was declared; a later certification is held against them."""
+    assert certify(planned, tmp_path / "out", "--costs", "5", "100") == cli.DONE
+    assert read_earlier(tmp_path / "out").criteria.costs == Costs(5, 100)
+    assert certify(planned, tmp_path / "again", "--since", str(tmp_path / "out")) == cli.DONE
+    printed = capsys.readouterr().out
+    assert "only 0.8 was asked for" in printed
+    assert "costs none (then 5 a test, 100 a wrong answer)" in printed

@@ -12,14 +12,15 @@ from crashfuse import cli
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification, Rows, certify_matrix
-from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.criteria import Costs, Criteria, Criterion
 from crashfuse.certification.domain import Domain
+from crashfuse.certification.earlier import parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_facts import PLACES, SUBJECTS, exceptions, facts, planned, sentences, shown
-from crashfuse.reporting.certification_record import certification_record
+from crashfuse.reporting.certification_record import certification_json, certification_record
 from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.evidence_facts import listed_conditions
 from crashfuse.reporting.plots.certification import verdict_matrix
@@ -112,6 +113,12 @@ def with_factors(certification: Certification) -> Certification:
     return replace(certification, campaign=campaign, matrix=own, domain=Domain.of(campaign))
 
 
+def with_costs(certification: Certification, confidence: float | None) -> Certification:
+    """All met with 0.97 at once; a test costs 5, a wrong answer 100."""
+    criteria = replace(certification.criteria, declared=confidence, costs=Costs(5.0, 100.0))
+    return replace(certification, verdicts=all_as(certification, "met", 0.99), criteria=criteria)
+
+
 def near(certification: Certification) -> Certification:
     """All open at 0.717; four tests within 1 km/h and 2 % of the mass of the fastest, none made for it."""
     there = replace(certification.matrix.conditions[2], front_weight_kg=1000.0, rear_weight_kg=700.0)
@@ -139,6 +146,7 @@ def variants(certification: Certification, alone: Certification) -> Iterator[tup
         replace(wrong(certification), campaign=replace(campaign, warnings=("Two tests look alike.",), occupant=olc)),
     )
     yield "all met", replace(certification, verdicts=all_as(certification, "met", 0.99))
+    yield "all met, with costs", with_costs(certification, 0.9)
     yield "each met, all at once uncertain", replace(certification, verdicts=all_as(certification, "met", 0.9))
     missed = tuple(replace(own, word="not met", run={"T3": 1e6}) for own in first)
     yield "run, would miss", replace(certification, verdicts=(missed, tuple(replace(o, run={}) for o in missed), third))
@@ -310,6 +318,22 @@ def test_probabilities_that_did_not_come_true_or_gain_nothing_are_exceptions(cer
         assert len(values(found, "record.no_gain")) == contradicted
 
 
+def test_the_saving_to_expect_is_that_of_the_costs(certification: Certification) -> None:
+    """Each of three saves 5 less 100 times the probability of missing one, or the share that the record allows."""
+    found = with_costs(certification, None)
+    assert found.criteria.confidence == 0.95
+    (costs,), (saving,) = values(found, "costs.confidence"), values(found, "costs.saving")
+    assert costs == {"test": 5.0, "wrong_answer": 100.0, "pays_from": 0.95, "confidence": 0.95, "follows": True}
+    most = 1 - 0.05**0.5  # none of two tests with a wrong verdict
+    assert (saving["n"], saving["expected"]) == (3, pytest.approx(3 * (5 - 100 * 0.03)))
+    assert saving["cautious"] == pytest.approx(3 * (5 - 100 * most), rel=1e-3)
+    assert certification_record(found)["costs"] == {"confidence": costs, "saving": saving}
+    assert parse_earlier(certification_json(found)).criteria == found.criteria
+    report = certification_report(found)
+    assert all(str(escape(sentence)) in report for sentence in sentences(found, "costs"))
+    assert "costs" not in certification_record(certification)
+
+
 def test_the_order_is_that_of_a_review(text: str) -> None:
     """Intended use first, verification before validation, prediction, track record, exceptions; signatures last."""
     assert re.findall("<h2>(.*?)</h2>", text) == [
@@ -320,6 +344,7 @@ def test_the_order_is_that_of_a_review(text: str) -> None:
         "Data: 4 tests, 24 CAE runs",
         "How well tests repeat",
         "Evidence from left-out tests",
+        "Credibility sheet",
         "Acceptance criteria",
         "Verdicts",
         "Track record of the verdicts",
@@ -385,7 +410,8 @@ def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certificat
 def test_the_command_is_parsed_back_to_its_settings(campaign: Campaign) -> None:
     """Approach, preset, seed and device, as they were."""
     config = StudyConfig(approaches=("displacement_domain",), preset="fast", seed=7, device="cpu")
-    _, *command = certify_command(campaign, config).split()
+    _, *command = certify_command(campaign, config, costs=Costs(5.0, 100.0)).split()
     parsed = cli.parser().parse_args(command)
     assert (parsed.approach, parsed.preset, parsed.seed, parsed.device) == ("displacement_domain", "fast", 7, "cpu")
+    assert parsed.costs == [5.0, 100.0]
     assert (parsed.criteria, parsed.matrix) == (Path("criteria.toml"), Path("matrix.csv"))

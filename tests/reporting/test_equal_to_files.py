@@ -105,6 +105,7 @@ def test_those_of_a_certification(read: crashfuse.Campaign, campaign_on_disk: Pa
     out = run("certify", campaign_on_disk, tmp_path / "out", *files, "--approach", "cae", "--workers", "1")
     verdicts = crashfuse.certify(read, CRITERIA, MATRIX, approach="cae", workers=1)
     assert_is_file(verdicts.table, out / "certification.csv")
+    assert_is_file(verdicts.credibility, out / "credibility.csv")
     assert_is_file(verdicts.track_record, out / "track_record.csv")
     assert verdicts.counts[["met", "not met", "open", "outside"]].sum(axis=1).tolist() == [1]
 

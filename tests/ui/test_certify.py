@@ -40,8 +40,8 @@ M1,20,2050,1500
 M2,33,2050,1500
 M3,70,2050,1500
 """
-FILES = ["report.html", "report.pptx", "certification.csv", "track_record.csv", "criteria.toml", "matrix.csv"]
-FILES += ["certification.json"]
+FILES = ["report.html", "report.pptx", "certification.csv", "track_record.csv", "credibility.csv", "criteria.toml"]
+FILES += ["matrix.csv", "certification.json"]
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -412,3 +412,24 @@ def test_a_confidence_that_there_is_not_is_a_sentence(visit: Visit, asked: str) 
     assert "Certify" not in session.buttons
     field(session, "Confidence").set_value(0.8).run()
     assert "expected a confidence" not in session.words
+
+
+@pytest.mark.usefixtures("asking")
+def test_one_campaigns_confidence_is_not_anothers(visit: Visit) -> None:
+    """The sample's criteria come with their own."""
+    session = visit("certify", **LINK)
+    assert field(session, "Confidence").value == 0.9
+    session.app.selectbox(key="campaign").set_value("sample")
+    session.run()
+    assert field(session, "Confidence").value == 0.95
+
+
+def test_costs_in_the_address_ask_for_a_confidence_unless_one_is_declared(asking: Path, visit: Visit) -> None:
+    """The field follows them; a cost without the other is a sentence."""
+    session = visit("certify", **LINK, cost_test="5")
+    assert "expected costs test and wrong_answer, above 0" in session.words
+    field(session, "Cost of a wrong answer").set_value(500.0).run()
+    assert (field(session, "Confidence").value, session.app.query_params["cost_wrong"]) == (0.9, "500")
+    (asking / "criteria.toml").write_text(CRITERIA.removeprefix("confidence = 0.9\n"))
+    session = visit("certify", **LINK, cost_test="5", cost_wrong="500")
+    assert field(session, "Confidence").value == 0.99

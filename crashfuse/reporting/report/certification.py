@@ -9,19 +9,20 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS
-from crashfuse.reporting.certification_facts import exceptions, sentences
+from crashfuse.reporting.certification_facts import PLACES, exceptions, sentences
 from crashfuse.reporting.certification_tables import SHOWN
+from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
-from crashfuse.reporting.report.page import render
-from crashfuse.reporting.report.sections import repeats_table
+from crashfuse.reporting.report.page import render, repeats_table
 from crashfuse.study.repeatability import repeatability
 
 _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # in a figure at the height it has on paper; of several, two fill a page
 _CRITERIA_A_FIGURE = 2
 _MOST_FIGURES = 20
+_SHEET = ["Activity", "Factor", "Question", "What the data say", "Source"]
 _FILES = {"trials": "track_record.csv", "changes": "changes.csv"}  # that have all rows; else certification.csv
 
 
@@ -37,7 +38,9 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         for table, file in [(make(certification, display), _FILES.get(name, "certification.csv"))]
         for left in [len(table) - _MOST_ROWS]
     }
-    command = certify_command(campaign, certification.config, display.system, since=since is not None)
+    command = certify_command(
+        campaign, certification.config, display.system, since=since is not None, costs=criteria.costs
+    )
     origin = campaign, certification.config, command, display, campaign.test_ids
     return render(
         "certification",
@@ -45,14 +48,16 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         *origin,
         date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         words=WORDS,
-        said={place: sentences(certification, place) for place in ("answer", "summary", "domain", "record", "changes")},
+        said={place: sentences(certification, place) for place in PLACES},
         exceptions=exceptions(certification),
         table_of=tables,
+        credibility=credibility_table(certification, display).set_axis(_SHEET, axis=1),
         n_conditions=len(certification.matrix.ids),
         quantities=list(dict.fromkeys(criterion.label for criterion in criteria.items)),
         notes=[(note.test, note.when, note.text) for note in notes],
         repeats=repeats_table(repeats, campaign.test_ids, windows_ms),
         confidence=criteria.confidence,
+        costs=criteria.costs,
         earlier=None if since is None else since.earlier,
         domain_figure=validated_domain(certification, display),
         matrix_figures=list(_matrix_figures(certification, display)),

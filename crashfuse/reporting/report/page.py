@@ -1,5 +1,6 @@
-"""Rendering of a report's template with its own values and those common to all reports."""
+"""Rendering of a report's template with its own values and those common to all reports, and common sections."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -13,19 +14,26 @@ from jinja2.runtime import Context
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from crashfuse.approaches.registry import CLASSES
+from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, several
+from crashfuse.reporting import fit_explanations
 from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
-from crashfuse.reporting.result_tables import about_table, quality_table, wall_table
+from crashfuse.reporting.result_tables import about_table, metric_texts, quality_table, wall_table
+from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import Fact, campaign_facts
-from crashfuse.wording import Sentence, speed, weight
+from crashfuse.study.repeatability import Repeatability
+from crashfuse.wording import Sentence, joined, speed, weight
+
+_INTERVAL = re.compile(r" ?\[[^]]*\]")
 
 
 @pass_context
@@ -126,6 +134,57 @@ def _listed(value: object) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {_listed(own)}" for name, own in value.items())
     return " ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def details(
+    campaign: Campaign,
+    estimates: Sequence[Estimate],
+    display: Display,
+    test: CrashTest | None = None,
+    *,
+    said: Sequence[str] = (),
+) -> dict[str, object]:
+    """Metrics by approach (and of the test), the main ones and the others; notes not ``said`` yet; their fits."""
+    columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
+    columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
+    of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
+    metrics = metric_texts(columns, campaign, display, f"Pulse metric{of_test}").map(unbroken_interval)
+    main = metrics.index.isin(MAIN_METRICS)
+    missing, more_missing = fit_explanations.metric_remarks(columns)
+    makers = fit_explanations.notes_by_makers(estimates).items()
+    remarks = [joined([", ".join(who), note], ": ") for note, who in makers if note not in said]
+    return {
+        "whole": fit_explanations.whole_sentences(estimates),
+        "metrics": metrics[main],
+        "more_metrics": metrics[~main],
+        "more_missing": more_missing,
+        "remarks": [*missing, *remarks],
+        "fits": [
+            (LABELS[estimate.approach], sentences, fit_explanations.fit_table(estimate.state, display.units))
+            for estimate in estimates
+            if (sentences := fit_explanations.fit_sentences(estimate.state))
+        ],
+    }
+
+
+def repeats_table(
+    found: Mapping[str, Mapping[float, Repeatability]], tests: Sequence[str], windows_ms: Sequence[float]
+) -> pd.DataFrame | None:
+    """What a repeat of each of these tests would rate, by window, with its interval; None if nothing is known."""
+    known = {test: found.get(test, {}) for test in tests}
+    if not any(window in own for own in known.values() for window in windows_ms):
+        return None
+    rows = []
+    for test, own in known.items():
+        row = {"Test": test, **{f"0–{w:g} ms": own[w].text if w in own else "–" for w in windows_ms}}
+        repeats = next(iter(own.values())).repeats if own else ()
+        rows.append({**row, "Repeats among the tests": ", ".join(repeats) or "none"})
+    return pd.DataFrame(rows)
+
+
+def unbroken_interval(text: str) -> str:
+    """A value with its interval, which no line may cut."""
+    return _INTERVAL.sub(lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
 
 
 ReportForm = Literal["short", "whole"]

@@ -19,8 +19,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.ratings import rating_differences
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, best, mean_values, rating_table
-from crashfuse.reporting.report.page import ReportOptions, render, render_in_frame
-from crashfuse.reporting.report.sections import details, repeats_table
+from crashfuse.reporting.report.page import ReportOptions, details, render, render_in_frame, repeats_table
 from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig

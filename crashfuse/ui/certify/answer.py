@@ -1,15 +1,14 @@
 """The tab Answer: skip, run, would miss or cannot say, with reasons, caveats and what-ifs."""
 
-from dataclasses import replace
-
 import pandas as pd
 import streamlit as st
 
-from crashfuse.certification.certify import Certification
+from crashfuse.certification.certify import Certification, Variant
 from crashfuse.certification.changes import saved_and_missed
-from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.criteria import varied
 from crashfuse.certification.track_record import at_most
-from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, planned
+from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, planned, sentences
+from crashfuse.reporting.certification_tables import changed_text
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts
@@ -28,7 +27,7 @@ from crashfuse.wording import joined
 _CELL, _CRITERION = "cell", "criterion of the cell"  # session keys
 _MANY_PX = 560  # of a list that scrolls: the reason stays beside it
 _FEW, _MOST = 12, 200  # planned tests in a list without scrolling, and at all
-_STRICTER, _WITHOUT = "limits 5 % stricter", "without "  # what if
+_WITHOUT = "without "  # what if
 _WAYS = ("Planned tests", "By criterion")
 _MEANINGS = {
     "skip": "would meet all criteria at once, with the confidence asked for",
@@ -72,6 +71,8 @@ def _show_headline(certification: Certification) -> None:
         bound = f"({at_most(missed, n)}, exact 95 % bound)"
         record = f"{missed} of {n} tests that need not have been run missed a criterion {bound}"
     st.caption(f"Confidence {certification.criteria.confidence:g}. Wrong so far: {record}.")
+    for sentence in sentences(certification, "costs"):
+        st.caption(plain(sentence))
 
 
 def _show_planned(judgement: Judgement) -> None:
@@ -144,21 +145,10 @@ def _deciding(row: Planned, certification: Certification) -> str:
     return min(deciding, key=lambda own: 0.0 if own.probability is None else own.probability).criterion.name
 
 
-def _stricter(criterion: Criterion) -> Criterion:
-    least, most = criterion.at_least, criterion.at_most
-    highest = 1.0 if criterion.window_ms is not None else float("inf")
-    return replace(
-        criterion,
-        at_least=None if least is None else min(1.05 * least, highest),
-        at_most=None if most is None else 0.95 * most,
-    )
-
-
 def _variants(certification: Certification) -> list[str]:
-    confidences = [f"confidence {own:g}" for own in (0.9, 0.99) if own != certification.criteria.confidence]
     apart, tests = [own.test for own in departures(certification.campaign)], certification.campaign.test_ids
     without = [f"{_WITHOUT}{test}" for test in dict.fromkeys((*apart, *tests)) if len(tests) > 1]
-    return [*confidences, _STRICTER, *without]
+    return [*varied(certification.criteria), *without]
 
 
 def _asked_otherwise(certification: Certification, variant: str) -> Request[Verdicts]:
@@ -166,16 +156,13 @@ def _asked_otherwise(certification: Certification, variant: str) -> Request[Verd
     campaign, criteria, matrix = certification.campaign, certification.criteria, certification.matrix
     if variant.startswith(_WITHOUT):
         return judge(campaign.without((variant.removeprefix(_WITHOUT),)), criteria, matrix)
-    if variant == _STRICTER:
-        return judge(campaign, replace(criteria, items=tuple(map(_stricter, criteria.items))), matrix)
-    return judge(campaign, replace(criteria, confidence=float(variant.split()[-1])), matrix)
+    return judge(campaign, varied(criteria)[variant], matrix)
 
 
 def _show_variants(certification: Certification) -> None:
     variants, state, table, key = _variants(certification), st.session_state, [], "what_if"
     address.put(key, [name for name in state[key] if name in variants])
     asked = st.pills("What if …", variants, selection_mode="multi", format_func=plain, key=key, persist_state="session")
-    before = {row.id: row.word for row in planned(certification)}
     for name in asked:
         request = _asked_otherwise(certification, name)
         if request.find() is None:
@@ -185,10 +172,8 @@ def _show_variants(certification: Certification) -> None:
         if job.active:
             show_job(job)
         elif job.result is not None:
-            now = job.result.certification
-            pairs = [(row.id, before[row.id], row.word) for row in planned(now)]
-            changed = "; ".join(f"{i}: {then} → {word}" for i, then, word in pairs if then != word)
-            saved = "{} of {}".format(*now.saved)
+            variant = Variant.of(name, certification, job.result.certification)
+            saved, changed = "{} of {}".format(*variant.saved), changed_text(variant)
             table.append({"What if": name, "Need not be run": saved, "What changes": changed or "no answer"})
         else:
             show_end(job)

@@ -1,12 +1,13 @@
 """The acceptance criteria: those of the campaign, an uploaded file's, or typed in, a row each."""
 
+from contextlib import suppress
 from typing import Any
 
 import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.certification.criteria import (
-    CONFIDENCE,
+    COSTS,
     RATING,
     Criteria,
     Criterion,
@@ -14,6 +15,7 @@ from crashfuse.certification.criteria import (
     limits_of_tests,
     ratings_wanted,
     read_criteria,
+    with_costs,
 )
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
@@ -24,6 +26,7 @@ from crashfuse.ui.kit.campaigns import View
 
 _FILE = "criteria.toml"
 _FIELDS = ("metric", "window_ms", "at_least", "at_most", "name")  # of a criterion in the session and the address
+_COSTS = {"cost_test": "Cost of a test", "cost_wrong": "Cost of a wrong answer"}
 _METRICS = {**metric_headings(), RATING: f"{STANDARD} rating against a test there"}
 
 
@@ -36,10 +39,17 @@ def criteria_asked(view: View) -> Criteria | None:
     except DataError as error:
         wrong = error
     address.default("criteria", [_text(_values(own)) for own in declared.items] if declared else [])
-    address.default("confidence", declared.confidence if declared else CONFIDENCE)
+    usual = declared or Criteria(())
+    for key, cost in _costs_of(usual).items():
+        address.default(key, cost)
+    costs = {name: state[key] for name, key in zip(COSTS, _COSTS, strict=True) if state[key] is not None}
+    with suppress(DataError):  # which the criteria tell below
+        usual = with_costs(usual, costs)
+    address.default("confidence", usual.confidence)
     state["criteria"] = [text for text in state["criteria"] if _is_row(text)]  # of a link that was cut
     if state["criteria"]:
-        return criteria_of([_row(text) for text in state["criteria"]], state["confidence"])
+        confidence = usual.declared if state["confidence"] == usual.confidence else state["confidence"]
+        return criteria_of([_row(text) for text in state["criteria"]], confidence, costs or None)
     if wrong is not None:
         raise wrong
     return None
@@ -74,6 +84,11 @@ def choose_criteria(view: View) -> Criteria | None:
             "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session", width=150,
             help="A criterion is met from this probability, not met from its complement.",
         )  # fmt: skip
+        for key, label in _COSTS.items():
+            st.number_input(
+                label, value=None, format="%.10g", key=key, persist_state="session", width=170, placeholder="optional",
+                help="In any currency. Both say from which confidence skipping a test pays, and what it saves.",
+            )  # fmt: skip
         st.selectbox(
             "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach",
             persist_state="session", width=210,
@@ -108,7 +123,11 @@ def choose_criteria(view: View) -> Criteria | None:
 def take(criteria: Criteria) -> None:
     """Ask for these criteria; call it from a callback."""
     rows = [_text(_values(own)) for own in criteria.items]
-    st.session_state.update(criteria=rows, confidence=criteria.confidence)
+    st.session_state.update(criteria=rows, confidence=criteria.confidence, **_costs_of(criteria))
+
+
+def _costs_of(criteria: Criteria) -> dict[str, float | None]:
+    return {key: getattr(criteria.costs, name, None) for key, name in zip(_COSTS, COSTS, strict=True)}
 
 
 def _values(criterion: Criterion) -> dict[str, Any]:

@@ -208,6 +208,7 @@ def show_files(judgement: Judgement) -> None:
         download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)
         download_bytes("certification.csv", lambda: csv_as_given(verdicts.table), of)
         download_table("track_record.csv", lambda: verdicts.track_record, of)
+        download_table("credibility.csv", lambda: verdicts.credibility, of)
         if certification.since is not None:
             download_bytes("changes.csv", lambda: csv_as_given(changes_table(certification)), of)
         download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode(), of)

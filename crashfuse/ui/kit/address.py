@@ -107,7 +107,7 @@ CHOICES: dict[str, Choice] = {
     "rear_weight_lb": Choice(float, pages=("predict",)),
     "sweep_metric": Choice(str, next(iter(METRIC_LABELS)), tuple(METRIC_LABELS), ("predict",)),
     "criteria": Choice(tuple, pages=("certify",), of_campaign=True),
-    "confidence": Choice(float, pages=("certify",), of_campaign=True),
+    **dict.fromkeys(("confidence", "cost_test", "cost_wrong"), Choice(float, pages=("certify",), of_campaign=True)),
     "planned": Choice(tuple, pages=("certify",), of_campaign=True),
     "what_if": Choice(tuple, (), pages=("certify",), of_campaign=True),
     "ticked": Choice(tuple, (), pages=("study",), of_campaign=True),

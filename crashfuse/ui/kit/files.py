@@ -33,13 +33,14 @@ from crashfuse.wording import SYSTEMS
 
 _EXPORTED = "view whose files are shown"  # session key
 _LONGEST_NAME, _DIGEST = 130, 6
-_QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "earlier")
+_QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "cost_test", "cost_wrong", "earlier")
 _OF_TEST = ("train", "compare")  # pages whose figures are of the held-out test
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
     "archive.cfa": "What past vehicles teach, for any campaign folder; no pulse.",
     "certification.csv": "Every verdict.",
     "track_record.csv": "Verdicts on left-out tests, and what they measured.",
+    "credibility.csv": "The factors of ASME V&V 40, with what the data say.",
     "changes.csv": "Earlier verdicts, and tests run since.",
     "criteria.toml": "The criteria, for the campaign folder.",
     "matrix.csv": "The planned tests, for the campaign folder.",
