@@ -8,9 +8,11 @@ intervals and how wide these are with the archive as a share of those without.
 """
 
 import argparse
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from tables import write
 from vehicles import KINDS
 
 from crashfuse.campaign import Campaign
@@ -54,7 +56,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kind", choices=list(KINDS), default="sister", help="of the archive's vehicles")
     parser.add_argument("--archive", type=int, nargs="*", default=[9101, 9102, 9103, 9104], help="their seeds")
-    parser.add_argument("--judged", type=int, nargs="*", default=[9109, 9110, 9111, 9112], help="seeds of the others")
+    parser.add_argument("--judged", type=int, nargs="*", default=[9109, 9110, 9111], help="seeds of the others")
+    parser.add_argument("--data", type=Path, help="folder of archive.csv")
     given = parser.parse_args()
     archive = learn_archive([_campaign(given.kind, seed) for seed in given.archive])
     print(archive.sentence)
@@ -71,8 +74,12 @@ def main() -> None:
             print(parts[-1][["kind", "n_tests", "rating", "rating without", "width"]].round(3), flush=True)
     columns = ["rating", "rating without", "inside", "inside without", "width"]
     groups = pd.concat(parts).groupby(["kind", "n_tests"])
-    table = groups[columns].mean().join(groups["change"].min().rename("lowest change"))
-    print(table.reset_index().round(3).to_string(index=False))
+    table = groups[columns].mean().join(groups["change"].min().rename("lowest change")).reset_index().round(3)
+    print(table.to_string(index=False))
+    if given.data is not None:
+        names = {"sister": "sisters", "any": "of any kind"}
+        written = table.assign(campaign=table.pop("kind").map(names)).rename(columns={"n_tests": "learned from"})
+        write(written[["campaign", "learned from", *columns, "lowest change"]], given.data / "archive.csv")
 
 
 if __name__ == "__main__":
