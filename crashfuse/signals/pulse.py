@@ -34,18 +34,9 @@ _LEAST_BRAKING = 0.5  # share of the mean deceleration so far: cut anywhere, no 
 
 @dataclass(frozen=True, eq=False)
 class Pulse:
-    """Vehicle X acceleration against time, evenly sampled.
+    """Vehicle X acceleration, signed, in m/s², against time in s, in even steps; shape (n,).
 
-    Parameters
-    ----------
-    time_s, accel_mps2 : ndarray, shape (n,)
-        Time in s, strictly increasing in even steps, and signed acceleration in m/s².
-
-    Raises
-    ------
-    DataError
-        If the two differ in length, have fewer than two samples or a NaN, time steps are not even, or the time can only
-        be in ms.
+    A DataError if lengths differ, there are fewer than two samples or a NaN, or the time can only be in ms.
     """
 
     time_s: FloatArray

@@ -99,11 +99,9 @@ def rate_iso18571(
 
     Raises
     ------
-    DataError
-        If the reference is flat, a value is NaN or beyond 1e100, the lengths differ, the window is under 10 ms or
-        reaches beyond a record, or the step can only be in ms.
-    UsageError
-        If a pulse is to be rated against an array, arrays have no step, or a pulse is given one.
+    DataError, UsageError
+        If the reference is flat, a value is NaN or beyond 1e100, lengths differ, the window is under 10 ms or beyond a
+        record, the step can only be in ms, or a pulse is to be rated against an array.
 
     Notes
     -----

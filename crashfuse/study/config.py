@@ -29,19 +29,13 @@ class StudyConfig:
 
     Parameters
     ----------
-    preset : {"fast", "paper"}
+    preset, device
+        As in :class:`crashfuse.approaches.settings.Settings`.
     windows_ms : tuple of float
         Ratings are computed over [0, w) for each w, in ms.
     leave_out : {"test", "speed group", "both"}
         Leave each test out alone, or with all tests at about its speed: then no similar test remains, and the rating
         measures extrapolation to a new speed. "both" runs both studies. Hyphens count as spaces.
-    device : {"auto", "cpu", "cuda"}
-        Device for training networks; results of different devices differ in their last digits.
-
-    Raises
-    ------
-    UsageError
-        If there is no such approach, preset, device or way to leave tests out, or a seed or window is impossible.
     """
 
     approaches: tuple[str, ...] = APPROACHES

@@ -114,12 +114,7 @@ class Fit:
     ) -> Self:
         """Fit an approach to the whole campaign as given, or load that fit from the cache.
 
-        Raises
-        ------
-        UsageError
-            If there is no such approach, preset or device, or not enough to learn from.
-        Cancelled
-            If the watch was told to stop.
+        A UsageError if there is no such approach, preset or device, or not enough to learn from.
         """
         require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
         require_a(StudyConfig, config, "crashfuse.StudyConfig()")

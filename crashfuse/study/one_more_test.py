@@ -144,11 +144,9 @@ def _law(ratings: pd.DataFrame, exponent: float) -> tuple[float, float]:
 
 
 def summary(curve: LearningCurve) -> pd.DataFrame:
-    """One row for each approach, choice and number of tests, over the longest window.
+    """One row for each approach, choice and number of tests, over the longest window: means over the held-out tests.
 
-    Columns: approach, choice, n_tests, predictions (their number), rating and error (mean over the held-out tests and
-    its standard error), low and high (the central 80 % of the single predictions), inside, half_width_g and, if the
-    curve has it, decided (means).
+    ``error`` is the standard error of the mean rating, ``low`` to ``high`` the central 80 % of single predictions.
     """
     shares = [name for name in ("inside", "half_width_g", "decided") if name in curve.table]
     table, keys = curve.table[curve.table["window_ms"] == curve.window_ms], ["approach", "choice", "n_tests"]

@@ -65,16 +65,13 @@ class Departure:
         """That the test stands apart, by how much, and what to do; or that it does not."""
         if not self.apart:
             return Sentence("{} differs from the tests at its speed no more than these from each other.", self.test)
-        return Sentence(
+        least, most = acceleration(min(self.bias_mps2)), acceleration(max(self.bias_between_mps2))
+        template = (
             "{} differs from the other {} tests at about {} by {} or more (RMS over crush), these from each other by "
-            "{} or less. A test there may fold either way: check its record, or judge {} by both.",
-            self.test,
-            len(self.neighbours),
-            speed(self.speed_mps),
-            acceleration(min(self.bias_mps2)),
-            acceleration(max(self.bias_between_mps2)),
-            speed(self.speed_mps),
+            "{} or less. A test there may fold either way: check its record, or judge {} by both."
         )
+        at = speed(self.speed_mps)
+        return Sentence(template, self.test, len(self.neighbours), at, least, most, at)
 
     @property
     def evidence(self) -> str:

@@ -19,13 +19,8 @@ from crashfuse.units import G
 
 _S, _V0, _FRONT, _REAR, _TREND, _HUMPS, _SHARE, _STOPPING, _CRUSHING, FIRST_FACTOR = range(10)
 TEST = -1
-LENGTH_UNITS = {
-    _S: "s in m",
-    _V0: "v0 in m/s",
-    _FRONT: "front weight in kg",
-    _REAR: "rear weight in kg",
-    _SHARE: "v/v0",
-}
+_OF_AXLES = {_FRONT: "front weight in kg", _REAR: "rear weight in kg"}
+LENGTH_UNITS = {_S: "s in m", _V0: "v0 in m/s", **_OF_AXLES, _SHARE: "v/v0"}
 FORCE_UNIT = 10 * G  # the ratio enters with its standard deviation where the CAE model decelerates at 10 g
 
 # With one to three tests the priors decide. Their medians are what random vehicles of many kinds taught
