@@ -257,11 +257,7 @@ class Campaign:
         return replace(self, tests=tuple(test for test in self.tests if test.id in kept))
 
     def speed_group(self, test_id: str) -> tuple[str, ...]:
-        """Ids of the tests at about the speed of this one, itself included, in the order of the table.
-
-        Sorted by speed, neighbours less than 2 mph apart belong to one group: repeats at one nominal speed do, tests at
-        different nominal speeds do not.
-        """
+        """Ids of the tests at about the speed of this one: sorted, neighbours less than 2 mph apart are one group."""
         return tuple(test.id for test in at_the_speed_of(self.test(test_id), self.tests))
 
     @property

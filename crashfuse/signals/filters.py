@@ -59,8 +59,8 @@ def cfc_gain(hertz: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
 def noise_share(accel: FloatArray, *, dt_s: float) -> float:
     """What a pulse holds above 400 Hz in the crash, as RMS over the peak: below :data:`CFC60_NOISE` after CFC 60.
 
-    Measured: at most 0.03 % after CFC 60, and 0.07 % if that is rounded to 0.1 g. It is the median over parts of 40 ms,
-    from 50 ms before the peak to 100 ms after it, so that the jump at which a record was cut counts as no noise.
+    At most 0.03 % was measured after CFC 60, 0.07 % if rounded to 0.1 g. It is the median over parts of 40 ms, so that
+    the jump at which a record was cut counts as no noise.
     """
     from scipy.signal import welch
 

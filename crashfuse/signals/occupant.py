@@ -36,7 +36,7 @@ class OccupantModel:
             if not low <= value <= high:
                 raise UsageError(f"{name} is between {low} and {high}, not {value!r}.")
             if advice := likely_m(name, value):
-                raise UsageError(f"{name} is in mm, and {value:g} is no such length: {advice}.")
+                raise UsageError(f"{name} is in mm: {advice}.")
 
     @property
     def olc_words(self) -> str:

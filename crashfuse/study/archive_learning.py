@@ -122,17 +122,16 @@ class _Part:
         networks = [
             Pretrained(seed=self.seed, cache=self.cache).fit(few) for few in (self.few, replace(self.few, prior=None))
         ]
-        model = networks[0].model_
-        tests, pairs = Tests.of(self.few, model), []
-        for test, components in zip(self.held_out, self.components(), strict=True):
-            condition, measured = test.condition, test.pulse.accel_mps2[::STRIDE][_JUDGED]
-            raw = tests.raw(model.pulse(condition).accel_mps2, condition.speed_mps).draws[:, ::STRIDE]
-            tuned_one, shipped = (
-                Scores.of(measured, [draws[:, _JUDGED] for draws in (*(part.draws for part in components), own, raw)])
-                for own in (np.asarray(network.predict(condition).draws_mps2)[:, ::STRIDE] for network in networks)
-            )
-            pairs.append((tuned_one, shipped))
-        return pairs
+        tests = Tests.of(self.few, networks[0].model_)
+
+        def score(network: Pretrained, test: CrashTest, components: Sequence[Component]) -> Scores:
+            raw = tests.raw(network.model_.pulse(test.condition).accel_mps2, test.condition.speed_mps)
+            by_network = np.asarray(network.predict(test.condition).draws_mps2)
+            drawn = [*(part.draws for part in components), by_network[:, ::STRIDE], raw.draws[:, ::STRIDE]]
+            return Scores.of(test.pulse.accel_mps2[::STRIDE][_JUDGED], [draws[:, _JUDGED] for draws in drawn])
+
+        pairs = zip(self.held_out, self.components(), strict=True)
+        return [(score(networks[0], *pair), score(networks[1], *pair)) for pair in pairs]
 
     @cached_property
     def fused(self) -> Fused:

@@ -73,7 +73,7 @@ class Account:
         if self.without_neighbours is not None:
             compared = f"Rated {self.without_neighbours:.3f} without its neighbours, {self.rating:.3f} with them"
             misled = self.without_neighbours > self.rating + _CHANGED
-            sentences.append(f"{compared}{': what they teach does not hold for it' if misled else ''}.")
+            sentences.append(f"{compared}{': they mislead here' if misled else ''}.")
         if self.inside is not None:
             sentences.append(f"Inside the 95 % band is {100 * self.inside:.0f} % of its a(t) up to TTZV.")
         return (*sentences, *(fact.sentence for fact in window_facts(test, self.window_ms)))
@@ -112,8 +112,8 @@ def account(
     if neighbours >= LEAST:
         apart = departure(campaign, test.id, CaeModel(cache=cache).fit(campaign.cae), window_ms)
     rating, expected = fold.ratings[approach][window_ms].overall, expected_rating(estimate, others, window_ms)
-    inside, told = None if draws is None else Coverage.of(test, draws).accel, (neighbours, apart, without_neighbours)
-    return Account(test, approach, rating, window_ms, expected, *told, inside, with_group)
+    inside, group = None if draws is None else Coverage.of(test, draws).accel, (neighbours, apart, without_neighbours)
+    return Account(test, approach, rating, window_ms, expected, *group, inside, with_group)
 
 
 def worst_test(

@@ -44,7 +44,7 @@ class ConditionRange:
     def of(cls, tests: Sequence[CrashTest]) -> Self:
         """The range of tests, with the combination of factors tested most often; a UsageError without tests."""
         if not tests:
-            raise UsageError("A range needs a test at least, or limits of your own.")
+            raise UsageError("A range needs a test, or limits of your own.")
         vectors = np.array([test.condition.vector for test in tests])
         [(kind, _)] = Counter(test.condition.factors for test in tests).most_common(1)
         return cls(*_conditions(np.array([vectors.min(axis=0), vectors.max(axis=0)]), kind))
@@ -107,11 +107,9 @@ def rank_next_tests(
     targets = [domain.expected_points(condition) for condition in over.spread(_N_TARGETS)]
     bias = domain.bias_
     if not isinstance(bias, HierarchicalBias):
-        raise UsageError("The next test is chosen by the hierarchical bias (preset fast); Table 4 has no part for it.")
+        raise UsageError("The next test is chosen by the hierarchical bias (preset fast), not that of Table 4.")
     if open_factors := bias.unknown_factors(over.low):
-        raise UsageError(
-            f"Tests differ by {' and '.join(open_factors)}: say of which kind the vehicle is that the range is for."
-        )
+        raise UsageError(f"Tests differ by {' and '.join(open_factors)}: say for which of these the range is.")
     with one_thread():
         bias = bias.also([domain.expected_points(condition) for condition in planned])
         now, then = bias.half_widths(targets, [domain.expected_points(condition) for condition in candidates])

@@ -76,12 +76,9 @@ class Departure:
     @property
     def evidence(self) -> str:
         """How the pulses of the test and its neighbours rate against each other."""
-        return Sentence(
-            "Its pulse rates {} against {}, theirs {} against each other.",
-            rating_range(min(self.ratings), max(self.ratings)),
-            ", ".join(self.neighbours),
-            rating_range(min(self.ratings_between), max(self.ratings_between)),
-        )
+        rated, between = (rating_range(min(r), max(r)) for r in (self.ratings, self.ratings_between))
+        others = ", ".join(self.neighbours)
+        return Sentence("Its pulse rates {} against {}, theirs {} against each other.", rated, others, between)
 
 
 def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: float = WINDOW_MS) -> Departure | None:
@@ -131,14 +128,9 @@ def with_both_folds(
         (acceleration(float(np.median(metrics["peak"][fold])) * G), f"{np.median(metrics['max_crush'][fold]):.0f} mm")
         for fold in (~apart, apart)
     ]
-    sentence = Sentence(
-        "Tests at about {} fold in two ways: as {} (here peak {}, crush {}), or as {} (peak {}, crush {}).",
-        speed(test.condition.speed_mps),
-        read_out(departure.neighbours),
-        *shown[0],
-        departure.test,
-        *shown[1],
-    )
+    template = "Tests at about {} fold in two ways: as {} (here peak {}, crush {}), or as {} (peak {}, crush {})."
+    usual = speed(test.condition.speed_mps), read_out(departure.neighbours), *shown[0]
+    sentence = Sentence(template, *usual, departure.test, *shown[1])
     expected = prediction.accel_mps2 - learned * difference
     return replace(prediction, accel_mps2=expected, draws_mps2=draws, apart=apart, notes=(*prediction.notes, sentence))
 

@@ -110,22 +110,14 @@ class Fold:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A finished study: one fold for each held-out test, in the order of the campaign.
-
-    Attributes
-    ----------
-    speed_groups : Study, optional
-        The same tests, each left out with all others at about its speed, if both ways were requested.
-    repeatability : mapping of str to mapping of float to Repeatability
-        By test, then window in ms.
-    """
+    """A finished study: one fold for each held-out test, in the order of the campaign."""
 
     campaign: Campaign
     config: StudyConfig
     folds: tuple[Fold, ...]
     seconds: dict[str, float] = field(default_factory=dict)
-    speed_groups: "Study | None" = None
-    repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)
+    speed_groups: "Study | None" = None  # each left out with all others at about its speed, if both were requested
+    repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)  # by test, window in ms
 
     def fold(self, held_out: str) -> Fold:
         """The fold with this test held out; a UsageError if there is none."""

@@ -172,4 +172,4 @@ def test_other_weights_than_the_shipped_ones_are_refused(tmp_path: Path, monkeyp
     monkeypatch.setattr(pretrained, "_WEIGHTS", cut)
     pretrained._network.cache_clear()
     with pytest.raises(CrashfuseError, match=r"weights\.safetensors is not the file .* install crashfuse again"):
-        pretrained._network()
+        pretrained._network(None)

@@ -246,7 +246,7 @@ class HierarchicalBias:
     @property
     def notes(self) -> tuple[str, ...]:
         """The choice of factors, and a warning if the fit explains nothing."""
-        notes = ("The bias model found nothing in the tests that noise would not explain.",) * self.process_.dead_
+        notes = ("The bias model found nothing but noise in the tests.",) * self.process_.dead_
         if self._levels:
             on = f"depends on {' and '.join(self.factors_)}" if self.factors_ else "does not depend on that"
             differ = f"Tests differ in {' and '.join(self._levels)}; by what left-out tests say"
