@@ -147,11 +147,7 @@ class CaeLibrary:
         return self.vectors.min(axis=0), self.vectors.max(axis=0)
 
     def extrapolation(self, condition: Condition) -> tuple[str, ...]:
-        """One sentence for every input of a condition outside :attr:`range`; empty if it is in range.
-
-        This alone decides what is in range, for pages, reports, figures and verdicts alike. A condition with a paired
-        run always is.
-        """
+        """One sentence for every input of a condition outside :attr:`range`: this alone decides what is in range."""
         notes = []
         for (name, quantity, step), x, lo, hi in zip(
             _AXES, condition.vector.tolist(), *(end.tolist() for end in self.range), strict=True

@@ -81,25 +81,18 @@ class Campaign:
         channel_filter_class: float | None = None,
         filtered_with: float | None = None,
     ) -> "Campaign":
-        """A campaign from tables in memory, with the checks of a campaign folder.
+        """A campaign from tables in memory, checked as a folder is: a DataError names table, column and row, from 0.
 
         Parameters
         ----------
         tests, cae : DataFrame
             The columns of ``tests.csv`` and ``cae.csv``: id, speed, weights, factors; names end in their units.
         test_pulses, cae_pulses : DataFrame
-            Tidy: ``id``, a time (``time_ms`` or ``time_s``), an acceleration (``acceleration_g`` or
-            ``acceleration_mps2``).
+            Tidy: ``id``, a time (``time_ms``, ``time_s``), an acceleration (``acceleration_g``, ``acceleration_mps2``).
         notice : str
             A sentence shown wherever the campaign is shown; empty for none.
         channel_filter_class, filtered_with : float, optional
-            The CFC that pulses are to be filtered with on reading, or were filtered with before, as in
-            ``campaign.toml``.
-
-        Raises
-        ------
-        DataError
-            With every problem, each with its table, column and row (counted from 0).
+            The CFC to filter pulses with, or that they were filtered with, as in ``campaign.toml``.
         """
         settings = {
             "name": name, "notice": notice, "channel_filter_class": channel_filter_class, "filtered_with": filtered_with
@@ -161,17 +154,11 @@ class Campaign:
         held_out : str, optional
             Id of a test that is marked.
         cfc : float, optional
-            Channel filter class that the tests are filtered with in the figure ``tests``; as read, they are thin.
+            Channel filter class of the figure ``tests``; the pulses as read are thin.
         also : sequence of str, PredictedPulse or EarlierPrediction
             Shown beside the pulses of tests or CAE runs: others by their ids, and predictions.
         **display
-            ``window_ms``, ``unit``, ``deceleration``, ``units``, see
-            :class:`crashfuse.reporting.plots.display.DisplayOptions`.
-
-        Raises
-        ------
-        UsageError
-            If there is no such figure, test, CAE run, option or unit.
+            See :class:`crashfuse.reporting.plots.display.DisplayOptions`.
         """
         return views.campaign_figure(self, figure, tests=tests, held_out=held_out, cfc=cfc, also=also, **display)
 
@@ -258,13 +245,7 @@ class Campaign:
         return replace(self, tests=tuple(test for test in self.tests if test.id not in held_out))
 
     def with_archive(self, archive: VehicleArchive) -> "Campaign":
-        """The campaign that past vehicles teach before its tests do; it is taken out of the archive if it is in.
-
-        Raises
-        ------
-        UsageError
-            If it shares CAE runs or tests with more than one vehicle of the archive.
-        """
+        """The campaign that past vehicles teach; a UsageError if it shares runs or tests with two of them."""
         return replace(self, prior=archive.prior_for(self.name, self.cae.fingerprint, self.tests))
 
     def evenly_over_speed(self, most: int) -> "Campaign":
@@ -276,11 +257,7 @@ class Campaign:
         return replace(self, tests=tuple(test for test in self.tests if test.id in kept))
 
     def speed_group(self, test_id: str) -> tuple[str, ...]:
-        """Ids of the tests at about the speed of this one, itself included, in the order of the table.
-
-        Sorted by speed, neighbours less than 2 mph apart belong to one group: repeats at one nominal speed do, tests at
-        different nominal speeds do not.
-        """
+        """Ids of the tests at about the speed of this one: sorted, neighbours less than 2 mph apart are one group."""
         return tuple(test.id for test in at_the_speed_of(self.test(test_id), self.tests))
 
     @property

@@ -43,12 +43,7 @@ class Condition:
     factors : tuple of (str, str)
         Further columns of the table (powertrain, drive) as pairs of name and value.
     units : tuple of str
-        What speed, front and rear weight were given in, by the endings of columns; in files they stand in these again.
-
-    Raises
-    ------
-    UsageError
-        If speed or a weight is no number.
+        Endings of the columns that speed, front and rear weight were given in; files have these again.
     """
 
     speed_mps: float
@@ -65,17 +60,9 @@ class Condition:
     def of(cls, **given: float | str | None) -> Self:
         """A condition from quantities whose names end in their units, as the columns of ``tests.csv`` do.
 
-        Parameters
-        ----------
-        **given
-            One of ``speed_mph``, ``speed_kph``, ``speed_mps``; one of ``front_weight_lb``, ``front_weight_kg``; one of
-            ``rear_weight_lb``, ``rear_weight_kg``. Any further name is a factor, such as ``drive="FWD"``; None: not
-            known.
-
-        Raises
-        ------
-        UsageError
-            If a quantity is missing, given in two units or in an unknown one, or is not a number above 0.
+        One of ``speed_mph``, ``speed_kph``, ``speed_mps``; one of ``front_weight_lb``, ``front_weight_kg``; one of
+        ``rear_weight_lb``, ``rear_weight_kg``. Any further name is a factor, such as ``drive="FWD"``; None: not known.
+        A UsageError if one is missing, given in two units or an unknown one, or no number above 0.
 
         Examples
         --------

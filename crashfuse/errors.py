@@ -37,28 +37,14 @@ class CrashfuseError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One problem with the data, and how to fix it.
+    """One problem with the data; texts are shortened and escaped, so any file content is safe to print."""
 
-    Parameters
-    ----------
-    where : str
-        The file (relative to the campaign folder), upload or signal.
-    expected, found : str
-        What the data contract requires and what was found instead.
-    advice : str
-        How to fix it, as an instruction.
-    column, row : str, int, optional
-        Location in the file; the header is row 1, as in a spreadsheet.
-
-    All texts are shortened, with control characters escaped, so any file content is safe to print.
-    """
-
-    where: str
+    where: str  # the file (relative to the campaign folder), upload or signal
     expected: str
     found: str
-    advice: str
+    advice: str  # how to fix it, as an instruction
     column: str | None = None
-    row: int | None = None
+    row: int | None = None  # the header is row 1, as in a spreadsheet
 
     def __post_init__(self) -> None:
         for part in ("where", "expected", "found", "advice", "column"):

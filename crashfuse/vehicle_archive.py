@@ -1,7 +1,6 @@
 """What past vehicles teach the next one before its tests do, and the file that holds it: an archive of vehicles.
 
-It holds no pulse. A vehicle of the archive is taken out of it where it is judged itself: of each, the archive also
-knows what all others teach.
+It holds no pulse. For each of its vehicles it also knows what all others teach, by which that one is judged.
 """
 
 import hashlib
@@ -40,33 +39,15 @@ _AGAIN = "learn it again with crashfuse learn-archive"
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What some vehicles teach the next one.
+    """What some vehicles teach the next one."""
 
-    Attributes
-    ----------
-    vehicles : tuple of str
-        Their names.
-    network : mapping of str to ndarray
-        Weights of the pre-trained network that were tuned to them, by name.
-    logits : ndarray, shape (n_components, n_components + 1)
-        Prior mean of the fused weights, as :data:`crashfuse.approaches.mixture.PRIOR`.
-    errors : mapping of str to ndarray, shape (2 n_vehicles,)
-        Standardised errors of each metric that stand for each vehicle's: mean minus and plus deviation.
-    differences : ndarray, shape (n_vehicles, 3)
-        What each CAE model gets wrong in each part of a crash: :func:`differences`.
-    helps : bool
-        Whether each of these vehicles, left out, was predicted better with the others than without any, on average.
-    taken_out : str
-        Name of the vehicle that was taken out of the archive because it is the one to be judged; empty for none.
-    """
-
-    vehicles: tuple[str, ...]
-    network: Arrays
-    logits: FloatArray
-    errors: Mapping[str, FloatArray]
-    differences: FloatArray
-    helps: bool = True
-    taken_out: str = ""
+    vehicles: tuple[str, ...]  # their names
+    network: Arrays  # weights of the pre-trained network that were tuned to them, by name
+    logits: FloatArray  # prior mean of the fused weights, as :data:`crashfuse.approaches.mixture.PRIOR`
+    errors: Mapping[str, FloatArray]  # standardised, by metric: mean minus and plus deviation, for each vehicle
+    differences: FloatArray  # of each CAE model, shape (n_vehicles, 3), see :func:`differences`
+    helps: bool = True  # whether these, each left out, were predicted better with the others, on average
+    taken_out: str = ""  # the vehicle that is to be judged, if it was in the archive
 
     @cached_property
     def fingerprint(self) -> str:
@@ -112,10 +93,7 @@ def _log_normal(off: FloatArray, variance: FloatArray) -> float:
 
 
 def differences(measured_mps2: FloatArray, cae_mps2: FloatArray, speeds_mps: FloatArray) -> FloatArray:
-    """What a CAE model gets wrong on average in each part of a crash, shape (n, 3), in impact speeds per second.
-
-    Pulses are of shape (n, 1250 / k).
-    """
+    """Mean error of a CAE model in each part of a crash, shape (n, 3), in impact speeds per second; pulses by rows."""
     step_s = 1250 * DT_S / measured_mps2.shape[1]
     ends = np.round(np.array(_PARTS_S) / step_s).astype(int)
     off = (measured_mps2 - cae_mps2) / speeds_mps[:, None]
@@ -143,10 +121,7 @@ class PastVehicle:
 
 @dataclass(frozen=True, eq=False)
 class VehicleArchive:
-    """An archive: what its vehicles teach, all of them and all but each, and how that came out on the one left out.
-
-    ``record`` has one row a vehicle, number of tests and metric or rating: the columns of ``archive_record.csv``.
-    """
+    """An archive: what its vehicles teach, all of them and all but each, and how that came out on the one left out."""
 
     vehicles: tuple[PastVehicle, ...]
     whole: Prior
@@ -171,13 +146,7 @@ class VehicleArchive:
         )
 
     def prior_for(self, name: str, cae: str, tests: Sequence[CrashTest]) -> Prior:
-        """What the archive teaches a vehicle with these CAE runs and tests, without itself.
-
-        Raises
-        ------
-        UsageError
-            If it shares CAE runs or tests with more than one vehicle of the archive.
-        """
+        """What the archive teaches a vehicle with these CAE runs and tests: that vehicle is taken out of it."""
         same = [number for number, vehicle in enumerate(self.vehicles) if vehicle.is_of(cae, tests)]
         if len(same) > 1:
             names = read_out([self.vehicles[number].name for number in same])

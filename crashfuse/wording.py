@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import islice
 from typing import Any, Literal, Self
 
@@ -73,10 +73,9 @@ def difference(value: float, base: float, digits: int) -> str:
 
 
 def probability_text(probability: float | None, confidence: float) -> str:
-    """A probability to three digits; a dash if it is not known.
+    """A probability to three digits, never 0 or 1; a dash if it is not known.
 
-    More digits are shown where rounding would carry it over the confidence, or its complement, that it is compared
-    with: 0.9499 is open at 0.95. It is never 0 or 1.
+    More digits are shown where rounding would carry it over the confidence, or its complement: 0.9499 at 0.95.
     """
     if probability is None:
         return "–"
@@ -147,8 +146,7 @@ def acceleration(*values_mps2: float) -> Quantity:
 class Sentence(str):
     """A text with quantities in it: a string in the units of the files, which can be said in others.
 
-    The template has a place ``{}`` for each value; whatever has ``in_units``, another sentence too, is said in the
-    reader's units. A name, a cell or a label of somebody else is a value, never part of the template.
+    The template has a place ``{}`` for each value. What somebody else wrote is a value, never part of the template.
     """
 
     __slots__ = ("template", "values")
@@ -180,17 +178,11 @@ def said(value: object, system: UnitSystem) -> str:
     return str(value) if in_units is None else str(in_units(system))
 
 
-def packed(text: str) -> str | list[object]:
+def packed(value: object) -> object:
     """A text as JSON values, from which :func:`unpacked` makes the same."""
-    if not isinstance(text, Sentence):
-        return text
-    return [text.template, *(_packed_value(value) for value in text.values)]
-
-
-def _packed_value(value: object) -> object:
     if isinstance(value, Quantity):
-        return {"values": value.values, "unit": value.unit, "form": value.form, "between": value.between}
-    return packed(value if isinstance(value, str) else str(value))
+        return asdict(value)
+    return [value.template, *map(packed, value.values)] if isinstance(value, Sentence) else str(value)
 
 
 def unpacked(value: Any) -> str:  # noqa: ANN401 - anything that a file may hold
@@ -201,15 +193,8 @@ def unpacked(value: Any) -> str:  # noqa: ANN401 - anything that a file may hold
     if isinstance(value, str):
         return value
     template, *values = value
-    return Sentence(
-        template,
-        *(
-            Quantity(tuple(each["values"]), *(each[name] for name in ("unit", "form", "between")))
-            if isinstance(each, dict)
-            else unpacked(each)
-            for each in values
-        ),
-    )
+    parts = (Quantity(**{**v, "values": tuple(v["values"])}) if isinstance(v, dict) else unpacked(v) for v in values)
+    return Sentence(template, *parts)
 
 
 def counted(n: int, noun: str) -> str:

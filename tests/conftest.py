@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import TypeVar
 from uuid import uuid4
 
 import pandas as pd
@@ -40,6 +41,7 @@ needs_other_readers = pytest.mark.skipif(
 """Skips a test that uses them, and says so."""
 
 Capture = pytest.CaptureFixture[str]
+T = TypeVar("T")
 
 
 def problems_of(call: Callable[[], object]) -> tuple[Problem, ...]:
@@ -47,6 +49,12 @@ def problems_of(call: Callable[[], object]) -> tuple[Problem, ...]:
     with pytest.raises(DataError) as refused:
         call()
     return tuple(refused.value.problems)
+
+
+def not_none(value: T | None) -> T:
+    """A value that has to be there."""
+    assert value is not None
+    return value
 
 
 settings.register_profile("ours", deadline=None)  # machines are noisy: speed is a benchmark's matter

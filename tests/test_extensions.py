@@ -167,23 +167,16 @@ def test_its_format_is_recognised_and_imported(shown: dict[str, Any]) -> None:
 
 def test_what_breaks_in_it_is_told_as_its_own_fault(shown: dict[str, Any]) -> None:
     """What cannot be loaded, and what fails while it predicts: one sentence that names the package, no traceback."""
-    assert shown["broken approach"] == (
-        "The approach 'broken' of the package scaled-cae cannot be used: AttributeError: module 'scaled_cae' has no "
-        "attribute 'Nothing'. Tell its authors."
-    )
-    assert shown["leaving approach"] == (
-        "The approach 'leaving' of the package scaled-cae cannot be used: SystemExit. Tell its authors."
-    )
-    assert shown["ending approach"] == (
-        "The approach 'scaled_cae' of the package scaled-cae failed: SystemExit: 3. Tell its authors."
-    )
-    assert shown["skipping approach"] == (
-        "The approach 'scaled_cae' of the package scaled-cae failed: Skipped: no data. Tell its authors."
-    )
-    assert shown["failing approach"] == (
-        "The approach 'scaled_cae' of the package scaled-cae failed: ZeroDivisionError: division by zero. Tell its "
-        "authors."
-    )
+    of_package = "of the package scaled-cae"
+    nothing = "AttributeError: module 'scaled_cae' has no attribute 'Nothing'"
+    for name, trouble in (
+        ("broken", f"'broken' {of_package} cannot be used: {nothing}"),
+        ("leaving", f"'leaving' {of_package} cannot be used: SystemExit"),
+        ("ending", f"'scaled_cae' {of_package} failed: SystemExit: 3"),
+        ("skipping", f"'scaled_cae' {of_package} failed: Skipped: no data"),
+        ("failing", f"'scaled_cae' {of_package} failed: ZeroDivisionError: division by zero"),
+    ):
+        assert shown[f"{name} approach"] == f"The approach {trouble}. Tell its authors."
 
 
 def test_so_is_what_breaks_in_its_readers(shown: dict[str, Any], place: Path) -> None:

@@ -26,6 +26,7 @@ from crashfuse.vehicle_archive import (
     differences,
     load_archive,
 )
+from tests.conftest import not_none
 
 NAMES = ("Amber", "Birch", "Cedar")
 
@@ -110,8 +111,7 @@ def test_a_vehicle_of_the_archive_is_taken_out_of_it(campaign: Campaign) -> None
     """Known by one of its tests, whatever its name, or by its CAE runs; with others' it may not be mixed."""
     known = archive(past(campaign))
     one = replace(campaign, name="Renamed", tests=campaign.tests[:1])
-    taught = one.with_archive(known).prior
-    assert taught is not None
+    taught = not_none(one.with_archive(known).prior)
     assert (taught.vehicles, taught.taken_out) == (NAMES[1:], "Amber")
     assert taught.fingerprint == known.without[0].fingerprint  # as if it had never been in
     other = replace(campaign, cae=_another(campaign.cae), tests=())

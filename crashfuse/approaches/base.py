@@ -23,25 +23,13 @@ _LEAST_WIDTH_MPS2 = 0.5 * G  # at contact all draws agree, to less than a sensor
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The pulse that an approach predicts at a condition.
-
-    Parameters
-    ----------
-    accel_mps2 : ndarray, shape (1250,)
-        The central prediction on :data:`crashfuse.signals.pulse.GRID_S`, m/s².
-    draws_mps2 : ndarray, shape (n_draws, 1250), optional
-        Equally likely whole pulses; None if the approach has no band.
-    notes : tuple of str
-        Remarks for the reader: extrapolation, the source of the CAE pulse, a fit that had to be retried.
-    apart : ndarray of bool, shape (n_draws,), optional
-        Draws that fold as a test that stands apart; None where the tests near the condition fold alike.
-    """
+    """The pulse that an approach predicts at a condition, on :data:`crashfuse.signals.pulse.GRID_S`, in m/s²."""
 
     condition: Condition
-    accel_mps2: FloatArray
-    draws_mps2: FloatArray | None = None
-    notes: tuple[str, ...] = ()
-    apart: npt.NDArray[np.bool_] | None = None
+    accel_mps2: FloatArray  # the central prediction, shape (1250,)
+    draws_mps2: FloatArray | None = None  # equally likely whole pulses, shape (n_draws, 1250); None without a band
+    notes: tuple[str, ...] = ()  # for the reader: extrapolation, the source of the CAE pulse, a fit that was retried
+    apart: npt.NDArray[np.bool_] | None = None  # draws that fold as a test that stands apart; None if all fold alike
 
     def __repr__(self) -> str:
         drawn = "no band" if self.draws_mps2 is None else f"{len(self.draws_mps2)} draws"
@@ -139,16 +127,14 @@ class Approach(ABC):
         The name in files and calls, in figures and tables, and in a sentence, with its article.
     description : str
         What it does, as a sentence to follow its label and a colon.
-    colour, dark_colour : str
-        ``#RRGGBB`` of its curves on a white and on a dark page; no ``dark_colour`` if one colour is legible on both.
-    dash : str
-        Plotly dash style of its curves; solid is reserved for approaches that learn from tests.
+    colour, dark_colour, dash : str
+        ``#RRGGBB`` of its curves on a white and, if that is not legible there, on a dark page; Plotly's dash style:
+        solid is reserved for approaches that learn from tests.
     preference : int
         Among approaches that the tests cannot separate, the lowest number is recommended.
-    learns_from_tests, trains_networks : bool
-        Whether :meth:`fit` uses tests, and whether :meth:`prepare` trains networks, which takes long.
-    learns_from_archive : bool
-        Whether it uses what past vehicles teach, ``campaign.prior``.
+    learns_from_tests, trains_networks, learns_from_archive : bool
+        Whether :meth:`fit` uses tests, whether :meth:`prepare` trains networks, which takes long, and whether it uses
+        what past vehicles teach, ``campaign.prior``.
     made_of : tuple of Approach classes
         The approaches that it mixes, if any; the first note of a prediction then states the weights.
     """

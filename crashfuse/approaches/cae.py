@@ -18,8 +18,8 @@ class Cae(Approach):
     label = "CAE"
     in_words = "the raw CAE model"
     description = (
-        "the run made at the very condition, else an emulator trained on the library (principal modes, a Gaussian "
-        "process on each); the baseline."
+        "the run at the condition, else an emulator of the library (principal modes, a Gaussian process on each); the "
+        "baseline."
     )
     colour, dark_colour, dash = "#7F7F7F", "#9A9FA6", "dash"
     preference = 50

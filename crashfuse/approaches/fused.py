@@ -11,17 +11,7 @@ from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Predict
 from crashfuse.approaches.calibration import STRIDE, WIDENINGS, Calibration, Coverage
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
-from crashfuse.approaches.mixture import (
-    COMPONENTS,
-    AboutFused,
-    Component,
-    HeldOut,
-    Pool,
-    Scores,
-    Tests,
-    mixed,
-    spread,
-)
+from crashfuse.approaches.mixture import COMPONENTS, AboutFused, Component, HeldOut, Pool, Scores, Tests, mixed, spread
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.pretrained import Pretrained
 from crashfuse.approaches.settings import Device, Settings

@@ -259,7 +259,7 @@ class Pretrained(BandedApproach):
             f"vehicles {in_parts(prior.differences)}"
         )
         if not prior.helps:
-            self.archive_ = f"The archive of {vehicles} is not used: left out, they were not predicted better with it."
+            self.archive_ = prior.sentence
         elif prior.likeness(off) <= 0:
             self.archive_ = f"The archive of {vehicles} is not used, as this one is of another kind: {beside}."
         elif len(off) >= bands.LEAST_CHECKED and self._left_out_error(prior) > self._left_out_error(None):

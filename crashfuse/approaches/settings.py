@@ -21,15 +21,13 @@ class Settings:
     ----------
     preset : {"fast", "paper"}
         ``paper`` uses the settings of Tables 2 and 4, ``fast`` ours. ``fused`` uses the fast forms either way.
+    seed : int
+        Of networks, draws and the starts of optimisers.
     device : {"auto", "cpu", "cuda"}
-        Device for training networks; ``auto`` uses CUDA if available. Everything else runs on the CPU.
+        For training networks; ``auto`` uses CUDA if available. Everything else runs on the CPU. Results of different
+        devices differ in their last bits.
     cache : Cache, optional
         Storage for results that do not depend on the tests (LF training, emulator).
-
-    Raises
-    ------
-    UsageError
-        If there is no preset or device with that name.
     """
 
     preset: Preset = "fast"

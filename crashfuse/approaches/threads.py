@@ -23,8 +23,7 @@ _usual = 1
 def single_thread() -> Iterator[None]:
     """Context in which torch computes with one thread; threads may enter and leave in any order.
 
-    Torch has a number of threads for each thread that computes, and one for those that begin: setting the first sets
-    both.
+    Torch has a number for each thread that computes, and one for those that begin: setting the first sets both.
     """
     global _within, _usual
     with _lock:

@@ -49,17 +49,9 @@ class Emulator:
 
     The pulses, divided by impact speed so that slow crashes count as much as fast ones, are decomposed into principal
     modes in time. The score of each mode is a Gaussian process over (v0, front weight, rear weight): the modes share
-    one Matérn-5/2 correlation, and each has a variance and noise, so that a mode that does not vary smoothly with the
-    condition is averaged, not interpolated.
-
-    Attributes
-    ----------
-    length_scales_ : ndarray, shape (3,)
-        Length scales of v0, front and rear weight, in standard deviations of the library.
-    noise_ : ndarray, shape (n_modes,)
-        Noise variance of each mode over its signal variance.
-    residuals_ : ndarray, shape (n_runs, n_modes)
-        Leave-one-out residual of each run, at fixed length scales and noise.
+    one Matérn-5/2 correlation with ``length_scales_`` in standard deviations of the library; each has a variance and a
+    noise relative to it (``noise_``), so that a mode that does not vary smoothly is averaged, not interpolated.
+    ``residuals_`` are those of each run left out, at these values, shape (n_runs, n_modes).
     """
 
     def __init__(self, config: EmulatorConfig = EmulatorConfig()) -> None:
@@ -110,11 +102,7 @@ class Emulator:
         self.modes_ = (left / size).T @ pulses
 
     def predict(self, condition: Condition) -> FloatArray:
-        """Predict the CAE pulse at a condition, in m/s², shape (1250,).
-
-        Outside the library the pulse at its boundary is used, scaled with the speed, as a Gaussian process falls back
-        to its mean there.
-        """
+        """The CAE pulse at a condition, m/s², shape (1250,); outside the library its boundary's, scaled with speed."""
         x = (condition.vector[None] - self.centre_) / self.spread_
         x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
         correlation = _correlation(_distance(x, self.inputs_, self.length_scales_))
@@ -193,10 +181,9 @@ class LoadingCurve:
     faster: Sequence[LoadingPhase] = ()  # of successively faster crashes, which continue the curve at larger crush
 
     def accel_at(self, displacement_m: FloatArray, end_share: float = 0.0) -> FloatArray:
-        """Acceleration at displacements, in m/s².
+        """Acceleration at displacements, in m/s²: of each pulse until its vehicle has slowed to a share of its speed.
 
-        Each pulse is used until its vehicle has slowed to ``end_share`` of its impact speed (0: until it stops). The
-        next faster one then continues it without a jump; after the last one the curve is constant.
+        The next faster one then continues it without a jump; after the last one the curve is constant.
         """
         reached = self.phase.displacement_at_speed(end_share)
         level = float(self.phase.accel_at(np.array(reached)))
@@ -215,8 +202,7 @@ class LoadingCurve:
     def stopping_accel(self, speed_share: FloatArray, end_share: float) -> FloatArray:
         """Additional acceleration of the CAE vehicle while it stops, in m/s², over shares v/v0 of its impact speed.
 
-        A vehicle that crushes further or less stops at another displacement. Added to ``accel_at(s, end_share)`` this
-        gives the CAE pulse. It is zero above the share of the impact speed at which stopping begins.
+        Added to ``accel_at(s, end_share)`` it gives the CAE pulse; it is zero above that share of the impact speed.
         """
         phase = self.phase
         extra = phase.accel_mps2 - self.accel_at(phase.displacement_m, end_share)

@@ -12,16 +12,7 @@ _NAMED = 5  # runs in a sentence
 
 @dataclass(frozen=True, eq=False)
 class QualityVerdict:
-    """The CAE runs of a campaign, those left out included, judged by limits.
-
-    Attributes
-    ----------
-    table : DataFrame
-        One row a quantity: quantity, limit, passed, failed, not_recorded, worst, worst_run (shares; without a limit
-        passed and failed are 0).
-    failing_runs : DataFrame
-        One row a failing run: id, the three shares, and what fails.
-    """
+    """The CAE runs of a campaign, those left out included, judged by limits; quantities are shares."""
 
     limits: QualityLimits | None  # None if the campaign sets none; then no run passes or fails
     runs: int
@@ -29,8 +20,8 @@ class QualityVerdict:
     failing: tuple[str, ...]  # ids of the runs with a quantity beyond its limit
     unknown: int  # with nothing beyond a limit but something not recorded
     left_out: bool  # the failing runs are left out of the campaign
-    table: pd.DataFrame
-    failing_runs: pd.DataFrame
+    table: pd.DataFrame  # one row a quantity; without a limit passed and failed are 0
+    failing_runs: pd.DataFrame  # one row each, with what fails
 
     def __repr__(self) -> str:
         return f"<QualityVerdict: {self.summary}>"
@@ -83,25 +74,12 @@ def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityV
     failing = [(run, quality, failed) for run, quality in judged if (failed := by.exceeded(quality))]
     unknown = sum(not by.exceeded(own) and bool(by.missing(own)) for _, own in judged) if limits else len(judged)
     is_recorded = any(quality.recorded for _, quality in judged)
-    return QualityVerdict(
-        limits,
-        len(judged),
-        len(judged) - len(failing) - unknown,
-        tuple(run for run, *_ in failing),
-        unknown,
-        bool(library.left_out),
-        pd.DataFrame(
-            [_row(name, judged, by) for name in QUALITIES] if is_recorded else [],
-            columns=["quantity", "limit", "passed", "failed", "not_recorded", "worst", "worst_run"],
-        ),
-        pd.DataFrame(
-            [
-                (run, *(getattr(quality, name) for name in QUALITIES), _beyond(quality, failed))
-                for run, quality, failed in failing
-            ],
-            columns=["id", *QUALITIES, "fails"],
-        ),
-    )
+    rows = [_row(name, judged, by) for name in QUALITIES] if is_recorded else []
+    table = pd.DataFrame(rows, columns=["quantity", "limit", "passed", "failed", "not_recorded", "worst", "worst_run"])
+    failed_runs = [(run, *(getattr(q, name) for name in QUALITIES), _beyond(q, failed)) for run, q, failed in failing]
+    runs = pd.DataFrame(failed_runs, columns=["id", *QUALITIES, "fails"])
+    passed, ids = len(judged) - len(failing) - unknown, tuple(run for run, *_ in failing)
+    return QualityVerdict(limits, len(judged), passed, ids, unknown, bool(library.left_out), table, runs)
 
 
 def _row(name: str, judged: list[tuple[str, RunQuality]], limits: QualityLimits) -> tuple[object, ...]:

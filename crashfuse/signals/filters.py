@@ -31,16 +31,11 @@ def cfc_filter(accel: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
     dt_s : float
         Time step in s.
 
-    Raises
-    ------
-    UsageError, DataError
-        If the class is not positive, a value is not finite, there are fewer than 10 samples per second per unit of
-        class, or the record is no longer than 10 ms.
-
     Notes
     -----
-    ISO 6487 writes 2.0833 instead of 2.0775: on a full-frontal barrier test the outputs differ by up to 0.05 g at
-    CFC 60 (peak 45 g). Before filtering, 10 ms are reflected through each end point, and each pass starts settled.
+    A class takes 10 samples a second per unit of it, and a record longer than 10 ms. ISO 6487 writes 2.0833 instead of
+    2.0775: on a full-frontal barrier test the outputs differ by up to 0.05 g at CFC 60 (peak 45 g). Before filtering,
+    10 ms are reflected through each end point, and each pass starts settled.
     """
     accel = np.asarray(accel, dtype=np.float64)
     padding = math.ceil(_PADDING_S / dt_s)
@@ -64,8 +59,8 @@ def cfc_gain(hertz: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
 def noise_share(accel: FloatArray, *, dt_s: float) -> float:
     """What a pulse holds above 400 Hz in the crash, as RMS over the peak: below :data:`CFC60_NOISE` after CFC 60.
 
-    Measured: at most 0.03 % after CFC 60, and 0.07 % if that is rounded to 0.1 g. It is the median over parts of 40 ms,
-    from 50 ms before the peak to 100 ms after it, so that the jump at which a record was cut counts as no noise.
+    At most 0.03 % was measured after CFC 60, 0.07 % if rounded to 0.1 g. It is the median over parts of 40 ms, so that
+    the jump at which a record was cut counts as no noise.
     """
     from scipy.signal import welch
 

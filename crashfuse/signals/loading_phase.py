@@ -12,8 +12,8 @@ from crashfuse.signals.pulse import DT_S, N_SAMPLES, TAIL, FloatArray, checked_p
 class LoadingPhase:
     """A pulse up to the time of zero velocity, as functions of time; shape (n,).
 
-    Displacement is strictly increasing, so acceleration is a function of it, too. The last sample is the time of zero
-    velocity ``t0_s``, or the end of the record if the vehicle does not stop within it, where that is NaN.
+    Displacement only grows, so acceleration is a function of it, too. The last sample is the time of zero velocity
+    ``t0_s``, or the end of the record if the vehicle does not stop within it, where that is NaN.
     """
 
     time_s: FloatArray
@@ -81,20 +81,10 @@ class EnergyCurve:
 def energy_crush(accel_mps2: FloatArray, speed_mps: float, *, draws_mps2: FloatArray | None = None) -> EnergyCurve:
     """Energy that the vehicle has absorbed per kg of its mass over crush: e(s) = (v0² − v(s)²)/2.
 
-    It is the area under deceleration over displacement, and v0²/2 at the maximum dynamic crush.
-
     Parameters and errors are those of :func:`crashfuse.signals.metrics.pulse_metrics`, of a pulse on the study grid:
-    12.5 kHz over 0–100 ms.
-
-    Returns
-    -------
-    EnergyCurve
-        At 201 evenly spaced displacements from contact to the pulse's maximum dynamic crush, or the end of its record.
-
-    Notes
-    -----
-    A draw that stops before some crush counts there as v0²/2. One whose record ends before it counts as the energy
-    absorbed so far in the lower end of the band, and as v0²/2 in the upper.
+    12.5 kHz over 0–100 ms. The curve has 201 even displacements from contact to the maximum dynamic crush, or the end
+    of the record. A draw that stops before some crush counts there as v0²/2. One whose record ends before it counts as
+    the energy absorbed so far in the lower end of the band, and as v0²/2 in the upper.
     """
     accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, DT_S, draws_mps2)
     if accel_mps2.size != N_SAMPLES:

@@ -26,9 +26,8 @@ _WINDOW_S = 0.025  # of SM25
 class Metric:
     """One metric of a pulse; ``value`` is None if the record is too short for it.
 
-    ``lower`` and ``upper`` are the central 95 %, each None without draws (``drawn``) or if too many of them are too
-    short. Of a prediction ``value`` is what a single test shows in the middle, ``of_pulse`` the metric of the averaged
-    pulse that is drawn: an average has lower peaks than any of the pulses.
+    ``lower`` and ``upper`` are the central 95 %, None without draws (``drawn``) or if too many are too short. Of a
+    prediction ``value`` is the median of single tests, ``of_pulse`` that of the averaged pulse, whose peaks are lower.
     """
 
     name: str
@@ -191,9 +190,8 @@ def metric_values(
 ) -> dict[str, FloatArray]:
     """All metrics of pulses, shape (..., n), in the units of :func:`pulse_metrics`; each of shape (...).
 
-    Draws that are ``predicted``, not measured, stop beyond the record as in
-    :func:`crashfuse.signals.pulse.with_late_stops`. If the record ends too early: infinite (t0, max_crush), minus
-    infinity (mean, olc), or NaN, which is either (vpi).
+    Those ``predicted`` stop beyond the record as in :func:`crashfuse.signals.pulse.with_late_stops`. If the record ends
+    too early: infinite (t0, max_crush), minus infinity (mean, olc), or NaN, which is either (vpi).
     """
     motion = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
     if predicted:
@@ -224,11 +222,6 @@ def pulse_metrics(
     occupant : OccupantModel
         Distances of the OLC, slack and spring of the VPI.
 
-    Raises
-    ------
-    DataError
-        If the step or the speed is none, or can only be in another unit: a step in ms, a speed in mph or km/h.
-
     Returns
     -------
     tuple of Metric
@@ -243,17 +236,16 @@ def pulse_metrics(
     (v(t) − v(t + 25 ms))/25 ms. For olc, the occupant load criterion, and vpi, the vehicle pulse index, see
     :mod:`crashfuse.signals.occupant`; for the others, shape and rebound, :mod:`crashfuse.signals.pulse_shape`.
 
-    The value is that of the pulse itself, so it can be checked against its curve. The interval is that of the draws.
-    The pulse, a mean curve, is smoother than any draw, so its peak may lie below the interval.
+    The value is that of the pulse itself, the interval that of the draws: a mean curve is smoother than any of them, so
+    its peak may lie below the interval. A speed or step that can only be in another unit is a DataError.
 
-    If the record ends too early the value is None. A draw that ends too early is not left out, as that would overstate
-    certainty. One that has lost three quarters of its impact speed goes on with half of its mean deceleration so far;
-    one that is faster counts as larger than any that stops in t0 and max_crush, and as smaller in mean.
-    One whose occupant is still moving forward counts as smaller in olc, as the same loss of speed takes longer, unless
-    the vehicle moves freely by then (:func:`crashfuse.signals.pulse_shape.moves_freely`): it goes on at its last
-    velocity, which tells olc all the same.
-    One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
-    more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
+    If the record ends too early the value is None. A draw that ends too early still counts, or certainty would be
+    overstated. One that has lost three quarters of its impact speed goes on with half of its mean deceleration so far;
+    one that is faster counts as larger than any that stops in t0 and max_crush, and as smaller in mean. One whose
+    occupant still moves forward counts as smaller in olc, unless the vehicle moves freely by then
+    (:func:`crashfuse.signals.pulse_shape.moves_freely`). One whose vpi has yet to peak counts as smaller at the lower
+    end and as larger at the upper. An end is None if more than one draw in forty is missing there. Interval ends are
+    draws themselves, rounded outward.
     """
     accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, dt_s, draws_mps2)
     require_a(OccupantModel, occupant, "crashfuse.OccupantModel()")

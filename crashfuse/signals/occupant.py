@@ -23,11 +23,6 @@ class OccupantModel:
         How far the occupant moves within the vehicle before the restraint takes hold, and while it slows him down.
     vpi_slack_mm, vpi_stiffness_npm : float
         Slack of the spring, and its stiffness in N/m for a mass of 1 kg.
-
-    Raises
-    ------
-    UsageError
-        If one is outside of :data:`OCCUPANT_RANGES`, or a length is in m.
     """
 
     olc_free_flight_mm: float = 65.0
@@ -41,7 +36,7 @@ class OccupantModel:
             if not low <= value <= high:
                 raise UsageError(f"{name} is between {low} and {high}, not {value!r}.")
             if advice := likely_m(name, value):
-                raise UsageError(f"{name} is in mm, and {value:g} is no such length: {advice}.")
+                raise UsageError(f"{name} is in mm: {advice}.")
 
     @property
     def olc_words(self) -> str:
@@ -94,13 +89,10 @@ def occupant_load_criterion(
     - v0·t1 − s(t1) = 65 mm,
     - (v0 + v(t2))/2·(t2 − t1) − (s(t2) − s(t1)) = 235 mm, as the occupant slows evenly from v0 to v(t2),
 
-    and OLC = (v0 − v(t2))/(t2 − t1) in m/s². A vehicle that brakes at a constant rate a has OLC = a·300/235. An
-    occupant model with other distances takes the place of 65 and 235 mm. A vehicle that moves freely (``free``) when
-    the record ends goes on at its last velocity. NaN where the record ends before t1, or before t2 of one that does
-    not, and where a free vehicle leaves no slower than it came.
+    and OLC = (v0 − v(t2))/(t2 − t1) in m/s²: a·300/235 at a constant rate a. A vehicle that moves freely (``free``)
+    when the record ends goes on at its last velocity. NaN where the record ends before t1, or before t2 of one that
+    does not, and where a free vehicle leaves no slower than it came.
 
-    References
-    ----------
     L. Kübler, S. Gargallo, K. Elsäßer: Characterization and evaluation of frontal crash pulses with respect to occupant
     safety. Airbag 2008. Euro NCAP, Technical Bulletin TB 027, applies it to a barrier trolley.
     """
@@ -123,11 +115,8 @@ def vehicle_pulse_index(
     """Peak deceleration of 1 kg behind 30 mm of slack on a spring of 2500 N/m in the vehicle (VPI, ISO/TR 12353-3).
 
     The mass follows m·y'' = −k·max(0, y − s − slack), with y(0) = 0 and y'(0) = v0; the spring only pulls, undamped. It
-    is integrated by y(t + Δt) − y(t) = y(t) − y(t − Δt) + Δt²·y''(t), all draws at once. A vehicle that brakes at a
-    constant rate a has VPI = a (1 + √(1 + 2·slack·k/(m·a))).
-
-    Parameters as for :func:`occupant_load_criterion`. Returns m/s², positive; NaN where the spring is longest at the
-    end of the record or never taut, as the peak is yet to come.
+    is integrated by y(t + Δt) − y(t) = y(t) − y(t − Δt) + Δt²·y''(t). At a constant rate a, VPI is
+    a (1 + √(1 + 2·slack·k/(m·a))). NaN where the spring is longest at the end of the record or never taut.
     """
     n = displacement_m.shape[-1]
     slack_m, stiffness = occupant.vpi_slack_mm / _MM_PER_M, occupant.vpi_stiffness_npm  # of 1 kg

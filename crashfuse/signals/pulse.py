@@ -34,18 +34,9 @@ _LEAST_BRAKING = 0.5  # share of the mean deceleration so far: cut anywhere, no 
 
 @dataclass(frozen=True, eq=False)
 class Pulse:
-    """Vehicle X acceleration against time, evenly sampled.
+    """Vehicle X acceleration, signed, in m/s², against time in s, in even steps; shape (n,).
 
-    Parameters
-    ----------
-    time_s, accel_mps2 : ndarray, shape (n,)
-        Time in s, strictly increasing in even steps, and signed acceleration in m/s².
-
-    Raises
-    ------
-    DataError
-        If the two differ in length, have fewer than two samples or a NaN, time steps are not even, or the time can only
-        be in ms.
+    A DataError if lengths differ, there are fewer than two samples or a NaN, or the time can only be in ms.
     """
 
     time_s: FloatArray
@@ -165,10 +156,9 @@ def _integral(values: FloatArray, dt_s: float) -> FloatArray:
 
 
 def with_late_stops(motion: Kinematics) -> Kinematics:
-    """The same motions, with the stops of vehicles that are nearly at rest when the record ends.
+    """The same motions; vehicles that have lost three quarters of their speed stop by half of their mean deceleration.
 
-    One that has lost three quarters of its impact speed goes on with half of its mean deceleration so far. What it
-    crushes then is an upper bound, as crushed structure resists more, not less.
+    What they crush then is an upper bound, as crushed structure resists more, not less.
     """
     first, last = motion.velocity_mps[..., 0], motion.velocity_mps[..., -1]
     slow = np.isnan(motion.t0_s) & (last < _NEARLY_STOPPED * first)
@@ -225,7 +215,7 @@ def checked_pulse(
     draws_mps2 = numbers("draws_mps2", draws_mps2)
     if draws_mps2.ndim != 2 or draws_mps2.shape[-1] != accel_mps2.size or not draws_mps2.size:
         expected, shape = f"whole pulses, shape (n_draws, {accel_mps2.size})", f"shape {draws_mps2.shape}"
-        raise DataError(Problem("draws_mps2", expected, shape, "give each draw as many samples as the pulse has"))
+        raise DataError(Problem("draws_mps2", expected, shape, "give draws the samples of the pulse"))
     return accel_mps2, draws_mps2
 
 

@@ -65,11 +65,8 @@ def two_step(motion: Kinematics) -> TwoStep:
     """The two constant decelerations, one after the other, that come nearest to the pulse up to T by least squares.
 
     Each is then the mean of the pulse over its part, G1 = (v0 − v(t1))/t1 and G2 = v(t1)/(T − t1). Of all samples t1,
-    the step is at the one with the largest t1·G1² + (T − t1)·G2², as that leaves the least squares; of equals, at the
-    earlier.
+    the step is at the first one with the largest t1·G1² + (T − t1)·G2², as that leaves the least squares.
 
-    References
-    ----------
     The idea: S. R. Wu, X. Zhang, P. Lenk: Step function, a measure for frontal crash pulse and its applications.
     International Journal of Vehicle Design 26 (2001) 385–394; they choose the steps for equal occupant response.
     """
@@ -91,8 +88,6 @@ def loading_ratio(motion: Kinematics) -> FloatArray:
     As the vehicle stands at T, it is (v0 − v(T/2))/v(T/2): 1 for a pulse that is symmetric about T/2, more for a
     front-loaded pulse, less for a back-loaded one.
 
-    References
-    ----------
     The terms: Full Frontal Car Crash Tests: Empirical Evidence About Shape of Deceleration Pulses (2021), whose own
     measure, the crush over v0·T/2, is twice the centroid time over T.
     """

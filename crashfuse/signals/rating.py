@@ -99,11 +99,9 @@ def rate_iso18571(
 
     Raises
     ------
-    DataError
-        If the reference is flat, a value is NaN or beyond 1e100, the lengths differ, the window is under 10 ms or
-        reaches beyond a record, or the step can only be in ms.
-    UsageError
-        If a pulse is to be rated against an array, arrays have no step, or a pulse is given one.
+    DataError, UsageError
+        If the reference is flat, a value is NaN or beyond 1e100, lengths differ, the window is under 10 ms or beyond a
+        record, the step can only be in ms, or a pulse is to be rated against an array.
 
     Notes
     -----
@@ -121,12 +119,12 @@ def curves_at_10_khz(
     """The two curves that :func:`rate_iso18571` rates."""
     if isinstance(reference, Pulse) and isinstance(comparison, Pulse):
         if dt_s is not None:
-            raise UsageError("A pulse has its times: leave out dt_s, which is the step of arrays.")
+            raise UsageError("A pulse has its times: leave out dt_s.")
         return rated_curves(reference, comparison, USUAL_WINDOW_MS if window_ms is None else window_ms)
     if isinstance(reference, Pulse) or isinstance(comparison, Pulse):
-        raise UsageError("A pulse is rated against a pulse, and an array against an array with its step, dt_s.")
+        raise UsageError("A pulse is rated against a pulse, an array against an array with a step, dt_s.")
     if dt_s is None:
-        raise UsageError("Arrays are rated with their time step in s, such as dt_s=8e-5.")
+        raise UsageError("Arrays take their time step in s, such as dt_s=8e-5.")
     reference, comparison = numbers("reference", reference), numbers("comparison", comparison)
     _check(reference, comparison[None], dt_s)
     if window_ms is None:
@@ -176,7 +174,7 @@ def rated_curves(reference: Pulse, comparison: Pulse, window_ms: float) -> tuple
 
 def _check(reference: FloatArray, comparisons: FloatArray, dt_s: float) -> None:
     if reference.ndim != 1 or comparisons.ndim != 2 or comparisons.shape[-1] != reference.size:
-        expected = f"one value for each of the reference's {' × '.join(map(str, reference.shape))} samples"
+        expected = f"the reference's {' × '.join(map(str, reference.shape))} samples"
         found = " × ".join(map(str, comparisons.shape[1:])) or "a single number"
         raise DataError(Problem("comparison", expected, found, "cut both curves to the same window"))
     for name, values in (("reference", reference), ("comparison", comparisons)):

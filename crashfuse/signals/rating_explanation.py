@@ -78,39 +78,20 @@ class RatedHump:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RatingExplanation:
-    """A rating with what it is made of.
-
-    Attributes
-    ----------
-    window_ms : float
-        Rated is [0, window_ms).
-    compared : Compared
-        Both curves as they stand, as the corridor score compares them.
-    inner_mps2, outer_mps2 : float
-        Half widths of the corridors.
-    excursions, humps : tuple
-        In order of time, humps of the reference.
-    shift_s : float
-        How late the comparison comes by the shift of best correlation; negative if it comes early.
-    at_limit : bool
-        Whether no larger shift is tried.
-    shifted, warped, slopes : Compared
-        The curves shifted; shifted and warped, as the magnitude score compares them, one value for each step of the
-        path; and the slopes of those shifted.
-    """
+    """A rating over [0, ``window_ms``) with what it is made of."""
 
     rating: Rating
     window_ms: float
-    compared: Compared
-    inner_mps2: float
+    compared: Compared  # both curves as they stand, as the corridor score compares them
+    inner_mps2: float  # half widths of the corridors
     outer_mps2: float
     excursions: tuple[Excursion, ...]
-    shift_s: float
-    at_limit: bool
+    shift_s: float  # how late the comparison comes by the shift of best correlation; negative if early
+    at_limit: bool  # whether no larger shift is tried
     shifted: Compared
-    warped: Compared
-    slopes: Compared
-    humps: tuple[RatedHump, ...]
+    warped: Compared  # shifted and warped, as the magnitude score compares them, a value for each step of the path
+    slopes: Compared  # of those shifted
+    humps: tuple[RatedHump, ...]  # of the reference
 
     def __repr__(self) -> str:
         lost = ", ".join(f"{part} {loss:.3f}" for part, loss in self.losses.items())

@@ -1,8 +1,7 @@
 """Sensors that fail within a crash: saturated, held at a value, lost for milliseconds, a spike, noise from then on.
 
-A record is looked at twice. Sample by sample, equal samples tell: sound sensors repeat a value for 0.6 ms at most. And
-in a band of some 200 Hz, in which CFC 60 is undone where a record went through it: a dropout has its edges again, and a
-flat top its corners. Each limit stands beside what sound records reach, raw and CFC 60.
+A record is looked at sample by sample, where equal samples tell, and in a band of some 200 Hz, in which CFC 60 is
+undone: a dropout has its edges again, a flat top its corners. Limits stand beside what sound records reach.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -7,14 +7,15 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
+from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.calibration import STRIDE
+from crashfuse.approaches.calibration import STRIDE, predicted
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.fused import Fused
@@ -39,7 +40,7 @@ from crashfuse.execution.process import one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.tensors import Arrays
 from crashfuse.signals.metrics import METRIC_LABELS, metric_values
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, in_full
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.learning_curve import subsets
 from crashfuse.study.running import workers_at
@@ -72,9 +73,129 @@ class _LikeAny(Prior):
 
 
 @dataclass(frozen=True)
+class _Part:
+    """A few tests of a vehicle, from which all its others are predicted: one task of a worker."""
+
+    campaign: Campaign
+    chosen: _Chosen
+    cache: Cache
+    watch: Watch
+    seed: int
+
+    @cached_property
+    def held_out(self) -> list[CrashTest]:
+        return [test for test in self.campaign.tests if test.id not in self.chosen]
+
+    @cached_property
+    def few(self) -> Campaign:
+        return self.campaign.without([test.id for test in self.held_out])
+
+    def components(self) -> list[list[Component]]:
+        """Time and displacement domain at each left-out test, on every tenth sample; kept in the cache."""
+        few = replace(self.few, prior=None)
+
+        def predict() -> tuple[FloatArray, Entry]:
+            settings, approaches = Settings(seed=self.seed, cache=self.cache), (TimeDomain, DisplacementDomain)
+            fits = [fitted(kind.create(settings), few, self.cache, self.watch)[0] for kind in approaches]
+            predictions = [fit.predict(test.condition) for test in self.held_out for fit in fits]
+            rows = [
+                np.vstack([prediction.accel_mps2, prediction.draws_mps2[:_DRAWS]])[:, ::STRIDE]
+                for prediction in predictions
+                if prediction.draws_mps2 is not None
+            ]
+            pulses = np.array(rows).reshape(len(self.held_out), len(fits), 1 + _DRAWS, -1)
+            return pulses, {"pulses": pulses}
+
+        digests = [test.digest for test in self.held_out]
+        key = {"campaign": few.fingerprint, "held_out": digests, "seed": self.seed, "code": code_digest(__name__)}
+        pulses = self.cache.get_or_compute(
+            _PARTS, key, predict, lambda entry: numbers(entry, "pulses", *[None] * 4), self.watch
+        )
+        return [[Component(rows[0], rows[1:]) for rows in of_test] for of_test in pulses]
+
+    def is_predicted(self) -> list[bool]:
+        """Fill the cache with the components: a worker need not send them."""
+        return [bool(self.components())]
+
+    def scores(self) -> list[tuple[Scores, Scores]]:
+        """Scores of the components at each left-out test: with the tuned network, and with the shipped one."""
+        networks = [
+            Pretrained(seed=self.seed, cache=self.cache).fit(few) for few in (self.few, replace(self.few, prior=None))
+        ]
+        tests = Tests.of(self.few, networks[0].model_)
+
+        def score(network: Pretrained, test: CrashTest, components: Sequence[Component]) -> Scores:
+            raw = tests.raw(network.model_.pulse(test.condition).accel_mps2, test.condition.speed_mps)
+            by_network = np.asarray(network.predict(test.condition).draws_mps2)
+            drawn = [*(part.draws for part in components), by_network[:, ::STRIDE], raw.draws[:, ::STRIDE]]
+            return Scores.of(test.pulse.accel_mps2[::STRIDE][_JUDGED], [draws[:, _JUDGED] for draws in drawn])
+
+        pairs = zip(self.held_out, self.components(), strict=True)
+        return [(score(networks[0], *pair), score(networks[1], *pair)) for pair in pairs]
+
+    @cached_property
+    def fused(self) -> Fused:
+        return Fused(seed=self.seed, cache=self.cache).fit(self.few)
+
+    def predictions(self) -> Iterator[tuple[CrashTest, Prediction, dict[str, FloatArray], dict[str, float]]]:
+        """The fused prediction of each left-out test, the metrics of its draws, and those measured."""
+        occupant = self.campaign.occupant
+        for test, components in zip(self.held_out, self.components(), strict=True):
+            prediction = self.fused.predict_from(test.condition, [predicted(test, *part) for part in components])
+            measured = metric_values(test.pulse.accel_mps2, test.condition.speed_mps, occupant=occupant)
+            floats = {name: float(value) for name, value in measured.items()}
+            yield test, prediction, drawn_metrics(prediction, occupant), floats
+
+    def errors(self) -> list[dict[str, float]]:
+        """Standardised errors of the metrics of each left-out test."""
+        return [
+            {name: standardised_error(drawn[name], measured[name], name) for name in METRIC_LABELS}
+            for _, _, drawn, measured in self.predictions()
+        ]
+
+    def judged(self) -> list[dict[str, float]]:
+        """Rating, and for each metric whether the test lies in its interval and how wide that is."""
+        errors = metric_errors(self.fused.left_out(self.few), self.few, self.fused.usual_errors)
+        rows = []
+        for test, prediction, drawn, measured in self.predictions():
+            pulse = Pulse(GRID_S, prediction.accel_mps2)
+            row = {"rating": rate_windows(test.pulse, pulse, [_WINDOW_MS])[_WINDOW_MS].overall}
+            for name, distribution in metric_distributions(drawn, errors).items():
+                lower, upper = (None, None) if distribution is None else distribution.interval
+                row |= {f"inside {name}": np.nan, f"width {name}": np.nan}
+                if lower is not None and upper is not None and np.isfinite(measured[name]):
+                    row |= {f"inside {name}": float(lower <= measured[name] <= upper), f"width {name}": upper - lower}
+            rows.append(row)
+        return rows
+
+
+def _done(
+    campaign: Campaign, chosen: _Chosen, cache: Cache, watch: Watch, *, work: Callable[[_Part], R], seed: int
+) -> list[tuple[_Chosen, R]]:
+    with one_thread_throughout():
+        return [(chosen, work(_Part(campaign, chosen, cache, watch, seed)))]
+
+
+def _tuned(
+    _: Campaign, members: _Members, cache: Cache, watch: Watch, *, vehicles: Sequence[Vehicle], seed: int
+) -> list[tuple[_Members, Arrays]]:
+    """Weights of the network that were tuned to these vehicles; a task is of one campaign, this one of several."""
+    mine = [vehicles[member] for member in members]
+
+    def tune() -> tuple[Arrays, Arrays]:
+        weights = tuned(mine, seed, watch)
+        return weights, weights
+
+    digest = hashlib.sha256(b"".join(rows.tobytes() for vehicle in mine for rows in vehicle)).hexdigest()
+    key = {"vehicles": digest, "seed": seed, "code": code_digest(Vehicle.__module__)}
+    return [(members, cache.get_or_compute(_NETWORKS, key, tune, dict, watch))]
+
+
+@dataclass(frozen=True)
 class _Run:
     """Computes tasks on all cores, in order."""
 
+    seed: int
     cache: Cache
     watch: Watch
     workers: int | None
@@ -92,6 +213,87 @@ class _Run:
                 self.watch.report(step, len(done), len(tasks))
         return [done[task] for task in tasks]
 
+    def by_part(self, work: Callable[[_Part], list[R]], campaign: Campaign, sizes: Sequence[int], step: str) -> list[R]:
+        """Results of all even choices of so many tests, one after the other."""
+        chosen = [part.chosen for part in subsets(campaign, 0, 0) if len(part.chosen) in sizes]
+        results = self.each(partial(_done, work=work, seed=self.seed), campaign, chosen, f"{campaign.name}: {step}")
+        return [row for rows in results for row in rows]
+
+    def prepared(self, campaign: Campaign) -> Vehicle:
+        """Predict a vehicle's tests by both approaches from a few others; its tests as the network reads them."""
+        settings = Settings(seed=self.seed, cache=self.cache)
+        conditions = [test.condition for test in campaign.tests]
+        for approach in (TimeDomain, DisplacementDomain):
+            approach.create(settings).prepare(replace(campaign, tests=()), conditions, self.watch)
+        self.by_part(_Part.is_predicted, campaign, SIZES, "predictions from few tests")
+        many, model = campaign.evenly_over_speed(_MOST_TESTS), CaeModel(cache=self.cache).fit(campaign.cae, self.watch)
+        tests = Tests.of(many, model)
+        vectors = np.array([test.condition.vector for test in many.tests])
+        return Vehicle(tests.measured_mps2[:, ::STRIDE], tests.cae_mps2[:, ::STRIDE], vectors)
+
+
+@dataclass(frozen=True, eq=False)
+class _Learning:
+    """What is learned from vehicles once their parts and networks are known."""
+
+    campaigns: Sequence[Campaign]
+    vehicles: Sequence[Vehicle]
+    networks: Mapping[_Members, Arrays]
+    run: _Run
+
+    def _each(
+        self, work: Callable[[_Part], list[R]], number: int, prior: Prior | None, sizes: Sequence[int]
+    ) -> list[R]:
+        return self.run.by_part(work, replace(self.campaigns[number], prior=prior), sizes, "predicted with the others")
+
+    def prior(self, members: _Members) -> Prior:
+        """What these vehicles teach."""
+        names = tuple(self.campaigns[member].name for member in members)
+        vehicles = [self.vehicles[member] for member in members]
+        off = np.array([differences(v.measured, v.cae, v.conditions[:, 0]).mean(axis=0) for v in vehicles])
+        others = {member: _LikeAny(names, self.networks[_less(members, member)], PRIOR, {}, off) for member in members}
+        scores = [self._each(_Part.scores, member, others[member], SIZES) for member in members]
+        taught = [score for pairs in scores for score, _ in pairs]
+        logits = Pool(strength=STRENGTH * _COUNT * len(members) / len(taught)).fit(taught).logits_
+        weighted, usual = Pool(logits).fit([]), Pool().fit([])
+        gains = []
+        for pairs in scores:
+            before = np.array([_crps(usual, shipped) for _, shipped in pairs])
+            gains.append(1 - np.mean([_crps(weighted, score) for score, _ in pairs]) / before.mean())
+        errors: dict[str, list[float]] = {name: [] for name in METRIC_LABELS}
+        for member in members:
+            rows = self._each(_Part.errors, member, replace(others[member], logits=logits), _OF_ERRORS)
+            for name in errors:
+                values = np.array([row[name] for row in rows])
+                known = values[np.isfinite(values)]
+                if known.size:
+                    errors[name] += [known.mean() - known.std(), known.mean() + known.std()]
+        usual_errors = {name: np.array(values) for name, values in errors.items() if values}
+        return Prior(names, self.networks[members], logits, usual_errors, off, helps=bool(np.mean(gains) > 0))
+
+    def record(self, number: int, prior: Prior) -> Iterator[dict[str, object]]:
+        """How a vehicle is predicted with what the others teach, and without, by number of tests."""
+        for size in SIZES:
+            with_archive, without = (
+                pd.DataFrame(self._each(_Part.judged, number, own, (size,))) for own in (prior, None)
+            )
+            if with_archive.empty:
+                continue
+            widths = with_archive.filter(like="width ").to_numpy() / without.filter(like="width ").to_numpy()
+            row = {"vehicle": self.campaigns[number].name, "n_tests": size, "predicted": len(without)}
+            row |= {"rating": with_archive["rating"].mean(), "rating_without": without["rating"].mean()}
+            for column, table in (("inside", with_archive), ("inside_without", without)):
+                row[column] = float(np.nanmean(table.filter(like="inside ").to_numpy(dtype=float)))
+            yield row | {"width": float(np.exp(np.nanmean(np.log(widths))))}
+
+
+def _crps(pool: Pool, scores: Scores) -> float:
+    return scores.crps(pool.weights(scores.spreads))
+
+
+def _less(members: _Members, out: int) -> _Members:
+    return tuple(member for member in members if member != out)
+
 
 def learn_archive(
     campaigns: Sequence[Campaign],
@@ -103,27 +305,20 @@ def learn_archive(
 ) -> VehicleArchive:
     """Learn what three or more campaigns teach the next vehicle; what is finished stays in the cache.
 
-    Raises
-    ------
-    UsageError
-        If there are too few campaigns, one has fewer than four tests, or two share a name, tests or CAE runs.
-    Cancelled
-        If the watch was told to stop.
+    A UsageError if there are fewer, one has fewer than four tests, or two share a name, tests or CAE runs.
     """
     campaigns = [replace(campaign, prior=None) for campaign in _checked(campaigns)]
-    run = _Run(cache or Cache(), watch, workers)
-    vehicles = [_prepared(campaign, seed, run) for campaign in campaigns]
+    run = _Run(seed, cache or Cache(), watch, workers)
+    vehicles = [run.prepared(campaign) for campaign in campaigns]
     everyone = tuple(range(len(campaigns)))
     without = [_less(everyone, number) for number in everyone]
     wanted = sorted({everyone, *without, *(_less(members, member) for members in without for member in members)})
     work = partial(_tuned, vehicles=vehicles, seed=seed)
     weights = run.each(work, campaigns[0], wanted, "Tuning of the pre-trained network")
-    networks = dict(zip(wanted, weights, strict=True))
-    learning = _Learning(campaigns, vehicles, networks, seed, run)
-    priors = [learning.prior(members) for members in (everyone, *without)]
-    rows = [row for number in everyone for row in learning.record(number, priors[1 + number])]
-    past = [PastVehicle(c.name, c.cae.fingerprint, tuple(test.digest for test in c.tests)) for c in campaigns]
-    return VehicleArchive(tuple(past), priors[0], tuple(priors[1:]), pd.DataFrame(rows), seed)
+    learning = _Learning(campaigns, vehicles, dict(zip(wanted, weights, strict=True)), run)
+    whole, *priors = (learning.prior(members) for members in (everyone, *without))
+    rows = [row for number, prior in enumerate(priors) for row in learning.record(number, prior)]
+    return VehicleArchive(tuple(map(_past, campaigns)), whole, tuple(priors), pd.DataFrame(rows), seed)
 
 
 def _checked(campaigns: Sequence[Campaign]) -> list[Campaign]:
@@ -134,237 +329,12 @@ def _checked(campaigns: Sequence[Campaign]) -> list[Campaign]:
             raise UsageError(f"An archive learns from vehicles with {_LEAST_TESTS} tests or more; {found}.")
     if len(campaigns) < LEAST_VEHICLES:
         raise UsageError(f"An archive takes {LEAST_VEHICLES} campaigns or more, not {len(campaigns)}.")
-    for number, campaign in enumerate(campaigns):
-        for other in campaigns[:number]:
-            past = PastVehicle(other.name, other.cae.fingerprint, tuple(test.digest for test in other.tests))
-            if other.name == campaign.name or past.is_of(campaign.cae.fingerprint, campaign.tests):
-                names = read_out([repr(other.name), repr(campaign.name)])
-                raise UsageError(f"Two of the campaigns, {names}, share their name, tests or CAE runs: give each once.")
+    for one, other in combinations(campaigns, 2):
+        if one.name == other.name or _past(one).is_of(other.cae.fingerprint, other.tests):
+            names = read_out([repr(one.name), repr(other.name)])
+            raise UsageError(f"Two of the campaigns, {names}, share their name, tests or CAE runs: give each once.")
     return sorted(campaigns, key=lambda campaign: campaign.name)
 
 
-def _less(members: tuple[int, ...], out: int) -> tuple[int, ...]:
-    return tuple(member for member in members if member != out)
-
-
-def _parts_chosen(campaign: Campaign, sizes: Sequence[int] = SIZES) -> list[_Chosen]:
-    return [part.chosen for part in subsets(campaign, 0, 0) if len(part.chosen) in sizes]
-
-
-def _split(campaign: Campaign, chosen: _Chosen) -> tuple[Campaign, list[CrashTest]]:
-    held_out = [test for test in campaign.tests if test.id not in chosen]
-    return campaign.without([test.id for test in held_out]), held_out
-
-
-def _prepared(campaign: Campaign, seed: int, run: _Run) -> Vehicle:
-    """Predict a vehicle's tests by both approaches from a few others; its tests as the network reads them."""
-    settings = Settings(seed=seed, cache=run.cache)
-    conditions = [test.condition for test in campaign.tests]
-    for approach in (TimeDomain, DisplacementDomain):
-        approach.create(settings).prepare(replace(campaign, tests=()), conditions, run.watch)
-    work = partial(_predicted, seed=seed)
-    run.each(work, campaign, _parts_chosen(campaign), f"{campaign.name}: predictions from few tests")
-    few, model = campaign.evenly_over_speed(_MOST_TESTS), CaeModel(cache=run.cache).fit(campaign.cae, run.watch)
-    tests = Tests.of(few, model)
-    vectors = np.array([test.condition.vector for test in few.tests])
-    return Vehicle(tests.measured_mps2[:, ::STRIDE], tests.cae_mps2[:, ::STRIDE], vectors)
-
-
-def _predicted(
-    campaign: Campaign, chosen: _Chosen, cache: Cache, watch: Watch, *, seed: int
-) -> list[tuple[_Chosen, bool]]:
-    _parts(campaign, chosen, cache, watch, seed)
-    return [(chosen, True)]
-
-
-def _parts(campaign: Campaign, chosen: _Chosen, cache: Cache, watch: Watch, seed: int) -> dict[str, list[Component]]:
-    """Time and displacement domain at each test that was not chosen, on every tenth sample; kept in the cache."""
-    rest, held_out = _split(replace(campaign, prior=None), chosen)
-
-    def predict() -> tuple[FloatArray, Entry]:
-        settings = Settings(seed=seed, cache=cache)
-        with one_thread_throughout():
-            fits = [fitted(kind.create(settings), rest, cache, watch)[0] for kind in (TimeDomain, DisplacementDomain)]
-            predictions = [fit.predict(test.condition) for test in held_out for fit in fits]
-        rows = [
-            np.vstack([own.accel_mps2, own.draws_mps2[:_DRAWS]])[:, ::STRIDE]
-            for own in predictions
-            if own.draws_mps2 is not None
-        ]
-        pulses = np.array(rows).reshape(len(held_out), len(fits), 1 + _DRAWS, -1)
-        return pulses, {"pulses": pulses}
-
-    key = {"campaign": rest.fingerprint, "held_out": [test.digest for test in held_out], "seed": seed}
-    key |= {"code": code_digest(__name__)}
-    pulses = cache.get_or_compute(_PARTS, key, predict, lambda entry: numbers(entry, "pulses", *[None] * 4), watch)
-    return {
-        test.id: [Component(own[0], own[1:]) for own in of_test] for test, of_test in zip(held_out, pulses, strict=True)
-    }
-
-
-def _tuned(
-    campaign: Campaign,  # noqa: ARG001 - a task is of a campaign; this one is of several
-    members: _Members,
-    cache: Cache,
-    watch: Watch,
-    *,
-    vehicles: Sequence[Vehicle],
-    seed: int,
-) -> list[tuple[_Members, Arrays]]:
-    """Weights of the network that were tuned to these vehicles; kept in the cache."""
-    mine = [vehicles[member] for member in members]
-
-    def tune() -> tuple[Arrays, Arrays]:
-        weights = tuned(mine, seed, watch)
-        return weights, weights
-
-    digest = hashlib.sha256(b"".join(rows.tobytes() for vehicle in mine for rows in vehicle)).hexdigest()
-    key = {"vehicles": digest, "seed": seed, "code": code_digest(Vehicle.__module__)}
-    return [(members, cache.get_or_compute(_NETWORKS, key, tune, dict, watch))]
-
-
-@dataclass(frozen=True, eq=False)
-class _Learning:
-    """What is learned from vehicles once their parts and networks are known."""
-
-    campaigns: Sequence[Campaign]
-    vehicles: Sequence[Vehicle]
-    networks: Mapping[_Members, Arrays]
-    seed: int
-    run: _Run
-
-    def _each(
-        self, work: Callable[..., list[tuple[_Chosen, R]]], number: int, prior: Prior | None, sizes: Sequence[int]
-    ) -> list[R]:
-        campaign = replace(self.campaigns[number], prior=prior)
-        step = f"{campaign.name}: predicted with the others"
-        return self.run.each(partial(work, seed=self.seed), campaign, _parts_chosen(campaign, sizes), step)
-
-    def prior(self, members: _Members) -> Prior:
-        """What these vehicles teach."""
-        names = tuple(self.campaigns[member].name for member in members)
-        off = np.array(
-            [
-                differences(own.measured, own.cae, own.conditions[:, 0]).mean(axis=0)
-                for own in (self.vehicles[member] for member in members)
-            ]
-        )
-        others = {member: _LikeAny(names, self.networks[_less(members, member)], PRIOR, {}, off) for member in members}
-        scores = {
-            member: [pair for of_part in self._each(_scored, member, others[member], SIZES) for pair in of_part]
-            for member in members
-        }
-        taught = [score for pairs in scores.values() for score, _ in pairs]
-        logits = Pool(strength=STRENGTH * _COUNT * len(members) / len(taught)).fit([*taught]).logits_
-        weighted, usual = Pool(logits).fit([]), Pool().fit([])
-        gains = [
-            np.mean([_crps(usual, without) - _crps(weighted, score) for score, without in pairs])
-            / np.mean([_crps(usual, without) for _, without in pairs])
-            for pairs in scores.values()
-        ]
-        errors: dict[str, list[float]] = {name: [] for name in METRIC_LABELS}
-        for member in members:
-            off_by = [
-                row
-                for rows in self._each(_errors, member, replace(others[member], logits=logits), _OF_ERRORS)
-                for row in rows
-            ]
-            for name in errors:
-                values = np.array([row[name] for row in off_by])
-                known = values[np.isfinite(values)]
-                if known.size:
-                    errors[name] += [known.mean() - known.std(), known.mean() + known.std()]
-        usual_errors = {name: np.array(values) for name, values in errors.items() if values}
-        return Prior(names, self.networks[members], logits, usual_errors, off, helps=bool(np.mean(gains) > 0))
-
-    def record(self, number: int, prior: Prior) -> Iterator[dict[str, object]]:
-        """How a vehicle is predicted with what the others teach, and without, by number of tests."""
-        name = self.campaigns[number].name
-        for size in SIZES:
-            ways = [self._each(_judged, number, own, (size,)) for own in (prior, None)]
-            if not all(ways):
-                continue
-            with_archive, without = (pd.DataFrame([row for rows in way for row in rows]) for way in ways)
-            widths = with_archive.filter(like="width ").to_numpy() / without.filter(like="width ").to_numpy()
-            row = {"vehicle": name, "n_tests": size, "predicted": len(without)}
-            row |= {"rating": with_archive["rating"].mean(), "rating_without": without["rating"].mean()}
-            for column, table in (("inside", with_archive), ("inside_without", without)):
-                row[column] = float(np.nanmean(table.filter(like="inside ").to_numpy(dtype=float)))
-            yield row | {"width": float(np.exp(np.nanmean(np.log(widths))))}
-
-
-def _crps(pool: Pool, scores: Scores) -> float:
-    return scores.crps(pool.weights(scores.spreads))
-
-
-def _scored(
-    campaign: Campaign, chosen: _Chosen, cache: Cache, watch: Watch, *, seed: int
-) -> list[tuple[_Chosen, list[tuple[Scores, Scores]]]]:
-    """Scores of the components at each test that was not chosen: with the tuned network, and with the shipped one."""
-    parts, (rest, held_out) = _parts(campaign, chosen, cache, watch, seed), _split(campaign, chosen)
-    with one_thread_throughout():
-        networks = [Pretrained(seed=seed, cache=cache).fit(own) for own in (rest, replace(rest, prior=None))]
-        tests = Tests.of(rest, networks[0].model_)
-
-        def score(test: CrashTest, network: Pretrained) -> Scores:
-            cae = network.model_.pulse(test.condition).accel_mps2
-            prediction, raw = network.predict(test.condition), tests.raw(cae, test.condition.speed_mps)
-            drawn = [
-                *(part.draws for part in parts[test.id]),
-                *(own[:, ::STRIDE] for own in (prediction.draws_mps2, raw.draws) if own is not None),
-            ]
-            return Scores.of(test.pulse.accel_mps2[::STRIDE][_JUDGED], [draws[:, _JUDGED] for draws in drawn])
-
-        return [(chosen, [(score(test, networks[0]), score(test, networks[1])) for test in held_out])]
-
-
-def _fused(
-    campaign: Campaign, chosen: _Chosen, cache: Cache, watch: Watch, seed: int
-) -> Iterator[tuple[CrashTest, Fused, Prediction]]:
-    """The fused prediction of each test that was not chosen."""
-    parts, (rest, held_out) = _parts(campaign, chosen, cache, watch, seed), _split(campaign, chosen)
-    with one_thread_throughout():
-        fused = Fused(seed=seed, cache=cache).fit(rest)
-        for test in held_out:
-            said = [
-                Prediction(test.condition, in_full(part.mean, STRIDE), in_full(part.draws, STRIDE))
-                for part in parts[test.id]
-            ]
-            yield test, fused, fused.predict_from(test.condition, said)
-
-
-def _errors(
-    campaign: Campaign, chosen: _Chosen, cache: Cache, watch: Watch, *, seed: int
-) -> list[tuple[_Chosen, list[dict[str, float]]]]:
-    """Standardised errors of the metrics of each test that was not chosen."""
-    found = []
-    for test, _, prediction in _fused(campaign, chosen, cache, watch, seed):
-        drawn, measured = drawn_metrics(prediction, campaign.occupant), _metrics(test, campaign)
-        found.append({name: standardised_error(drawn[name], measured[name], name) for name in METRIC_LABELS})
-    return [(chosen, found)]
-
-
-def _judged(
-    campaign: Campaign, chosen: _Chosen, cache: Cache, watch: Watch, *, seed: int
-) -> list[tuple[_Chosen, list[dict[str, float]]]]:
-    """Rating, and for each metric whether the test lies in its interval and how wide that is."""
-    rows, errors = [], None
-    for test, fused, prediction in _fused(campaign, chosen, cache, watch, seed):
-        if errors is None:
-            rest = _split(campaign, chosen)[0]
-            errors = metric_errors(fused.left_out(rest), rest, fused.usual_errors)
-        pulse = Pulse(GRID_S, prediction.accel_mps2)
-        row = {"rating": rate_windows(test.pulse, pulse, [_WINDOW_MS])[_WINDOW_MS].overall}
-        measured = _metrics(test, campaign)
-        for name, distribution in metric_distributions(drawn_metrics(prediction, campaign.occupant), errors).items():
-            lower, upper = (None, None) if distribution is None else distribution.interval
-            row |= {f"inside {name}": np.nan, f"width {name}": np.nan}
-            if lower is not None and upper is not None and np.isfinite(measured[name]):
-                row |= {f"inside {name}": float(lower <= measured[name] <= upper), f"width {name}": upper - lower}
-        rows.append(row)
-    return [(chosen, rows)]
-
-
-def _metrics(test: CrashTest, campaign: Campaign) -> dict[str, float]:
-    values = metric_values(test.pulse.accel_mps2, test.condition.speed_mps, occupant=campaign.occupant)
-    return {name: float(value) for name, value in values.items()}
+def _past(campaign: Campaign) -> PastVehicle:
+    return PastVehicle(campaign.name, campaign.cae.fingerprint, tuple(test.digest for test in campaign.tests))

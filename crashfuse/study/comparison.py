@@ -33,8 +33,8 @@ class StudyComparison:
         is_named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
         if not (is_named or any(_alike(first, second).values())):
             raise UsageError(
-                f"{first.campaign} and {second.campaign} are not known to be one vehicle: the raw CAE model is rated "
-                "equally in no common test. Choose two studies of one campaign, or of a changed copy of it."
+                f"{first.campaign} and {second.campaign} are not known to be one vehicle: in no common test is the raw "
+                "CAE model rated equally. Choose two studies of one campaign or its copy."
             )
 
     @cached_property

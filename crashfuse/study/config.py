@@ -29,19 +29,13 @@ class StudyConfig:
 
     Parameters
     ----------
-    preset : {"fast", "paper"}
+    preset, device
+        As in :class:`crashfuse.approaches.settings.Settings`.
     windows_ms : tuple of float
         Ratings are computed over [0, w) for each w, in ms.
     leave_out : {"test", "speed group", "both"}
         Leave each test out alone, or with all tests at about its speed: then no similar test remains, and the rating
         measures extrapolation to a new speed. "both" runs both studies. Hyphens count as spaces.
-    device : {"auto", "cpu", "cuda"}
-        Device for training networks; results of different devices differ in their last digits.
-
-    Raises
-    ------
-    UsageError
-        If there is no such approach, preset, device or way to leave tests out, or a seed or window is impossible.
     """
 
     approaches: tuple[str, ...] = APPROACHES
@@ -66,7 +60,7 @@ class StudyConfig:
             raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {self.seed}.")
         windows = several(self.windows_ms)
         if not windows:
-            raise UsageError("Name at least one rating window, such as (60.0,).")
+            raise UsageError("Name at least one rating window.")
         for window in windows:
             require_window(window)
         object.__setattr__(self, "windows_ms", tuple(dict.fromkeys(map(float, windows))))
@@ -139,10 +133,10 @@ class StudyPlan:
         campaign.without(self.held_out)
         object.__setattr__(self, "held_out", tuple(dict.fromkeys(self.held_out or campaign.test_ids)))
         if len(campaign.tests) < 2:
-            raise UsageError("Leaving a test out takes at least 2 tests: one to predict and one to learn from.")
+            raise UsageError("Leaving a test out takes at least 2 tests.")
         config.check()
         if config.leave_out == "speed group" and not has_speed_groups(campaign):
-            raise UsageError("All tests are of one speed group: leaving it out leaves nothing to learn from.")
+            raise UsageError("All tests are of one speed group: nothing would be left to learn from.")
         for window in config.windows_ms:
             for test_id in self.held_out:
                 check_window(campaign.test(test_id), window)

@@ -47,22 +47,14 @@ _LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """An approach's prediction at one condition, with its fit results and the duration of both.
-
-    Attributes
-    ----------
-    left_out_mps2 : mapping of str to ndarray, shape (1250,)
-        Prediction for each test that it learned from, left out; empty if unknown.
-    agreements : mapping of str to float
-        How well the draws of each of these agree with it: :func:`crashfuse.study.rating_distribution.agreement`.
-    """
+    """An approach's prediction at one condition, with its fit results and the duration of both."""
 
     approach: str
     prediction: Prediction
     state: dict[str, object]  # fit results as plain JSON values
     seconds: float
-    left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
-    agreements: Mapping[str, float] = field(default_factory=dict)
+    left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)  # for each test learned from, left out
+    agreements: Mapping[str, float] = field(default_factory=dict)  # of the draws of each of these with it
     metric_errors: Errors = field(default_factory=dict)  # of these predictions
     occupant: OccupantModel = USUAL_OCCUPANT
 
@@ -114,12 +106,7 @@ class Fit:
     ) -> Self:
         """Fit an approach to the whole campaign as given, or load that fit from the cache.
 
-        Raises
-        ------
-        UsageError
-            If there is no such approach, preset or device, or not enough to learn from.
-        Cancelled
-            If the watch was told to stop.
+        A UsageError if there is no such approach, preset or device, or not enough to learn from.
         """
         require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
         require_a(StudyConfig, config, "crashfuse.StudyConfig()")

@@ -32,18 +32,13 @@ class ExpectedRating:
     ----------
     mean, lowest, highest : float
         Overall ISO/TS 18571 ratings, over one window, of those of them that are near the condition.
-    median : float
-        The rating that a test at the condition is as likely to be above as below.
-    lower, upper, least, most : float
-        The central 80 % and 95 % of the rating of a test at the condition; outside the latter it is a surprise.
-    tests : tuple of str
-        Ids of the near tests, nearest in speed first.
-    reach_mps : float
-        Speed difference of the farthest of them.
-    farther : bool
-        Whether the condition is farther in speed from all tests than any of these was from the others.
-    beyond : bool
-        Whether it is more than 5 mph slower or faster than all tests, where no left-out test says how errors grow.
+    median, lower, upper, least, most : float
+        Of the rating of a test at the condition, with the central 80 % and 95 %; outside the latter it is a surprise.
+    tests, reach_mps : tuple of str, float
+        Ids of the near tests, nearest in speed first, and the speed difference of the farthest.
+    farther, beyond : bool
+        Whether the condition is farther in speed from all tests than any of these was from the others, and whether it
+        is more than 5 mph slower or faster than all tests, where no left-out test says how errors grow.
     side : {"", "slower", "faster"}
         What all tests are than it, if it is a step beyond all of them.
     """
@@ -125,22 +120,11 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     median, lower, upper, least, most = map(single.quantile, _SHARES)
     below, above = speeds.min() - speed_mps, speed_mps - speeds.max()
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test
-    return ExpectedRating(
-        float(np.mean(ratings[: len(near)])),
-        min(ratings[: len(near)]),
-        max(ratings[: len(near)]),
-        median,
-        lower,
-        upper,
-        least,
-        most,
-        window_ms=float(window_ms),
-        tests=tuple(test.id for test in near),
-        reach_mps=float(away[len(near) - 1]),
-        farther=bool(np.abs(speeds - speed_mps).min() > max(*gaps, _BESIDE_MPS)),
-        beyond=bool(max(below, above) > _REACH_MPS),
-        side="faster" if below > SPEED_STEP_MPS else "slower" if above > SPEED_STEP_MPS else "",
-    )
+    is_farther, is_beyond = np.abs(speeds - speed_mps).min() > max(*gaps, _BESIDE_MPS), max(below, above) > _REACH_MPS
+    side = "faster" if below > SPEED_STEP_MPS else "slower" if above > SPEED_STEP_MPS else ""
+    rated, ids, window = ratings[: len(near)], tuple(test.id for test in near), float(window_ms)
+    numbers = float(np.mean(rated)), min(rated), max(rated), median, lower, upper, least, most, window
+    return ExpectedRating(*numbers, ids, float(away[len(near) - 1]), bool(is_farther), bool(is_beyond), side)
 
 
 def mean_near(estimate: Estimate, campaign: Campaign, tests: Sequence[str], window_ms: float) -> float:

@@ -126,8 +126,8 @@ def tuning_fact(campaign: Campaign) -> Fact:
     sentences = []
     if tuned:
         sentences.append(
-            f"The CAE model was tuned to {read_out(tuned)}: what is predicted of a test, left out, that its CAE model "
-            "has seen proves little, and supports no verdict."
+            f"The CAE model was tuned to {read_out(tuned)}: predictions of tests that it has seen prove little, and "
+            "support no verdict."
         )
     if unknown:
         of = "the tests" if len(unknown) == len(campaign.tests) else read_out(unknown)

@@ -123,7 +123,7 @@ def keep(result: PastResult) -> None:
                     return
             _write(result, folder)
     except (OSError, DataError) as error:
-        log.warning("The list of results could not be kept in %s: %s", folder, error)
+        log.warning("Results could not be kept in %s: %s", folder, error)
 
 
 def annotate(result: PastResult, note: str) -> None:

@@ -134,8 +134,7 @@ class LearningCurve:
     def by_test(self, approach: str) -> pd.DataFrame:
         """Ratings over the longest window: one row for each held-out test, one column for each number of tests.
 
-        Each is a mean over the even choices that leave the test out. So means over the rows count every test once, and
-        differences between columns compare the same tests. A UsageError if the curve is not of this approach.
+        Each is a mean over the even choices that leave the test out: columns compare the same tests, each once.
         """
         one_of("approach of this learning curve", approach, dict.fromkeys(self.config.approaches))
         table = self.table
@@ -152,15 +151,7 @@ class LearningCurve:
         return views.over_number_of_tests(self.over(shown.window_ms), shown)
 
     def write(self, folder: str | Path, *, cost: str | None = None, **display: "Unpack[views.DisplayOptions]") -> None:
-        """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        UsageError
-            If the cost is none.
-        """
+        """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""
         price = None if cost is None else views.Cost.of(cost)
         views.write_result("learning curve", folder, self, price, views.Display.of(self.campaign.units, **display))
 
@@ -184,14 +175,8 @@ def learning_curve(
 ) -> LearningCurve:
     """Predict and rate tests from 1, 2, 3, 4, 6, 8, 10 … and all but one of the others.
 
-    Parameters
-    ----------
-    config : StudyConfig
-        Approaches, windows and seed; ``leave_out`` is not used.
-    repeats : int
-        Random choices of each number of tests, beside the even ones.
-    cache, watch, workers, scheduler
-        As in :func:`crashfuse.study.running.run_study`, which raises the same.
+    Of each number of tests ``repeats`` choices are random, beside the even ones. The config gives approaches, windows
+    and seed; all else is as in :func:`crashfuse.study.running.run_study`.
     """
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     if not (isinstance(repeats, Integral) and repeats >= 0):

@@ -73,7 +73,7 @@ class Account:
         if self.without_neighbours is not None:
             compared = f"Rated {self.without_neighbours:.3f} without its neighbours, {self.rating:.3f} with them"
             misled = self.without_neighbours > self.rating + _CHANGED
-            sentences.append(f"{compared}{': what they teach does not hold for it' if misled else ''}.")
+            sentences.append(f"{compared}{': they mislead here' if misled else ''}.")
         if self.inside is not None:
             sentences.append(f"Inside the 95 % band is {100 * self.inside:.0f} % of its a(t) up to TTZV.")
         return (*sentences, *(fact.sentence for fact in window_facts(test, self.window_ms)))
@@ -111,18 +111,9 @@ def account(
     apart = None
     if neighbours >= LEAST:
         apart = departure(campaign, test.id, CaeModel(cache=cache).fit(campaign.cae), window_ms)
-    return Account(
-        test,
-        approach,
-        fold.ratings[approach][window_ms].overall,
-        window_ms,
-        expected_rating(estimate, others, window_ms),
-        neighbours,
-        apart,
-        without_neighbours,
-        None if draws is None else Coverage.of(test, draws).accel,
-        with_group,
-    )
+    rating, expected = fold.ratings[approach][window_ms].overall, expected_rating(estimate, others, window_ms)
+    inside, group = None if draws is None else Coverage.of(test, draws).accel, (neighbours, apart, without_neighbours)
+    return Account(test, approach, rating, window_ms, expected, *group, inside, with_group)
 
 
 def worst_test(
@@ -130,14 +121,8 @@ def worst_test(
 ) -> Account:
     """Account of the test that an approach predicted worst.
 
-    Parameters
-    ----------
-    window_ms : float, optional
-        The rating is over [0, window_ms); by default the longest window of the study.
-    approach : str, optional
-        By default the one that the study recommends for the campaign.
-    cache : Cache, optional
-        Where the CAE model and, if it was ever made, the prediction without the neighbours are found.
+    By default the window is the study's longest, and the approach the one that it recommends. The cache holds the CAE
+    model and, if it was ever made, the prediction without the neighbours.
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
     window = max(study.config.windows_ms) if window_ms is None else window_ms

@@ -44,7 +44,7 @@ class ConditionRange:
     def of(cls, tests: Sequence[CrashTest]) -> Self:
         """The range of tests, with the combination of factors tested most often; a UsageError without tests."""
         if not tests:
-            raise UsageError("A range needs a test at least, or limits of your own.")
+            raise UsageError("A range needs a test, or limits of your own.")
         vectors = np.array([test.condition.vector for test in tests])
         [(kind, _)] = Counter(test.condition.factors for test in tests).most_common(1)
         return cls(*_conditions(np.array([vectors.min(axis=0), vectors.max(axis=0)]), kind))
@@ -96,28 +96,20 @@ def rank_next_tests(
 ) -> tuple[NextTest, ...]:
     """Rank conditions by how much a test there would shrink the band over a range, the largest gain first.
 
-    The band is that of a new test's bias, averaged over conditions spread over the range and, for each, over
-    displacement up to the crush of its CAE pulse. A candidate is assumed to crush like its CAE pulse, and to scatter
-    as tests do. Hyperparameters stay; Student's t gets narrower too. Rebound and emulator are left out.
+    The band is that of a new test's bias, averaged over the range and over displacement up to the crush of the CAE
+    pulse. A candidate is assumed to crush like its CAE pulse, and to scatter as tests do. Hyperparameters stay. Rebound
+    and emulator are left out.
 
-    Parameters
-    ----------
-    domain : DisplacementDomain
-        Fitted to all tests that were run, with the hierarchical bias: a UsageError if it is that of Table 4.
-    candidates : sequence of Condition, optional
-        By default 14 speeds at the middle weights: gains hardly depend on weight. They may lie outside the range.
-    planned : sequence of Condition
-        Tests that will be run anyway, treated as already run. To choose several tests, add the best one each time.
+    The domain has to have the hierarchical bias, not that of Table 4. Candidates, by default 14 speeds at the middle
+    weights, may lie outside the range. Planned tests count as run: to choose several, add the best one each time.
     """
     candidates = over.grid(14) if candidates is None else candidates
     targets = [domain.expected_points(condition) for condition in over.spread(_N_TARGETS)]
     bias = domain.bias_
     if not isinstance(bias, HierarchicalBias):
-        raise UsageError("The next test is chosen by the hierarchical bias (preset fast); Table 4 has no part for it.")
+        raise UsageError("The next test is chosen by the hierarchical bias (preset fast), not that of Table 4.")
     if open_factors := bias.unknown_factors(over.low):
-        raise UsageError(
-            f"Tests differ by {' and '.join(open_factors)}: say of which kind the vehicle is that the range is for."
-        )
+        raise UsageError(f"Tests differ by {' and '.join(open_factors)}: say for which of these the range is.")
     with one_thread():
         bias = bias.also([domain.expected_points(condition) for condition in planned])
         now, then = bias.half_widths(targets, [domain.expected_points(condition) for condition in candidates])

@@ -144,11 +144,9 @@ def _law(ratings: pd.DataFrame, exponent: float) -> tuple[float, float]:
 
 
 def summary(curve: LearningCurve) -> pd.DataFrame:
-    """One row for each approach, choice and number of tests, over the longest window.
+    """One row for each approach, choice and number of tests, over the longest window: means over the held-out tests.
 
-    Columns: approach, choice, n_tests, predictions (their number), rating and error (mean over the held-out tests and
-    its standard error), low and high (the central 80 % of the single predictions), inside, half_width_g and, if the
-    curve has it, decided (means).
+    ``error`` is the standard error of the mean rating, ``low`` to ``high`` the central 80 % of single predictions.
     """
     shares = [name for name in ("inside", "half_width_g", "decided") if name in curve.table]
     table, keys = curve.table[curve.table["window_ms"] == curve.window_ms], ["approach", "choice", "n_tests"]
@@ -171,15 +169,15 @@ def sentences(curve: LearningCurve, cost: Cost | None = None) -> tuple[str, ...]
         return (*statements, f"{CLASSES[name].label} learns from no test: further tests change nothing.")
     if steps := gains(curve):
         last, rest = steps[-1], n - 1
-        price = _price(last.per_test, cost) if last.is_clear else ": no gain that can be told from scatter"
+        price = _price(last.per_test, cost) if last.is_clear else ": no clear gain"
         statements.append(
             f"From {last.before} to {last.after} tests it gains {signed(last.gain, 3)}{plus_minus(last.error)}{price}."
         )
         gain = enough(curve)
         statements.append(
-            f"No fewer tests, chosen evenly over speed, rate as well as {rest}."
+            f"No fewer tests, evenly over speed, rate as well as {rest}."
             if gain is None
-            else f"{gain.before} of the tests, chosen evenly over speed, may rate as well as {rest}: the gain of "
+            else f"{gain.before} of the tests, evenly over speed, may rate as well as {rest}: the gain of "
             f"{signed(gain.gain, 3)}{plus_minus(gain.error)} is within twice its standard error."
         )
     statements.append(_outlook(one_more(curve), n, cost))
@@ -193,7 +191,7 @@ def _standing(curve: LearningCurve, name: str, n: int) -> str:
         f" over 0–{curve.window_ms:g} ms (mean of {len(ratings)} held-out tests ± standard error)"
     )
     if "cae" in curve.config.approaches and name != "cae":
-        standing += f"; the raw CAE model, without any test, {curve.by_test('cae').iloc[:, -1].mean():.3f}"
+        standing += f"; the raw CAE model {curve.by_test('cae').iloc[:, -1].mean():.3f}"
     if not math.isnan(last.get("decided", math.nan)):
         standing += f". It decides {100 * last['decided']:.0f} % of the verdicts on metrics, counted over these tests"
     if math.isnan(last["half_width_g"]):
@@ -204,14 +202,14 @@ def _standing(curve: LearningCurve, name: str, n: int) -> str:
 
 def _outlook(more: OneMore | None, n: int, cost: Cost | None) -> str:
     if more is None:
-        return f"What one more test would add cannot be told from {n} tests; it takes at least 5."
+        return f"What one more test would add cannot be told from {n} tests; it takes 5."
     if more.lower >= _NOTHING:
         interval = f"{more.lower:.3f} to {more.upper:.3f} (95 %)"
         return f"One more test, after these {n}, should add about {more.gain:.3f}, {interval}{_price(more.gain, cost)}."
     what = f"What one more test would add to these {n} cannot be told from nothing"
     if more.upper < _NOTHING:
         return f"{what}."
-    price = "" if cost is None else f"; at {cost} each, one hundredth costs {cost.times(0.01 / more.upper)} or more"
+    price = "" if cost is None else f"; at {cost} each, 0.01 costs {cost.times(0.01 / more.upper)} or more"
     return f"{what}: about {max(more.gain, 0):.3f}, at most {more.upper:.3f} (95 %){price}."
 
 
@@ -219,7 +217,7 @@ def _price(per_test: float, cost: Cost | None) -> str:
     rate = f"{per_test:.4f} a test"
     if cost is None:
         return f" ({rate})"
-    return f" ({rate}, at {cost} each: {cost.times(0.01 / per_test)} for one hundredth of rating)"
+    return f" ({rate}, at {cost} each: {cost.times(0.01 / per_test)} for 0.01 of rating)"
 
 
 def _error(values: "pd.Series[float]") -> float:

@@ -65,26 +65,20 @@ class Departure:
         """That the test stands apart, by how much, and what to do; or that it does not."""
         if not self.apart:
             return Sentence("{} differs from the tests at its speed no more than these from each other.", self.test)
-        return Sentence(
+        least, most = acceleration(min(self.bias_mps2)), acceleration(max(self.bias_between_mps2))
+        template = (
             "{} differs from the other {} tests at about {} by {} or more (RMS over crush), these from each other by "
-            "{} or less. A test there may fold either way: check its record, or judge {} by both.",
-            self.test,
-            len(self.neighbours),
-            speed(self.speed_mps),
-            acceleration(min(self.bias_mps2)),
-            acceleration(max(self.bias_between_mps2)),
-            speed(self.speed_mps),
+            "{} or less. A test there may fold either way: check its record, or judge {} by both."
         )
+        at = speed(self.speed_mps)
+        return Sentence(template, self.test, len(self.neighbours), at, least, most, at)
 
     @property
     def evidence(self) -> str:
         """How the pulses of the test and its neighbours rate against each other."""
-        return Sentence(
-            "Its pulse rates {} against {}, theirs {} against each other.",
-            rating_range(min(self.ratings), max(self.ratings)),
-            ", ".join(self.neighbours),
-            rating_range(min(self.ratings_between), max(self.ratings_between)),
-        )
+        rated, between = (rating_range(min(r), max(r)) for r in (self.ratings, self.ratings_between))
+        others = ", ".join(self.neighbours)
+        return Sentence("Its pulse rates {} against {}, theirs {} against each other.", rated, others, between)
 
 
 def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: float = WINDOW_MS) -> Departure | None:
@@ -134,14 +128,9 @@ def with_both_folds(
         (acceleration(float(np.median(metrics["peak"][fold])) * G), f"{np.median(metrics['max_crush'][fold]):.0f} mm")
         for fold in (~apart, apart)
     ]
-    sentence = Sentence(
-        "Tests at about {} fold in two ways: as {} (here peak {}, crush {}), or as {} (peak {}, crush {}).",
-        speed(test.condition.speed_mps),
-        read_out(departure.neighbours),
-        *shown[0],
-        departure.test,
-        *shown[1],
-    )
+    template = "Tests at about {} fold in two ways: as {} (here peak {}, crush {}), or as {} (peak {}, crush {})."
+    usual = speed(test.condition.speed_mps), read_out(departure.neighbours), *shown[0]
+    sentence = Sentence(template, *usual, departure.test, *shown[1])
     expected = prediction.accel_mps2 - learned * difference
     return replace(prediction, accel_mps2=expected, draws_mps2=draws, apart=apart, notes=(*prediction.notes, sentence))
 

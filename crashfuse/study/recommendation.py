@@ -81,7 +81,7 @@ def recommend_for(
             "the band."
         )
     if name != BASELINE and BASELINE in expected:
-        worse = " No better than that is to be expected here." * (best.mean <= expected[BASELINE].mean)
+        worse = " No better is to be expected here." * (best.mean <= expected[BASELINE].mean)
         sentences.append(f"The raw CAE model rated {expected[BASELINE].mean:.2f} on the same tests.{worse}")
     if CLASSES[name].made_of:
         sentences.append(by_name[name].prediction.notes[0])
@@ -110,14 +110,9 @@ def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
     is_beside = AboutTimeDomain.name in names and away <= _NEAR_MPS
     name = AboutTimeDomain.name if is_beside else names[0]
-    reason = Sentence(
-        "Use {}: the nearest test is {} away, and the paper (Sect. 4.3) trusts the time domain beside a test of about "
-        "the same speed, else the displacement domain.",
-        CLASSES[name].in_words,
-        speed(away),
-    )
-    alone = len(campaign.tests) == 1
-    why = "there is only one test, which cannot be left out" if alone else "no test was left out under these settings"
+    trusted = "the paper (Sect. 4.3) trusts the time domain beside a test, else the displacement domain"
+    reason = Sentence(f"Use {{}}: the nearest test is {{}} away, and {trusted}.", CLASSES[name].in_words, speed(away))
+    why = "there is only one test" if len(campaign.tests) == 1 else "no test was left out under these settings"
     unknown = f"What rating to expect is not known: {why}."
     return Recommendation(name, (reason, unknown, *campaign.cae.extrapolation(condition)))
 
@@ -166,8 +161,8 @@ def _recommendation(study: Study) -> Recommendation:
     others = [Sentence("{} {}", CLASSES[other].in_words, value) for other, value in shown.items() if other != name]
     sentences: list[str] = [
         Sentence(
-            f"Use {{}} for this campaign{undecided}. Over 0–{window_ms:g} ms, on {n} tests that were left out, its "
-            "mean distance from what was measured (CRPS, less is better) is {}.",
+            f"Use {{}} for this campaign{undecided}. Over 0–{window_ms:g} ms, on {n} left-out tests, its mean distance "
+            "from what was measured (CRPS, less is better) is {}.",
             CLASSES[name].in_words,
             joined([Sentence("{}", shown[name]), *filter(None, [joined(others, ", ")])], "; "),
         ),
@@ -177,15 +172,12 @@ def _recommendation(study: Study) -> Recommendation:
         coverage = study.coverage[name]
         n = len(coverage.tests)
         sentences.append(
-            f"95 % model band: {100 * coverage.share('accel'):.0f} % of a(t) up to the time of zero velocity (TTZV) "
-            f"inside, maximum crush in {coverage.count('crush')} of {n} left-out tests, peak in "
-            f"{coverage.count('peak')} of {n}."
+            f"95 % model band: {100 * coverage.share('accel'):.0f} % of a(t) up to zero velocity (TTZV) inside, crush "
+            f"in {coverage.count('crush')} of {n} left-out tests, peak in {coverage.count('peak')}."
         )
     if study.speed_groups is not None:
         without_group = _ratings(study.speed_groups, name, window_ms)
-        sentences.append(
-            Sentence("Where no test of about the same speed was left to learn from: mean {}", without_group)
-        )
+        sentences.append(Sentence("Without tests of about the same speed: mean {}", without_group))
     decays = [bool(own.state.get("decay_over_speed")) for fold in study.folds for own in fold.estimates]
     if any(decays):
         fits = f"in {sum(decays)} of {len(study.folds)} fits"

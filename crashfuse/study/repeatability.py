@@ -6,6 +6,8 @@ been repeated, what the repeats rate counts too, by how much it says. Nothing of
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache as once
+from functools import partial
 
 import numpy as np
 
@@ -69,26 +71,23 @@ def repeatability(
     windows = tuple(float(window) for window in windows_ms)
     cache, chosen = cache or Cache(), tests or campaign.test_ids
     shared = {"campaign": campaign.fingerprint, "windows": windows, "seed": seed, "code": code_digest(__name__)}
-    scatter: list[Scatter] = []  # learned once, and only if something is not in the cache
     by_test = {}
+
+    @once
+    def scatter() -> Scatter:
+        return Scatter(cache=cache).fit(campaign, watch)
+
+    def compute(test_id: str, repeats: tuple[CrashTest, ...]) -> tuple[FloatArray, Entry]:
+        rng = np.random.default_rng([seed, campaign.test_ids.index(test_id)])
+        drawn = scatter().repeats(campaign.test(test_id), _N_DRAWS, rng)
+        rated = _rated(campaign.test(test_id), repeats, drawn, windows, len(campaign.tests))
+        return rated, {"rated": rated}
+
     for done, test_id in enumerate(chosen):
         watch.report(REPEATABILITY, done, len(chosen))
-        number = campaign.test_ids.index(test_id)
-        test = campaign.tests[number]
-        repeats = repeats_of(test, campaign)
-
-        def compute(
-            number: int = number, test: CrashTest = test, repeats: tuple[CrashTest, ...] = repeats
-        ) -> tuple[FloatArray, Entry]:
-            if not scatter:
-                scatter.append(Scatter(cache=cache).fit(campaign, watch))
-            drawn = scatter[0].repeats(test, _N_DRAWS, np.random.default_rng([seed, number]))
-            rated = _rated(test, repeats, drawn, windows, len(campaign.tests))
-            return rated, {"rated": rated}
-
-        rated = cache.get_or_compute(
-            _KIND, {**shared, "test": test_id}, compute, lambda entry: numbers(entry, "rated", len(windows), 3), watch
-        )
+        repeats, key = repeats_of(campaign.test(test_id), campaign), {**shared, "test": test_id}
+        work = partial(compute, test_id, repeats)
+        rated = cache.get_or_compute(_KIND, key, work, lambda entry: numbers(entry, "rated", len(windows), 3), watch)
         by_test[test_id] = {
             window: Repeatability(value, lower, upper, tuple(other.id for other in repeats))
             for window, (value, lower, upper) in zip(windows, rated.tolist(), strict=True)

@@ -1,8 +1,8 @@
 """Running a leave-one-out study: hold out → fit → predict → rate.
 
-The held-out test's pulse is used in the last step only, and after it for how well tests repeat: everything before works
-on ``campaign.without(test)``, whose fingerprint is also the key under which the prediction is cached. Tests predicted
-from the same others are one task of a worker; what needs no network is computed first, or while the networks train.
+The held-out test's pulse is used in the last step only, and for how well tests repeat: all else works on
+``campaign.without(test)``, whose fingerprint is the key of the cached prediction. Tests predicted from the same others
+are one task of a worker; what needs no network is computed first, or while the networks train.
 """
 
 import threading
@@ -193,8 +193,8 @@ def run_study(
     cache : Cache, optional
         Keeps finished predictions: an interrupted study continues where it stopped.
     watch : Watch, optional
-        It is shown a study of what is known each time that more is: of the tests predicted so far, by the approaches
-        known for all of them, without repeatability. What needs no network comes first.
+        It is shown a study of what is known each time that more is, by the approaches known for all tests predicted so
+        far, without repeatability. What needs no network comes first.
     workers : int, optional
         Number of processes for the folds; default one per core. The results do not depend on it.
     scheduler : str, optional
@@ -204,12 +204,9 @@ def run_study(
 
     Raises
     ------
-    UsageError, DataError
-        If the study is impossible, see :class:`crashfuse.study.config.StudyPlan`.
-    Cancelled
-        If the watch was told to stop.
     CrashfuseError
-        If workers die repeatedly, or the cluster cannot be reached or has other versions.
+        If the study is impossible, see :class:`crashfuse.study.config.StudyPlan`, the watch was told to stop, workers
+        die repeatedly, or the cluster cannot be reached or has other versions.
     """
     if approaches:
         config = replace(config, approaches=several(approaches))

@@ -25,17 +25,7 @@ _AGAIN = "train it again with crashfuse train"
 
 
 def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
-    """Save an approach that was fitted to a campaign to a ``.safetensors`` file.
-
-    Raises
-    ------
-    NotFittedError
-        If the approach has not been fitted.
-    OSError
-        If the file cannot be written.
-    UsageError
-        If the fit is of another campaign.
-    """
+    """Save an approach that was fitted to this campaign to a ``.safetensors`` file."""
     require_a(Fit, fit, "crashfuse.Fit.of(campaign, approach)")
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     if fit.campaign.fingerprint != campaign.fingerprint:
@@ -70,11 +60,8 @@ def model_bytes(fit: Fit, campaign: Campaign) -> bytes:
 def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = None) -> Fit:
     """Load a model together with the campaign that it learned from; the cache keeps the emulator of the CAE model.
 
-    Raises
-    ------
-    DataError
-        If the file is not a model, is truncated or altered, has the name of another approach, learned from other data,
-        or was made with other versions of crashfuse, Python or the packages that compute.
+    A DataError if the file is no model, is altered, has the name of another approach, learned from other data, or was
+    made with other versions of crashfuse, Python or the packages that compute.
     """
     path = Path(path)
     record, arrays = _read(path)

@@ -110,22 +110,14 @@ class Fold:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A finished study: one fold for each held-out test, in the order of the campaign.
-
-    Attributes
-    ----------
-    speed_groups : Study, optional
-        The same tests, each left out with all others at about its speed, if both ways were requested.
-    repeatability : mapping of str to mapping of float to Repeatability
-        By test, then window in ms.
-    """
+    """A finished study: one fold for each held-out test, in the order of the campaign."""
 
     campaign: Campaign
     config: StudyConfig
     folds: tuple[Fold, ...]
     seconds: dict[str, float] = field(default_factory=dict)
-    speed_groups: "Study | None" = None
-    repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)
+    speed_groups: "Study | None" = None  # each left out with all others at about its speed, if both were requested
+    repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)  # by test, window in ms
 
     def fold(self, held_out: str) -> Fold:
         """The fold with this test held out; a UsageError if there is none."""
@@ -179,28 +171,17 @@ class Study:
             ``integration``, ``bias parts``, ``scores``, ``rating``, ``training``, ``fine-tuning``. Of all: ``ratings``
             (the default), ``draws``, ``calibration``.
         approaches : sequence of str, optional
-            The approaches that are shown; by default all. Of several, ``rating`` and the figures of networks show the
-            preferred one.
+            By default all. Of several, ``rating`` and the figures of networks show the preferred one.
         also : sequence of str, PredictedPulse or EarlierPrediction
-            Pulses put beside those of a test: tests and CAE runs by their ids, predictions elsewhere, and of the same
-            test with other settings.
+            Pulses put beside those of a test: tests and CAE runs by their ids, and predictions.
         band : str, optional
             The approach whose band is filled; by default the preferred one.
-        measured : bool
-            Whether to show the test itself.
-        corridors : bool
-            Whether to shade the corridors of the rating about the test.
+        measured, corridors : bool
+            Whether to show the test itself, and to shade the corridors of the rating about it.
         notes : sequence of Note
             Drawn as marks over time, those that are about this test.
         **display
-            ``window_ms``, by default the longest, ``unit``, ``deceleration``, ``units``, see
-            :class:`crashfuse.reporting.plots.display.DisplayOptions`.
-
-        Raises
-        ------
-        UsageError
-            If the test was not held out; if there is no such figure, approach, test, CAE run, option or unit; or if the
-            study was not rated over this window.
+            See :class:`crashfuse.reporting.plots.display.DisplayOptions`; by default the longest window.
         """
         if not held_out:
             return views.overview(self, figure or "ratings", approaches, **display)

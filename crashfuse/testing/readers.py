@@ -25,21 +25,11 @@ _FOREIGN = (b"\x00" * 5000, b"PK\x03\x04" + bytes(500), "ä\n".encode() * 2000)
 
 
 class ReaderContract:
-    """What every reader promises: subclass it, and let pytest collect it.
+    """What every reader promises: subclass it, and let pytest collect it."""
 
-    Attributes
-    ----------
-    format : str
-        Name of the format, as its entry point has it.
-    files : mapping of str to bytes
-        A sound test or run, which stops from about 56 km/h, by the names of its files.
-    claims : mapping of str to bytes
-        The same with a header that declares far more than there is; empty if nothing in the format declares a size.
-    """
-
-    format: ClassVar[str]
-    files: ClassVar[Mapping[str, bytes]]
-    claims: ClassVar[Mapping[str, bytes]] = {}
+    format: ClassVar[str]  # its name, as its entry point has it
+    files: ClassVar[Mapping[str, bytes]]  # a sound test or run, which stops from about 56 km/h, by the names of files
+    claims: ClassVar[Mapping[str, bytes]] = {}  # with a header that declares far more; empty if none declares a size
 
     @pytest.mark.parametrize("packed", [False, True], ids=["folder", "zip"])
     def test_a_sound_file_is_recognised_and_read(self, tmp_path: Path, packed: bool) -> None:

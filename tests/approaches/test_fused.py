@@ -18,6 +18,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import LB, MPH
+from tests.conftest import not_none
 
 pytestmark = pytest.mark.usefixtures("quick_networks")
 
@@ -86,8 +87,7 @@ def test_the_band_holds_draws_of_its_components_by_their_weights(campaign: Campa
     prediction = fused.predict(test.condition)
     assert prediction.draws_mps2 is not None
     assert len(prediction.draws_mps2) == 400
-    of_time = fused.time_domain_.predict(test.condition).draws_mps2
-    assert of_time is not None
+    of_time = not_none(fused.time_domain_.predict(test.condition).draws_mps2)
     mean = prediction.accel_mps2
     check = fused.calibration_
     found = mean + (prediction.draws_mps2 - mean) / (check.widening * check.further(float(np.exp(-1 / 3))))
@@ -175,7 +175,7 @@ def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch:
         mean = np.array([test.pulse.accel_mps2[::10] for test in campaign.tests]) * rng.uniform(0.8, 1.2, (4, 1))
         return LeftOut(np.arange(4), mean, (mean[:, None] * rng.uniform(0.9, 1.1, (4, 20, 1))).astype(np.float32))
 
-    parts = [SimpleNamespace(left_out_=said(), left_out_groups_=said(), model_=model) for _ in range(3)]
+    parts = [SimpleNamespace(left_out_=said(), left_out_groups_=said(), model_=model, prior_=None) for _ in range(3)]
     taken = iter(parts)
     monkeypatch.setattr("crashfuse.approaches.fused.fitted", lambda *_: (next(taken), 0.0))
     monkeypatch.setattr("crashfuse.approaches.fused.bands.widening_far", lambda *_: 2.3)

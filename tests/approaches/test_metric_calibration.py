@@ -23,6 +23,7 @@ from crashfuse.condition import Condition
 from crashfuse.signals.metrics import METRIC_LABELS, metric_values, pulse_metrics
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.units import G
+from tests.conftest import not_none
 
 NONE = np.empty(0)
 DRAWS = stats.norm(100.0, 5.0).ppf((np.arange(2000) + 0.5) / 2000)
@@ -30,16 +31,12 @@ DRAWS = stats.norm(100.0, 5.0).ppf((np.arange(2000) + 0.5) / 2000)
 
 def spread(draws: FloatArray = DRAWS, errors: FloatArray = NONE, metric: str = "") -> Distribution:
     """The calibrated distribution of draws, which there must be."""
-    found = Distribution.of(draws, errors, metric)
-    assert found is not None
-    return found
+    return not_none(Distribution.of(draws, errors, metric))
 
 
 def ends(distribution: Distribution) -> tuple[float, float]:
     """Both ends of the 95 % interval, which there must be."""
-    lower, upper = distribution.interval
-    assert lower is not None
-    assert upper is not None
+    lower, upper = map(not_none, distribution.interval)
     return lower, upper
 
 
@@ -118,8 +115,7 @@ def test_a_draw_that_creeps_on_leaves_no_doubt_that_the_vehicle_stops(campaign: 
     change = float(np.trapezoid(test.pulse.accel_mps2, dx=test.pulse.dt_s))
     draws[::20] = -0.95 * speed / change * test.pulse.accel_mps2
     drawn = drawn_metrics(Prediction(test.condition, test.pulse.accel_mps2, draws))
-    found = metric_distributions(drawn, {})["max_crush"]
-    assert found is not None
+    found = not_none(metric_distributions(drawn, {})["max_crush"])
     assert found.highest == 0.0
     assert found.probability(None, 2 * found.centre) > 0.999
 
@@ -137,8 +133,7 @@ def test_a_time_within_the_pulse_is_no_later_than_its_end() -> None:
     """The grid ends at 99.92 ms; a mass has no such limit."""
     late = DRAWS - 3.0
     assert spread(late).interval[1] > 105.0  # type: ignore[operator]
-    timed = Distribution.of(late, NONE, "peak_time")
-    assert timed is not None
+    timed = not_none(Distribution.of(late, NONE, "peak_time"))
     assert timed.interval[1] == pytest.approx(99.92)
 
 
@@ -232,8 +227,7 @@ def test_draws_as_single_tests_are_spread_as_errors_are() -> None:
     reached = metric_values(representative_pulses(prediction, drawn, errors, range(200))[1:], 12.0)
     distributions = metric_distributions(drawn, errors)
     for name in MATCHED:
-        distribution = distributions[name]
-        assert distribution is not None
+        distribution = not_none(distributions[name])
         shares = [distribution.cdf(value) for value in reached[name]]
         assert stats.kstest(shares, "uniform").statistic < 0.096  # 95 % of 200 uniform draws
         assert stats.spearmanr(reached[name], drawn[name]).statistic > 0.85
@@ -247,6 +241,5 @@ def test_without_draws_or_where_some_never_stop_nothing_is_made_up() -> None:
     fast = replace(prediction, condition=replace(prediction.condition, speed_mps=40.0))  # none stops in the record
     pulse = representative_pulses(fast, drawn_metrics(fast), {})[0]
     assert np.isfinite(pulse).all()
-    peak = metric_distributions(drawn_metrics(fast), {})["peak"]
-    assert peak is not None
+    peak = not_none(metric_distributions(drawn_metrics(fast), {})["peak"])
     assert metric_values(pulse, 40.0)["peak"] == pytest.approx(peak.median, rel=2e-3)

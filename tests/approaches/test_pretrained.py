@@ -16,6 +16,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, motion
 from crashfuse.synthetic.sample import sample_campaign
 from crashfuse.testing import ApproachContract, small_campaign
+from tests.conftest import not_none
 
 CAMPAIGN = small_campaign()
 
@@ -139,8 +140,7 @@ def test_its_band_holds_tests_that_it_was_not_shown(sample: Campaign, emulated: 
     """On average over the tests left out in turn, 90 % of a(t) up to zero velocity at least, and most peaks."""
     covered = []
     for test in sample.tests[::2]:
-        draws = Pretrained(cache=emulated).fit(sample.without([test.id])).predict(test.condition).draws_mps2
-        assert draws is not None
+        draws = not_none(Pretrained(cache=emulated).fit(sample.without([test.id])).predict(test.condition).draws_mps2)
         covered.append(Coverage.of(test, draws))
     assert np.mean([own.accel for own in covered]) > 0.9
     assert sum(own.peak for own in covered) >= len(covered) - 1
@@ -172,4 +172,4 @@ def test_other_weights_than_the_shipped_ones_are_refused(tmp_path: Path, monkeyp
     monkeypatch.setattr(pretrained, "_WEIGHTS", cut)
     pretrained._network.cache_clear()
     with pytest.raises(CrashfuseError, match=r"weights\.safetensors is not the file .* install crashfuse again"):
-        pretrained._network()
+        pretrained._network(None)

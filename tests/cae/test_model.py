@@ -16,7 +16,7 @@ from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.signals.rating import rate_iso18571
 from crashfuse.units import MPH
-from tests.conftest import SHARED, needs_shared
+from tests.conftest import SHARED, needs_shared, not_none
 
 WORLDS = SHARED / "worlds"
 ELSEWHERE = [pytest.param(world, marks=[needs_shared, pytest.mark.slow]) for world in ("alpha", "beta")]
@@ -170,8 +170,7 @@ def test_a_paired_run_beats_the_emulator(campaign: Campaign) -> None:
     """Where there is a run at the very condition it is taken as it is, and named."""
     model = CaeModel().fit(campaign.cae)
     condition = campaign.tests[0].condition
-    run = campaign.cae.paired_run(condition)
-    assert run is not None
+    run = not_none(campaign.cae.paired_run(condition))
     np.testing.assert_array_equal(model.pulse(condition).accel_mps2, campaign.cae.accel_mps2[run])
     assert model.pulse(condition).source == f"run {campaign.cae.ids[run]}"
     assert model.notes(condition)[0] == f"CAE pulse: paired run {campaign.cae.ids[run]}."

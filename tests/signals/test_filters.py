@@ -72,11 +72,7 @@ def with_hole() -> FloatArray:
 @pytest.mark.parametrize(
     ("apply", "error", "message"),
     [
-        (
-            lambda: cfc_filter(np.zeros(9999), cfc=1000, dt_s=1.1e-4),
-            DataError,
-            "at least 10000 samples a second .* CFC",
-        ),
+        (lambda: cfc_filter(np.zeros(9999), cfc=1000, dt_s=1.1e-4), DataError, "at least 10000 samples a second"),
         (lambda: cfc_filter(np.zeros(100), cfc=60, dt_s=1e-4), DataError, "a record longer than 10 ms, found 10 ms"),
         (lambda: cfc_filter(with_hole(), cfc=60, dt_s=1e-4), DataError, "finite numbers, found NaN or infinity"),
         (lambda: cfc_filter(np.zeros(1000), cfc=0, dt_s=1e-4), UsageError, "no channel filter class 0"),

@@ -85,13 +85,9 @@ def test_a_window_beyond_the_end_of_a_held_out_record_is_refused(campaign: Campa
 def at(campaign: Campaign, *speeds_mph: float) -> Campaign:
     """A campaign with tests A, B … at these speeds."""
     one = campaign.tests[0]
-    return replace(
-        campaign,
-        tests=tuple(
-            replace(one, id=chr(ord("A") + i), condition=replace(one.condition, speed_mps=speed * MPH))
-            for i, speed in enumerate(speeds_mph)
-        ),
-    )
+    conditions = [replace(one.condition, speed_mps=speed * MPH) for speed in speeds_mph]
+    tests = (replace(one, id=name, condition=at) for name, at in zip("ABCDEFGH", conditions, strict=False))
+    return replace(campaign, tests=tuple(tests))
 
 
 @pytest.mark.parametrize(

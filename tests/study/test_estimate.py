@@ -23,6 +23,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimate_at, estimates_at, find_estimate, is_estimate_cached, store_estimate
 from crashfuse.study.expected_rating import expected_rating
 from crashfuse.units import G
+from tests.conftest import not_none
 
 pytestmark = pytest.mark.usefixtures("quick_networks", "one_cache")
 
@@ -126,8 +127,7 @@ def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign
     condition = replace(campaign.test("T2").condition, front_weight_kg=911.0)
     own = Fit.of(rest, "displacement_domain", config, cache=cache).estimate(condition)
     store_estimate(own, rest, config, cache)
-    found = find_estimate(rest, condition, "displacement_domain", config, cache)
-    assert found is not None
+    found = not_none(find_estimate(rest, condition, "displacement_domain", config, cache))
     assert np.array_equal(found.prediction.accel_mps2, own.prediction.accel_mps2)
     assert np.array_equal(np.asarray(found.prediction.draws_mps2), np.asarray(own.prediction.draws_mps2))
     assert found.prediction.notes == own.prediction.notes
@@ -144,6 +144,5 @@ def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: 
     estimate_at(campaign, condition, "displacement_domain")
     few = replace(DisplacementConfig.fast(), n_draws=20)
     monkeypatch.setattr(DisplacementConfig, "fast", lambda: few)
-    draws = estimate_at(campaign, condition, "displacement_domain").prediction.draws_mps2
-    assert draws is not None
+    draws = not_none(estimate_at(campaign, condition, "displacement_domain").prediction.draws_mps2)
     assert len(draws) == 20

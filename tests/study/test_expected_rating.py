@@ -14,6 +14,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.expected_rating import expected_rating
 from crashfuse.study.rating_distribution import RatingDistribution, agreement
 from crashfuse.units import MPH
+from tests.conftest import not_none
 
 
 def drawn(accel_mps2: FloatArray, spread: float) -> FloatArray:
@@ -37,8 +38,7 @@ def at(
 def test_the_nearest_tests_stand_beside_it(campaign: Campaign) -> None:
     """At 30 mph those of 25, 26 and 35 mph count, each rated against its own pulse; the one of 15 mph does not."""
     softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
-    found = expected_rating(at(campaign, 30.4, softer), campaign)
-    assert found is not None
+    found = not_none(expected_rating(at(campaign, 30.4, softer), campaign))
     ratings = [
         rate_windows(test.pulse, replace(test.pulse, accel_mps2=softer[test.id]), [60.0])[60.0].overall
         for test in campaign.tests[1:]
@@ -57,8 +57,7 @@ def test_a_test_as_near_as_the_last_is_not_left_unsaid(campaign: Campaign) -> No
     )
     softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in tests}
     for mph, said in ((24.95, {"T1", "T2", "T3", "T4"}), (24.85, {"T1", "T2", "T3"})):
-        found = expected_rating(at(campaign, mph, softer), replace(campaign, tests=tests))
-        assert found is not None
+        found = not_none(expected_rating(at(campaign, mph, softer), replace(campaign, tests=tests)))
         assert set(found.tests) == said
 
 
@@ -66,8 +65,7 @@ def test_a_test_as_near_as_the_last_is_not_left_unsaid(campaign: Campaign) -> No
 def test_far_beyond_all_tests_there_is_no_grade(campaign: Campaign, mph: float, guessed: bool) -> None:
     """The tests, of 15 to 35 mph, say nothing of how errors grow there; a guess that is Excellent is none."""
     softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
-    found = expected_rating(at(campaign, mph, softer), campaign)
-    assert found is not None
+    found = not_none(expected_rating(at(campaign, mph, softer), campaign))
     assert found.beyond is guessed
     assert (found.grades in found.sentence) is not guessed
 
@@ -75,9 +73,7 @@ def test_far_beyond_all_tests_there_is_no_grade(campaign: Campaign, mph: float, 
 def test_the_range_rests_on_all_tests_by_distance_and_on_the_bands(campaign: Campaign) -> None:
     """It is that of the rating's distribution; a band twice as wide as those of the left-out tests lowers it."""
     softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
-    alike, wider = (expected_rating(at(campaign, 30.4, softer, spread), campaign) for spread in (0.1, 0.3))
-    assert alike is not None
-    assert wider is not None
+    alike, wider = (not_none(expected_rating(at(campaign, 30.4, softer, spread), campaign)) for spread in (0.1, 0.3))
     ratings = [
         rate_windows(test.pulse, replace(test.pulse, accel_mps2=softer[test.id]), [60.0])[60.0].overall
         for test in campaign.tests
@@ -93,9 +89,7 @@ def test_the_range_rests_on_all_tests_by_distance_and_on_the_bands(campaign: Cam
 def test_a_condition_farther_from_tests_than_they_from_each_other_is_flagged(campaign: Campaign) -> None:
     """The nearest three to 60 mph have neighbours within 9 mph of them; 60 mph has none within 25."""
     known = {test.id: test.pulse.accel_mps2 for test in campaign.tests}
-    near, far = (expected_rating(at(campaign, mph, known), campaign) for mph in (30.0, 60.0))
-    assert near is not None
-    assert far is not None
+    near, far = (not_none(expected_rating(at(campaign, mph, known), campaign)) for mph in (30.0, 60.0))
     assert not near.farther
     assert far.farther
     assert (near.side, far.side) == ("", "slower")
@@ -107,8 +101,8 @@ def test_a_condition_farther_from_tests_than_they_from_each_other_is_flagged(cam
 )
 def test_a_condition_hardly_beyond_all_tests_has_tests_on_no_side(campaign: Campaign, mph: float, said: str) -> None:
     """The tests are of 15 to 35 mph; nearer than 2 mph is at about the speed of one of them."""
-    found = expected_rating(at(campaign, mph, {test.id: test.pulse.accel_mps2 for test in campaign.tests}), campaign)
-    assert found is not None
+    known = {test.id: test.pulse.accel_mps2 for test in campaign.tests}
+    found = not_none(expected_rating(at(campaign, mph, known), campaign))
     assert found.side == ("" if said == "within" else said)
     assert f" {said} " in found.sentence
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from crashfuse.cae_library import QualityLimits, RunQuality
@@ -84,18 +85,13 @@ def test_a_window_that_ends_before_the_peak_says_so(campaign: Campaign) -> None:
 def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -> None:
     """Report, record, notebook and exports of a study, a prediction and a certification."""
     config = StudyConfig(approaches=("cae", "displacement_domain"))
+    criteria = [{"name": "peak", "metric": "peak", "at_most": 40}]
+    matrix = pd.DataFrame([{"id": "M1", **apart.test("S1").condition.columns}])
     sentence = str(campaign_facts(apart)[0].sentence)
     for each in (
         run_study(apart, held_out=["T1"], config=config, workers=1),
         predict(apart, apart.test("S1").condition, ["cae", "displacement_domain"], config),
-        certify(
-            apart,
-            [{"name": "peak", "metric": "peak", "at_most": 40}],
-            write_matrix(apart, tmp_path),
-            approach="displacement_domain",
-            config=config,
-            workers=1,
-        ),
+        certify(apart, criteria, matrix, approach="displacement_domain", config=config, workers=1),
     ):
         folder = tmp_path / type(each).__name__
         each.write(folder)
@@ -109,11 +105,3 @@ def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -
     prediction = predict(apart, apart.test("S1").condition, "cae", config)
     files = PulseExport(("isomme",)).files(apart, prediction.estimates)["isomme"]
     assert any(sentence.encode("ascii", "ignore")[:40] in content for content in files.values())
-
-
-def write_matrix(campaign: Campaign, folder: Path) -> Path:
-    """A matrix of one condition: that of S1."""
-    path = folder / "matrix.csv"
-    columns = campaign.test("S1").condition.columns
-    path.write_text(f"id,{','.join(columns)}\nM1,{','.join(map(str, columns.values()))}\n", encoding="utf-8")
-    return path

@@ -14,6 +14,7 @@ from crashfuse.study.estimate import store_estimate
 from crashfuse.study.expected_rating import expected_rating
 from crashfuse.study.left_out_account import account, worst_test
 from crashfuse.study.study import Fold, Study
+from tests.conftest import not_none
 from tests.study.test_recommendation import estimate
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"))
@@ -87,8 +88,7 @@ def test_a_prediction_without_the_neighbours_that_was_made_before_is_found(campa
 
 def test_ranges_and_grades_agree_with_what_is_displayed(campaign: Campaign) -> None:
     """0.94 is Good, as Excellent is above it; a surprise is judged by the digits of the range."""
-    found = expected_rating(estimate("displacement_domain", campaign, campaign.test("T3"), 1.0), campaign)
-    assert found is not None
+    found = not_none(expected_rating(estimate("displacement_domain", campaign, campaign.test("T3"), 1.0), campaign))
     told = replace(found, lower=0.8849, upper=0.9404, least=0.7, most=0.98)
     assert told.range == "0.88 to 0.94"
     assert told.grades == "Good"

@@ -14,6 +14,7 @@ from crashfuse.reporting.result_tables import gains_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, enough, gains, one_more, summary
+from tests.conftest import not_none
 
 CONFIG = StudyConfig(approaches=("cae", "fused"), windows_ms=(60.0,))
 N = 9
@@ -83,8 +84,7 @@ def test_a_gain_is_the_mean_difference_on_the_same_tests(campaign: Campaign) -> 
 
 def test_one_more_test_continues_the_law(lawful: LearningCurve) -> None:
     """A curve that follows the law is continued exactly, and the interval spans what other exponents would say."""
-    more = one_more(lawful)
-    assert more is not None
+    more = not_none(one_more(lawful))
     assert more.n_tests == N
     assert more.gain == pytest.approx(0.1 / 9 - 0.1 / 10)
     assert more.rating == pytest.approx(0.95 - 0.1 / 10)
@@ -98,8 +98,7 @@ def test_a_curve_that_scatters_tells_less(campaign: Campaign) -> None:
     tests = rng.normal(0, 0.2, N)
     widths = []
     for rating in (law, lambda s, t: law(s, t) + jumps[s], lambda s, t: law(s, t) - tests[t] / s):
-        more = one_more(curve_of(campaign, rating, (1, 2, 3, 4, 6, 8)))
-        assert more is not None
+        more = not_none(one_more(curve_of(campaign, rating, (1, 2, 3, 4, 6, 8))))
         widths.append(more.upper - more.lower)
     assert widths[1] > 1.5 * widths[0]
     assert widths[2] > 1.5 * widths[0]
@@ -108,8 +107,7 @@ def test_a_curve_that_scatters_tells_less(campaign: Campaign) -> None:
 def test_the_fewest_tests_that_do_as_well_are_found(campaign: Campaign) -> None:
     """From four tests on nothing is gained beyond the scatter; where each step gains, none are enough."""
     level = curve_of(campaign, lambda s, t: min(s, 4) * 0.1 + 0.001 * ((s * 7 + t) % 3), (1, 2, 3, 4, 6, 8))
-    found = enough(level)
-    assert found is not None
+    found = not_none(enough(level))
     assert found.before == 4
     steep = curve_of(campaign, lambda s, t: 0.05 * s + 0.001 * t, (1, 2, 3, 4, 6, 8))
     assert enough(steep) is None

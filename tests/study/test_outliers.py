@@ -15,6 +15,7 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.outliers import Departure, departure, departures, with_both_folds
 from crashfuse.units import G
+from tests.conftest import not_none
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +41,7 @@ def test_the_odd_one_of_four_stands_apart_and_none_of_the_others(campaign: Campa
     assert {test: own is not None and own.apart for test, own in found.items()} == {
         "S1": False, "S2": False, "S3": False, "S4": True
     }  # fmt: skip
-    odd = found["S4"]
-    assert odd is not None
+    odd = not_none(found["S4"])
     assert odd.neighbours == ("S1", "S2", "S3")
     assert (len(odd.ratings), len(odd.ratings_between)) == (3, 3)
     assert departures(group) == (odd,)
@@ -52,13 +52,11 @@ def test_the_odd_one_of_four_stands_apart_and_none_of_the_others(campaign: Campa
 def test_the_numbers_are_ratings_and_differences_of_bias(campaign: Campaign, model: CaeModel) -> None:
     """Mean of both directions; tests at one condition differ in bias as they do in the pulse itself."""
     group = at_one_speed(campaign, [1.0, 1.02, 0.98, 1.3])
-    found = departure(group, "S4", model)
-    assert found is not None
+    found = not_none(departure(group, "S4", model))
     one, other = group.test("S4").pulse, group.test("S1").pulse
     both = [rate_windows(*pair, [60.0])[60.0].overall for pair in ((one, other), (other, one))]
     assert found.ratings[0] == pytest.approx(np.mean(both))
-    same = departure(at_one_speed(campaign, [1.0] * 4), "S1", model)
-    assert same is not None
+    same = not_none(departure(at_one_speed(campaign, [1.0] * 4), "S1", model))
     assert same.bias_mps2 == pytest.approx([0.0] * 3)
     assert same.ratings == pytest.approx([1.0] * 3)
     assert not same.apart
@@ -73,8 +71,7 @@ def test_a_faster_neighbour_is_scaled_to_the_tests_speed(campaign: Campaign, mod
         condition=replace(first.condition, speed_mps=1.02 * first.condition.speed_mps),
         pulse=replace(first.pulse, accel_mps2=1.02 * first.pulse.accel_mps2),
     )
-    found = departure(replace(group, tests=(faster, *others)), "S1", model)
-    assert found is not None
+    found = not_none(departure(replace(group, tests=(faster, *others)), "S1", model))
     assert found.ratings == pytest.approx([1.0] * 3)
 
 

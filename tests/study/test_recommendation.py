@@ -19,6 +19,7 @@ from crashfuse.study.expected_rating import expected_rating, mean_near
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import MPH, G
+from tests.conftest import not_none
 
 
 def estimate(approach: str, campaign: Campaign, test: CrashTest, scale: float, spread: float = 0.0) -> Estimate:
@@ -170,8 +171,7 @@ def scaled_to(rating: float, campaign: Campaign, test: CrashTest, measure: str =
     """The factor on the tests' own pulses that is expected to rate this much at the condition of a test."""
 
     def excess(scale: float) -> float:
-        found = expected_rating(estimate("displacement_domain", campaign, test, scale), campaign)
-        assert found is not None
+        found = not_none(expected_rating(estimate("displacement_domain", campaign, test, scale), campaign))
         return float(getattr(found, measure)) - rating
 
     return float(brentq(excess, 0.5, 0.99, xtol=1e-6))

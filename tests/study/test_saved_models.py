@@ -176,10 +176,9 @@ def test_a_pickle_is_not_opened(campaign: Campaign, tmp_path: Path) -> None:
 def test_an_unfitted_approach_cannot_be_saved(campaign: Campaign, tmp_path: Path) -> None:
     """There is nothing to save, and nothing is written."""
     for name in APPROACHES:
+        unfitted = Fit(StudyConfig().create(name), StudyConfig(), 0.0, {}, {}, campaign)
         with pytest.raises(NotFittedError):
-            save_model(
-                Fit(StudyConfig().create(name), StudyConfig(), 0.0, {}, {}, campaign), campaign, tmp_path / "model"
-            )
+            save_model(unfitted, campaign, tmp_path / "model")
     assert not list(tmp_path.iterdir())
 
 

@@ -52,9 +52,11 @@ def recommendations(campaign: Campaign) -> Iterator[str]:
 
 
 def comparisons() -> Iterator[str]:
-    """Of a clear gain, a lucky one, one test alone; cautions on data, basis and ways."""
+    """Of a clear gain and loss, a lucky one, one test alone; cautions on data, basis and ways."""
     make, first = test_comparison.study, test_comparison.FIRST
     steady = {test: rating + 0.02 + 0.001 * i for i, (test, rating) in enumerate(first.items())}
+    yield from StudyComparison(make(steady), make(first)).sentences()
+    yield from StudyComparison(make(first), make({}, ratings={"T1": {"fused": {60.0: 0.8}}}, fingerprint="b")).cautions
     for second in (steady, {**first, "T4": 0.68}, {"T1": 0.9, "T9": 0.1}):
         compared = StudyComparison(make(first), make(second, fingerprint="b", basis="CFC 60"))
         yield from (*compared.sentences(), *compared.cautions)

@@ -162,11 +162,6 @@ def test_the_rating_is_that_of_prediction_against_test(finished: Study) -> None:
     )
 
 
-def test_correcting_the_cae_model_helps(finished: Study) -> None:
-    """A shorter half sine is easily learnt: the displacement domain beats the uncorrected CAE clearly."""
-    assert finished.mean_rating("displacement_domain", 60.0) > finished.mean_rating("cae", 60.0) + 0.05
-
-
 @pytest.mark.parametrize(
     "approach", [pytest.param(name, marks=[pytest.mark.slow] * each.trains_networks) for name, each in CLASSES.items()]
 )
@@ -236,20 +231,6 @@ def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(DisplacementDomain, "fit", counted)
     return fits
-
-
-@pytest.mark.slow
-def test_a_second_run_is_answered_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same study again fits nothing and gives the same bits."""
-    fits = _count_fits(monkeypatch)
-    config = StudyConfig(approaches=("displacement_domain",))
-    first = run_study(campaign, config, held_out=["T3"], workers=1)
-    second = run_study(campaign, config, held_out=["T3"], workers=1)
-    assert len(fits) == 1
-    a, b = (study.fold("T3").estimate("displacement_domain") for study in (first, second))
-    assert bits(a.prediction) == bits(b.prediction)
-    assert a.state == b.state
-    assert a.prediction.notes == b.prediction.notes
 
 
 @pytest.mark.slow

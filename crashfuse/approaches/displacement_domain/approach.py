@@ -129,7 +129,7 @@ class DisplacementDomain(BandedApproach):
     in_words = "the displacement domain"
     description = (
         "a Gaussian process on what the CAE model gets wrong over displacement (Eqs. 7–28), and the vehicle's motion "
-        "integrated with it (Eq. 29); whole functions are drawn for the band."
+        "integrated with it (Eq. 29)."
     )
     colour = "#D55E00"
     preference = 20
@@ -225,7 +225,7 @@ class DisplacementDomain(BandedApproach):
         if isinstance(self.bias_, HierarchicalBias) and (unknown := self.bias_.unknown_factors(condition)):
             notes += (f"{' and '.join(unknown).capitalize()} not given: the band covers every value.",)
         if len(self.points_) == 1:
-            notes += ("Only one test: how much tests differ from each other is assumed, not learned.",)
+            notes += ("Only one test: how much tests differ is assumed, not learned.",)
         if self.calibration_.tests and not self.calibration_.holds:
             notes += ("The band holds less of the left-out tests than it should, although it was widened.",)
         return Prediction(condition, pulses[0], pulses[1:], notes)

@@ -1,8 +1,7 @@
 """A hierarchical Gaussian process: a sum of parts with priors, fitted by maximum a posteriori.
 
 All hyperparameters, including the noise, have log-normal priors, and the most probable values are used: with ten
-tests the likelihood alone has many optima, some of which explain no more than noise. The likelihood is exact and
-costs O(n³) time and O(n²) memory; its gradient is analytic.
+tests the likelihood alone has many optima, some of which explain no more than noise. It is exact, in O(n³) time.
 """
 
 import copy

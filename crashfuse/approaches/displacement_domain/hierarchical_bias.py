@@ -19,13 +19,8 @@ from crashfuse.units import G
 
 _S, _V0, _FRONT, _REAR, _TREND, _HUMPS, _SHARE, _STOPPING, _CRUSHING, FIRST_FACTOR = range(10)
 TEST = -1
-LENGTH_UNITS = {
-    _S: "s in m",
-    _V0: "v0 in m/s",
-    _FRONT: "front weight in kg",
-    _REAR: "rear weight in kg",
-    _SHARE: "v/v0",
-}
+_OF_AXLES = {_FRONT: "front weight in kg", _REAR: "rear weight in kg"}
+LENGTH_UNITS = {_S: "s in m", _V0: "v0 in m/s", **_OF_AXLES, _SHARE: "v/v0"}
 FORCE_UNIT = 10 * G  # the ratio enters with its standard deviation where the CAE model decelerates at 10 g
 
 # With one to three tests the priors decide. Their medians are what random vehicles of many kinds taught
@@ -251,7 +246,7 @@ class HierarchicalBias:
     @property
     def notes(self) -> tuple[str, ...]:
         """The choice of factors, and a warning if the fit explains nothing."""
-        notes = ("The bias model found nothing in the tests that noise would not explain.",) * self.process_.dead_
+        notes = ("The bias model found nothing but noise in the tests.",) * self.process_.dead_
         if self._levels:
             on = f"depends on {' and '.join(self.factors_)}" if self.factors_ else "does not depend on that"
             differ = f"Tests differ in {' and '.join(self._levels)}; by what left-out tests say"

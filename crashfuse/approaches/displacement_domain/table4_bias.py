@@ -125,7 +125,7 @@ class Table4Bias:
     @property
     def notes(self) -> tuple[str, ...]:
         """A warning if the fit explains no more than noise."""
-        return ("The fit with the settings of Table 4 failed: it explains no more than noise.",) * self.dead_
+        return ("The fit of Table 4 failed: it explains no more than noise.",) * self.dead_
 
 
 def _kernel(variance: float, lengths: FloatArray) -> "Product":

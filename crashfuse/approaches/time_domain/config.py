@@ -87,7 +87,7 @@ class AboutTimeDomain(Approach):
     in_words = "the time domain"
     description = (
         "the multi-fidelity (MF) networks: those of the LF TCN with increments of their weights learned from the "
-        "tests (Eq. 6); under the fast preset in closed form, with the posterior as the band."
+        "tests (Eq. 6); under the fast preset in closed form, with a band."
     )
     colour, dark_colour = "#0072B2", "#2E93D6"
     preference = 30

@@ -50,7 +50,7 @@ class TcnApproach(Approach):
         """Device it trains on, ``cpu`` or ``cuda``: their results differ in the last bits."""
         there_is_cuda = torch.cuda.is_available()
         if self._wanted == "cuda" and not there_is_cuda:
-            raise UsageError("There is no CUDA device that this torch can use; choose auto or cpu.")
+            raise UsageError("This torch can use no CUDA device; choose auto or cpu.")
         return "cuda" if there_is_cuda and self._wanted != "cpu" else "cpu"
 
     def predict(self, condition: Condition) -> Prediction:
@@ -67,7 +67,7 @@ class LfTcn(AboutLfTcn, TcnApproach):
         """Train on the CAE runs of the campaign, or load networks from the cache."""
         cae, config = campaign.cae, self.config
         if len(cae) < 2:
-            raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
+            raise UsageError("The LF TCN needs at least 2 CAE runs: it checks itself on some.")
         settings = {"config": config.lf_settings, "seed": self.seed, "device": self.device}
         key = {"cae": cae.fingerprint, **settings, "code": code_digest(__name__)}
         if self.cache is None:

@@ -19,6 +19,7 @@ from crashfuse.execution.progress import SILENT, Progress, Watch
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_windows
+from tests.conftest import not_none
 
 FEW = DisplacementConfig(n_draws=60)
 SPEEDS = (5.0, 7.5, 10.0, 11.0, 13.0, 15.5)
@@ -74,8 +75,7 @@ def test_a_known_bias_is_recovered(held_out: str) -> None:
     campaign = made_up(bias())
     test = campaign.test(held_out)
     prediction = DisplacementDomain(FEW).fit(campaign.without([held_out])).predict(test.condition)
-    run = campaign.cae.paired_run(test.condition)
-    assert run is not None
+    run = not_none(campaign.cae.paired_run(test.condition))
     cae = Pulse(GRID_S, campaign.cae.accel_mps2[run].astype(float))
     corrected = rate_windows(test.pulse, Pulse(GRID_S, prediction.accel_mps2), [60.0])[60.0].overall
     assert corrected > 0.95

@@ -6,7 +6,6 @@ from scipy.stats import multivariate_normal
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-from crashfuse.approaches.base import draw
 from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.signals.pulse import FloatArray
@@ -95,28 +94,17 @@ def test_the_fit_is_a_maximum_of_the_posterior() -> None:
         assert posterior(process.theta_ - direction) < best
 
 
-def test_draws_have_the_posterior_mean_and_spread() -> None:
-    """Over many draws; and the same seed gives the same draws."""
-    process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
-    new = rows(8, seed=5)[0]
-    mean, deviation = process.predict(new), deviations(process, new)
-    one, other = (draw(*process.posterior(new), 20_000, np.random.default_rng(3)) for _ in range(2))
-    assert one.shape == (20_000, 8)
-    np.testing.assert_allclose(one.mean(axis=0), mean, atol=0.04 * deviation.max())
-    np.testing.assert_allclose(one.std(axis=0), deviation, rtol=0.03)
-    np.testing.assert_array_equal(one, other)
-
-
 def test_noise_alone_is_told_from_a_pattern() -> None:
-    """Where there is nothing to learn the fit is tried again, and then called dead; with a pattern it is not."""
-    x, y = rows()
-    noise = np.random.default_rng(0).normal(size=len(y))
-    nothing = GaussianProcess((ONE,), LogNormal(1.0, 0.5), restarts=2).fit(x, noise)
-    assert nothing.dead_
-    assert nothing.retries_ == 2
-    something = GaussianProcess((ONE,), NOISE).fit(x, y)
-    assert not something.dead_
-    assert something.retries_ == 0
+    """Where there is nothing to learn the fit is tried again, and then called dead; with a pattern it is not.
+
+    A single test has some twenty points: they can give fewer nats than a hierarchy has hyperparameters.
+    """
+    (x, y), rng = rows(), np.random.default_rng(0)
+    nothing = GaussianProcess((ONE,), LogNormal(1.0, 0.5), restarts=2).fit(x, rng.normal(size=len(y)))
+    few = np.column_stack([np.linspace(0, 1, 8), np.zeros((8, 3))])
+    pattern = GaussianProcess(ALL_KINDS, NOISE).fit(few, np.sin(5 * few[:, 0]) + rng.normal(scale=0.2, size=8))
+    fits = (nothing, GaussianProcess((ONE,), NOISE).fit(x, y), pattern)
+    assert [(fit.dead_, fit.retries_) for fit in fits] == [(True, 2), (False, 0), (False, 0)]
 
 
 def test_each_part_is_the_textbooks() -> None:
@@ -178,15 +166,6 @@ def test_the_spread_of_hyperparameters_is_that_of_the_posteriors_curvature() -> 
         assert alone * 0.99 < spread[i] < 4 * alone
     noise_of_60_rows = 1 / np.sqrt(2 * 60)
     assert noise_of_60_rows < spread[-1] < 2 * noise_of_60_rows
-
-
-def test_a_pattern_in_few_points_is_not_called_dead() -> None:
-    """A single test has some twenty points: they can give fewer nats than a hierarchy has hyperparameters."""
-    x = np.column_stack([np.linspace(0, 1, 8), np.zeros((8, 3))])
-    noise = np.random.default_rng(0).normal(scale=0.2, size=8)
-    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, np.sin(5 * x[:, 0]) + noise)
-    assert not process.dead_
-    assert process.retries_ == 0
 
 
 def test_further_rows_take_off_what_a_fit_with_them_would() -> None:

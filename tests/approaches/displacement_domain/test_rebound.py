@@ -6,6 +6,7 @@ import pytest
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading, follow_unloading
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, kinematics
+from tests.conftest import not_none
 
 SPEED = 12.0
 
@@ -82,14 +83,8 @@ def test_the_rebound_is_the_same_in_coarser_steps() -> None:
     model = Rebound().fit([unloading(k * EXTRA, 10.0 + k) for k in (-2.0, 1.0, 3.0)])
     new = unloading(EXTRA, 12.0)
     fine, coarse = (
-        model.follow(
-            moving(np.tile(new.cae_mps2[::k], (11, 1)), k),
-            new.cae_mps2,
-            new.cae_loading,
-            12.0,
-            np.random.default_rng(0),
-        )
-        for k in (1, 5)
+        model.follow(moving(np.tile(new.cae_mps2[::k], (11, 1)), k), new.cae_mps2, new.cae_loading, 12.0, rng)
+        for k, rng in ((1, np.random.default_rng(0)), (5, np.random.default_rng(0)))
     )
     assert np.abs(fine[:, ::5] - coarse).max() < 0.01 * np.abs(fine - new.cae_mps2).max()
 
@@ -110,8 +105,7 @@ def test_a_test_left_out_is_forgotten_and_none_left_means_the_cae_branch() -> No
     tests = [unloading(EXTRA, 10.0), unloading(2 * EXTRA, 13.0)]
     model = Rebound().fit(tests)
     assert model.process_ is not None
-    rest = model.without(0).process_
-    assert rest is not None
+    rest = not_none(model.without(0).process_)
     assert set(rest.x_[:, -1]) == {1.0}
     pulses, branch = tests[0].cae_mps2[None], (tests[0].cae_mps2, tests[0].cae_loading)
     motion = kinematics(pulses, 10.0, DT_S)

@@ -19,13 +19,8 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 def points(bias: FloatArray, k: int) -> BiasPoints:
     """A test's bias at 15 displacements."""
     s = np.linspace(0, 0.5, 15)
-    return BiasPoints(
-        Condition.of_vector([8.0 + k, 950.0 + 10 * k, 700.0 - 7 * k]),
-        s,
-        np.sqrt(1 - s / 0.5),
-        CaeForce(0 * s, 0 * s),
-        bias,
-    )
+    condition = Condition.of_vector([8.0 + k, 950.0 + 10 * k, 700.0 - 7 * k])
+    return BiasPoints(condition, s, np.sqrt(1 - s / 0.5), CaeForce(0 * s, 0 * s), bias)
 
 
 def smooth(k: int) -> FloatArray:

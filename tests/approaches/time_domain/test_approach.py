@@ -19,6 +19,7 @@ from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
+from tests.conftest import not_none
 
 pytestmark = pytest.mark.slow
 
@@ -57,8 +58,7 @@ def test_held_out_tests_lie_within_the_band(campaign: Campaign, tmp_path: Path) 
     found = []
     for test in campaign.tests:
         approach = TimeDomain(SMALL, cache=Cache(tmp_path)).fit(campaign.without([test.id]))
-        draws = approach.predict(test.condition).draws_mps2
-        assert draws is not None
+        draws = not_none(approach.predict(test.condition).draws_mps2)
         found.append(Coverage.of(test, draws))
     assert np.mean([own.accel for own in found]) > 0.9
     assert np.mean([own.velocity for own in found]) > 0.9
@@ -120,9 +120,7 @@ def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -
     condition = campaign.test("T3").condition
     first, again = mf.predict(condition), TimeDomain(SMALL).fit(campaign.without(["T3"])).predict(condition)
     assert first.accel_mps2.tobytes() == again.accel_mps2.tobytes()
-    assert first.draws_mps2 is not None
-    assert again.draws_mps2 is not None
-    assert first.draws_mps2.tobytes() == again.draws_mps2.tobytes()
+    assert not_none(first.draws_mps2).tobytes() == not_none(again.draws_mps2).tobytes()
 
 
 def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
