@@ -135,7 +135,7 @@ def parser() -> argparse.ArgumentParser:
     _add_units(next_test)
     _add_seed(next_test)
 
-    figures = command("figures", "outgoing.figures", "write a report's figures as files or slides", None)
+    figures = command("figures", "output.figures", "write a report's figures as files or slides", None)
     figures.add_argument("report", type=Path, metavar="REPORT.html", help="a report that another command has written")
     _add_out(figures, "folder for the figures")
     formats = ("svg", "png", "csv", "pptx")

@@ -9,10 +9,10 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import read_candidates
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
-from crashfuse.cli.outgoing import pulse_export
 from crashfuse.cli.output import (
     claim,
     opened,
+    pulse_export,
     replacing,
     require_output,
     require_writable,

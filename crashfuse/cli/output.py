@@ -1,4 +1,4 @@
-"""Output folder of a command, checked before anything is computed; it holds results of one kind.
+"""Output of a command: its folder, which holds results of one kind, is checked before anything is computed.
 
 Once new ones are written, what is left of older ones (speed groups, say) is removed.
 """
@@ -15,10 +15,16 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.atomic import written_together
 from crashfuse.files.locks import sole_writer
+from crashfuse.reporting import figure_files
+from crashfuse.reporting.outgoing_pulses import PulseExport
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.results import RESULT_FILES
+from crashfuse.reporting.solver_curves import SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.facts import campaign_facts
+from crashfuse.units import MS
 from crashfuse.wording import SYSTEMS
+
+_OF_CURVES = ("unit_system", "deceleration_sign", "start_ms", "scale", "curve_id")
 
 
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
@@ -95,3 +101,38 @@ def say_facts(campaign: Campaign, display: Display) -> list[str]:
     sentences = [fact.sentence for fact in campaign_facts(campaign)]
     print(*map(display.words, sentences), sep="\n", end="\n" * bool(sentences))
     return sentences
+
+
+def pulse_export(arguments: argparse.Namespace) -> PulseExport:
+    """What the options ask for."""
+    formats = tuple(dict.fromkeys(arguments.export))
+    given = {name: value for name in _OF_CURVES if (value := getattr(arguments, name)) is not None}
+    curve = None
+    if set(formats) & set(SOLVERS):
+        if arguments.unit_system is None:
+            raise UsageError(f"Name the units of the solver's model: --unit-system {', '.join(UNIT_SYSTEMS)}.")
+        names = {"start_ms": "start_s", "curve_id": "number"}
+        if "start_ms" in given:
+            given["start_ms"] *= MS
+        curve = SolverCurve(**{names.get(name, name): value for name, value in given.items()})
+    elif given:
+        flag = f"--{next(iter(given)).replace('_', '-')}"
+        raise UsageError(f"{flag} is about curves of a solver; add --export lsdyna or --export radioss.")
+    if arguments.isomme_location is not None and "isomme" not in formats:
+        raise UsageError("--isomme-location is about ISO-MME; add --export isomme.")
+    if arguments.draws and not formats:
+        raise UsageError("--draws is about exported pulses; name their format with --export.")
+    more = {"draws": arguments.draws, "location": arguments.isomme_location, "seed": arguments.seed}
+    return PulseExport(formats, curve=curve, **{name: value for name, value in more.items() if value is not None})
+
+
+def figures(arguments: argparse.Namespace) -> None:
+    """Write every figure of a report in each format, its numbers as CSV, and all of them as slides."""
+    if missing := figure_files.missing_for(arguments.format):
+        raise UsageError(missing)
+    require_writable(arguments.out)
+    files = figure_files.figure_files(figure_files.read_figures(arguments.report), arguments.format)
+    with writing(arguments.out, last=next(reversed(files))) as folder:
+        for name, content in files.items():
+            (folder / name).write_bytes(content)
+    print(f"Written to {arguments.out}: {', '.join(files)}")
