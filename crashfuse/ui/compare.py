@@ -48,11 +48,7 @@ _CURVES = {
         "Acceleration over displacement, up to maximum crush: {}",
         "Marks: maximum crush with its 95 % interval. Area under a curve: energy per unit mass, ½ v0².",
     ),
-    "Energy": (
-        "energy",
-        "Absorbed energy over crush: {}",
-        "At maximum crush: all of ½ m v0². Slope: crush force.",
-    ),
+    "Energy": ("energy", "Absorbed energy over crush: {}", "At maximum crush: all of ½ m v0². Slope: crush force."),
     _RESIDUALS: (
         "residuals",
         "Prediction minus test, over time: {}",

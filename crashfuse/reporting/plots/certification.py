@@ -14,13 +14,7 @@ from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import ANSWER, answer_texts
 from crashfuse.reporting.figures import WITH_GROUP
-from crashfuse.reporting.plots.canvas import (
-    fix_cells,
-    make_clickable,
-    marks_of_runs,
-    points_figure,
-    tick_name,
-)
+from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, points_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray

@@ -120,10 +120,7 @@ _ON_PAGE = {
     "predict": ("predict_tab", "predicted", "subtracted", "factor_…", "speed_range", "front_range", "rear_range"),
     "certify": ("approach", "certify_tab", "answered", "record"),
 }
-_ON_PAGE_OF_CAMPAIGN = {
-    "data": ("data_tab",),
-    "certify": ("matrix", "uploaded", "earlier", "cell"),
-}
+_ON_PAGE_OF_CAMPAIGN = {"data": ("data_tab",), "certify": ("matrix", "uploaded", "earlier", "cell")}
 CHOICES |= {key: Choice(pages=(page,)) for page, keys in _ON_PAGE.items() for key in keys}
 CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_PAGE_OF_CAMPAIGN.items() for key in keys}
 

@@ -7,14 +7,7 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.campaign_folder.editing import (
-    copy_campaign,
-    leave_out,
-    remove_tests,
-    say_why,
-    set_archive,
-    use_again,
-)
+from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, say_why, set_archive, use_again
 from crashfuse.campaign_folder.history import changed_by, changes, undo
 from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, change_notes, read_notes
 from crashfuse.campaign_folder.settings import LONGEST_REASON
