@@ -262,7 +262,6 @@ def _source_or_advice(file: Path) -> Source:
 
 
 def _open_upload() -> None:
-    state, key = st.session_state, f"files {st.session_state.get(_ROUND, 0)}"
-    _attempt(lambda: open_uploads(state[key]))
-    if REFUSED not in state:
-        state[_ROUND] = state.get(_ROUND, 0) + 1
+    state, so_far = st.session_state, st.session_state.get(_ROUND, 0)
+    _attempt(lambda: open_uploads(state[f"files {so_far}"]))
+    state[_ROUND] = so_far + (REFUSED not in state)

@@ -40,8 +40,7 @@ def verdict_matrix(
 ) -> go.Figure:
     """Draw verdicts as a table of conditions, sorted by speed, by criteria, with the answer beside each row.
 
-    A cell's mark carries ``"<condition> | <criterion>"``. Without ``words``, and beyond 400 conditions, only colours
-    are drawn. ``part`` takes some of the sorted conditions.
+    A mark carries ``"<condition> | <criterion>"``. ``part`` takes some of the sorted conditions.
     """
     by_speed = sorted(certification.rows.items(), key=lambda row: row[1][0].condition.speed_mps)  # else as they come
     ids, rows = zip(*by_speed[part], strict=True)

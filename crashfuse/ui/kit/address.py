@@ -295,10 +295,7 @@ def forget() -> None:
 def kept_choice(
     key: str, options: Sequence[str], widget: Callable[..., object], label: str, **look: object
 ) -> list[str]:
-    """What is chosen of these options, first what was chosen first, with a widget of Streamlit and its look.
-
-    A widget of the choice's own key would lose what this page does not offer: a test of another campaign, say.
-    """
+    """What is chosen of these options, in that order; a widget of this key would lose what the page does not offer."""
     state, shown = st.session_state, f"{key} shown"
     before, widgets = state.get(shown, (None, 0))
     if before != (chosen := [name for name in state[key] if name in options]):
