@@ -110,11 +110,6 @@ def sound_settings(folder: Path) -> Settings:
     return settings
 
 
-def own_filter_class(folder: Path) -> float | None:
-    """The channel filter class that a campaign applies to its records on reading; None if it has none."""
-    return sound_settings(folder).channel_filter_class
-
-
 def reason(text: str) -> str:
     """Why a test is left out of use, in one line, cut if it is too long."""
     line = " ".join(text.split())

@@ -14,7 +14,7 @@ import streamlit as st
 from crashfuse.campaign_folder.condition_tables import Role, has_table, listed, read_conditions
 from crashfuse.campaign_folder.editing import WHAT
 from crashfuse.campaign_folder.history import changed_by, is_vacant
-from crashfuse.campaign_folder.settings import own_filter_class
+from crashfuse.campaign_folder.settings import sound_settings
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Settled, add_settled
 from crashfuse.importing.campaign_import import Label, parts_of, role_of
@@ -116,7 +116,7 @@ def _add(source: Source, role: Role, settle: _Settle) -> None:
     st.session_state.pop(uploads.IMPORT_REFUSED, None)
     with refused_into(uploads.IMPORT_REFUSED, "campaign"):
         folder = _target()
-        settled, problems = settle(raw=own_filter_class(folder) is not None)
+        settled, problems = settle(raw=sound_settings(folder).channel_filter_class is not None)
         if len(settled) == 1 and (new_id := st.session_state.get(f"{source.key} id", "").strip()):
             settled = (replace(settled[0], id=new_id),)
         if not settled:
@@ -203,7 +203,7 @@ def show_import(source: Source, view: View | None) -> None:
         st.caption(f"Grey: found. What is filled in overrules it{for_all}.")
         own_class = None
         with suppress(DataError, OSError):
-            own_class = own_filter_class(_target())
+            own_class = sound_settings(_target()).channel_filter_class
         choices, units = choices_of(source, records, first, role_of(first, role, cae), own_class)
     settle = partial(uploads.settled_of, source, reading, choices, role, cae)
     settled, refused = settle()
