@@ -239,14 +239,12 @@ def _campaign_or_source(path: Path) -> str | Source:
     if path.is_file():
         return _source_or_advice(path)
     try:
-        name = campaigns.open_folder(path)
+        return campaigns.open_folder(path)
     except DataError:
         if not has_table(path):
             with suppress(DataError, OSError):
                 return source_at(path)
         raise
-    campaigns.remember(campaigns.folder_of(name))
-    return name
 
 
 def _source_or_advice(file: Path) -> Source:

@@ -133,7 +133,6 @@ def _open(folder: Path, sentence: str) -> None:
     st.session_state.pop(uploads.NEXT_ROLE, None)
     try:
         choose_campaign(campaigns.open_folder(folder))
-        campaigns.remember(folder)
         st.toast(f"{sentence}; campaign.toml tells how.", icon=":material/check:")
     except DataError as error:
         st.session_state[_FOLDER] = str(folder)  # the likely target of the next import

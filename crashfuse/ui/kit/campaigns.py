@@ -140,10 +140,11 @@ def _links_in(folder: Path) -> Iterator[Path]:
 
 
 def open_folder(folder: Path) -> str:
-    """Read a folder and, if it holds a valid campaign, open it; returns its name."""
+    """Read a folder and, if it holds a valid campaign, open it, to be offered again; returns its name."""
     folder = allowed(folder)
     read(folder)
     note_in_log(visitor(), f"opened {folder}")
+    remember(folder)
     return _put(folder, opened_here(), visitor().key)
 
 

@@ -136,7 +136,6 @@ def _save_copy(view: View) -> None:
         folder = campaigns.typed_folder(text, "folder of the copy", "a new or empty folder")
         copy_campaign(view.folder, folder)
         choose_campaign(campaigns.open_folder(folder))
-        campaigns.remember(folder)
         st.toast("Saved; the copy is open.", icon=":material/check:")
 
 

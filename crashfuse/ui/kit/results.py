@@ -20,7 +20,7 @@ from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metri
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
 from crashfuse.reporting.rating_tables import REPEAT
-from crashfuse.reporting.result_tables import next_tests_table
+from crashfuse.reporting.result_tables import metric_texts, next_tests_table
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows
@@ -199,12 +199,10 @@ def metrics_tables(
     columns: Sequence[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display
 ) -> tuple[Styler, Styler]:
     """Pulse metrics, the main ones and the others; coloured where an interval misses the test."""
-    headings = campaign.metric_headings
-    table = pd.DataFrame({"Pulse metric": {name: display.heading(label) for name, label in headings.items()}})
-    css = pd.DataFrame("", list(headings), ["Pulse metric", *dict(columns)])
-    for heading, metrics in columns:
-        table[heading] = pd.Series({metric.name: display.metric(metric).text for metric in metrics})
-        css.loc[list(missed_by(columns).get(heading, ())), heading] = fill(GRADE_COLOURS["Fair"])
+    table = metric_texts(columns, campaign, display)
+    css = pd.DataFrame("", table.index, table.columns)
+    for heading, names in missed_by(columns).items():
+        css.loc[list(names), heading] = fill(GRADE_COLOURS["Fair"])
     main = table.index.isin(MAIN_METRICS)
     table, css = table.reset_index(drop=True), css.reset_index(drop=True)
     first, second = (

@@ -39,10 +39,10 @@ def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
         np.testing.assert_array_equal(edges.y, [-1, 0, np.nan, 2, 1])
         assert edges.line.width == 1
     names = ("displacement_domain", "Displacement domain at 25.0 mph", "Displacement domain at 35.0 mph")
-    for some, filled in ((names[:2], 2), (names, 1)):
+    for some, count in ((names[:2], 2), (names, 1)):
         figure = new_figure(300)
         draw_curves(figure, {name: Curve(X, X, (X, X - 1, X + 1)) for name in some})
-        assert [bool(trace.fill) for trace in figure.data[: len(some)]].count(True) == filled
+        assert [bool(trace.fill) for trace in figure.data[: len(some)]].count(True) == count
 
 
 def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the_legend() -> None:

@@ -24,17 +24,13 @@ def test_numbers_are_in_the_chosen_units() -> None:
 
 
 def test_labels_have_the_chosen_units() -> None:
-    """Axis titles, column headings and conditions in words."""
+    """Axis titles, headings, conditions in words, and in as few as tell them apart."""
     assert (METRIC.title("Impact speed", "mph"), USUAL.title("Velocity", "km/h")) == (
         "Impact speed (km/h)",
         "Velocity (mph)",
     )
     assert METRIC.heading("OLC, slack (65 mm), CFC 60 (g)") == "OLC, slack (65 mm), CFC 60 (m/s²)"
     assert METRIC.condition(Condition.of_vector([56 * KPH, 950.0, 700.0])) == "56.0 km/h, front 950 kg, rear 700 kg"
-
-
-def test_conditions_are_told_apart_by_what_they_do_not_share() -> None:
-    """By their speeds alone where nothing else differs; by weights and factors, too, where they do."""
     slow, fast = (Condition.of(speed_mph=speed, front_weight_lb=2100, rear_weight_lb=1550) for speed in (30, 35))
     heavy = Condition.of(speed_mph=35, front_weight_lb=2200, rear_weight_lb=1550, drive="AWD")
     assert USUAL.apart([slow, fast]) == ["30.0 mph", "35.0 mph"]
