@@ -15,11 +15,7 @@ from crashfuse.ui.kit.files import export_button
 from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.text import plain
 
-TABS = {
-    "Pulses": compare.show_pulses,
-    "Why": compare.show_why,
-    "Ratings and metrics": compare.show_ratings,
-}
+TABS = {"Pulses": compare.show_pulses, "Why": compare.show_why, "Ratings and metrics": compare.show_ratings}
 
 view = frame.enter_with_campaign(
     "Compare", lambda view: f"Test {plain(view.held_out.id)}: {plain(view.held_out.condition)}"

@@ -73,10 +73,7 @@ class ConditionTable:
 
 
 def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) -> ConditionTable:
-    """Read a condition table, in units by the endings of its columns; a DataError has every problem of it.
-
-    A list made ``by_hand`` may have a spreadsheet's decimal commas.
-    """
+    """Read a condition table; a DataError has every problem. One made ``by_hand`` may have decimal commas."""
     problems: list[Problem] = []
     table = read_lenient(path, role, problems, by_hand=by_hand)
     if table is None or problems:

@@ -32,10 +32,7 @@ _NAMED = 5
 def check_tests_differ(
     table: ConditionTable, accel: FloatArray, ends_s: Mapping[str, float], problems: list[Problem], warnings: list[str]
 ) -> None:
-    """Reject tests that are copies of each other, and warn of those that might be.
-
-    Pulses are on the study grid; ``ends_s`` is where shorter records end, by id.
-    """
+    """Reject tests that are copies of each other, and warn of those that might be, by pulses on the study grid."""
     ends = [ends_s.get(test_id, np.inf) for test_id in table.ids]
     records = [row[: np.searchsorted(GRID_S, end, "right")] for row, end in zip(accel, ends, strict=True)]
     doubtful = []

@@ -81,11 +81,8 @@ class Added:
 def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:
     """Add tests, CAE runs or both to a campaign folder, or start a new one with them, as one change.
 
-    Rows go into the existing table, in its units; pulses where the others are, by default ``<role>/<id>.csv``;
-    ``campaign.toml`` gets an ``[[imported]]`` table for each. What is there already, all the same, stays as it is.
-
-    A DataError leaves the campaign unchanged: an id is invalid, given twice, or there with another condition or pulse;
-    all are there already; a test is a copy of another; the campaign is invalid.
+    Rows go into the table in its units, pulses where the others are, by default ``<role>/<id>.csv``, provenance into
+    ``[[imported]]`` tables of ``campaign.toml``. A DataError leaves the campaign unchanged.
     """
     for role, of_role in additions.items():
         ids = [addition.id for addition in of_role]
@@ -100,10 +97,9 @@ def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) 
 
 
 def leave_out(folder: Path, ids: Sequence[str], why: str = "") -> str:
-    """Leave tests of a campaign out of use: they stay in the folder, but nothing learns from them or rates them.
+    """Leave tests of a campaign out of use, by ``unused`` in ``campaign.toml``; returns what was done.
 
-    ``unused`` in ``campaign.toml`` lists them, with the reason if one is given. Returns what was done, without a full
-    stop. Raises a UsageError if there is no such test in use or none would stay in use, a DataError from the files.
+    Raises a UsageError if there is no such test in use or none would stay in use, a DataError from the files.
     """
     with taking_turns(folder):
         test_ids, unused = _tests(folder)

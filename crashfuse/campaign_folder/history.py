@@ -149,10 +149,9 @@ def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) 
 
 
 def undo(folder: Path, last: Change | None = None) -> Change:
-    """Undo the last change of a campaign folder, which is returned: every file is again what it was, byte for byte.
+    """Undo the last change of a campaign folder, the one that is meant; it is returned.
 
-    ``last`` is the change that is meant. A DataError leaves the folder as it is: there is none, or it or one of its
-    files was changed since.
+    A DataError leaves the folder as it is: there is none, or it or one of its files was changed since.
     """
     with taking_turns(folder):
         change = next(iter(changes(folder)), None)

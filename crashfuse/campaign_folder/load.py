@@ -39,16 +39,8 @@ PULSES = (".csv", ".parquet")  # endings of tables of pulses
 WALLS: Mapping[str, str] = {"tests": "tests_wall.parquet", "cae": "cae_wall.parquet"}  # forces of the barrier
 WALL_COLUMNS = ("id", "time_ms", "force_kn")
 ARCHIVE = "archive.cfa"  # of past vehicles that teach the campaign
-FILES = (
-    *TABLES,
-    "campaign.toml",
-    "criteria.toml",
-    "matrix.csv",
-    "notes.csv",
-    ARCHIVE,
-    *WALLS.values(),
-)  # beside pulses
-AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}  # in no folder
+FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", ARCHIVE, *WALLS.values())
+AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in WALLS for ending in PULSES)}  # in no folder
 _ABOUT = re.compile(r"(?i)(readme|licen[cs]e)(\..*)?|.*\.md")
 _ROLES: tuple[Role, ...] = ("tests", "cae")
 _NOTES = (".md", ".txt")
@@ -253,10 +245,9 @@ def _shortened(warnings: list[str], most: int = 5) -> list[str]:
 
 
 def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
-    """Lay uploads out as a campaign folder in another one; its numbers are not checked.
+    """Lay uploads, one zip of a campaign folder or its files, out as a folder in ``into``; numbers are not checked.
 
-    Uploads are one zip of a campaign folder, or its files. A pulse file beside the tables belongs to the table that has
-    its id. Notes (``.md``, ``.txt``) are ignored. A DataError leaves nothing in ``into``.
+    A pulse beside the tables belongs to the one that has its id. A DataError leaves nothing in ``into``.
     """
     members, name = _opened(uploads, limits)
     root = _root(members, name)
@@ -305,7 +296,7 @@ def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
 
 
 def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
-    """List the files of a zip in memory as :func:`zip_members` does."""
+    """The files of a zip in memory."""
     if (found := content.count(_ENTRY)) > limits.members:  # checked before a directory of millions is read
         raise archive.too_many(name, found, limits)
     return archive.zip_members(io.BytesIO(content), name, limits)

@@ -70,10 +70,9 @@ def write_notes(folder: str | Path, notes: Sequence[Note]) -> None:
 
 
 def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequence[Note]]) -> None:
-    """Change the notes in a campaign folder, while nobody else does.
+    """Change the notes that are there to others, while nobody else does; a DataError changes nothing.
 
-    ``change`` takes the notes that are there and returns those that shall be. A DataError changes nothing: the old or
-    new file cannot be read, or the old one has other columns, which would be lost.
+    It is one if the old or new file cannot be read, or the old one has other columns, which would be lost.
     """
     path = Path(folder, FILE)
     with taking_turns(path.parent):

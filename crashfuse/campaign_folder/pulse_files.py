@@ -64,10 +64,7 @@ class PulseFiles:
     _unreadable: bool = False
 
     def read(self, ids: Sequence[str], unused: Sequence[str] = ()) -> npt.NDArray[np.float32]:
-        """The pulses of these ids on the study grid, shape (n_ids, 1250), m/s².
-
-        Problems go to ``problems``; a pulse that has any is zero and in ``unread``. Unused ids are passed over.
-        """
+        """The pulses of these ids on the study grid, shape (n_ids, 1250), m/s²; one with problems is zero."""
         passed_over = set(map(_composed, unused))
         accel = np.zeros((len(ids), N_SAMPLES), dtype=np.float32)  # takes memory only where a pulse is written
         row_of = {run_id: row for row, run_id in enumerate(ids)}

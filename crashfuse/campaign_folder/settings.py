@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, TypeVar
 
 from crashfuse.cae_library import NAMED_LIMITS, QUALITIES, QualityLimits, RunQuality
 from crashfuse.errors import DataError, Problem, printable
@@ -12,6 +12,7 @@ from crashfuse.files.toml_text import read_toml, shown
 from crashfuse.signals.occupant import OCCUPANT_RANGES, USUAL_OCCUPANT, OccupantModel, likely_m
 from crashfuse.units import MS
 
+T = TypeVar("T")
 _FILE = "campaign.toml"
 _MOST_MIB = 4  # some thousands of imported pulses, a paragraph on each
 _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
@@ -109,11 +110,6 @@ def sound_settings(folder: Path) -> Settings:
     return settings
 
 
-def own_filter_class(folder: Path) -> float | None:
-    """The channel filter class that a campaign applies to its records on reading; None if it has none."""
-    return sound_settings(folder).channel_filter_class
-
-
 def reason(text: str) -> str:
     """Why a test is left out of use, in one line, cut if it is too long."""
     line = " ".join(text.split())
@@ -124,7 +120,7 @@ def reason(text: str) -> str:
 def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> OccupantModel:
     """Pop ``[occupant]`` from the settings of a campaign; append its problems to ``problems``."""
     expected = f"a table [occupant] with {', '.join(OCCUPANT_RANGES)}"
-    table = _pop(values, "occupant", {}, lambda v: isinstance(v, dict), expected, problems)
+    table = _pop(values, "occupant", dict[str, Any](), lambda v: isinstance(v, dict), expected, problems)
     sound: dict[str, float] = {}
     for name, value in table.items():
         if name not in OCCUPANT_RANGES:
@@ -149,7 +145,7 @@ def _quality(values: dict[str, Any], problems: list[Problem]) -> QualitySettings
     before = len(problems)
     keys = f"limits, {', '.join(QUALITIES)} or leave_out_failing"
     expected = f"a table [cae_quality] with {keys}"
-    table = _pop(values, "cae_quality", {}, lambda v: isinstance(v, dict), expected, problems)
+    table = _pop(values, "cae_quality", dict[str, Any](), lambda v: isinstance(v, dict), expected, problems)
     single: dict[str, float] = {}
     for name in [name for name in QUALITIES if name in table]:
         if _is_number(limit := table[name]) and 0 < limit < 1:
@@ -180,7 +176,7 @@ def _unused(values: dict[str, Any], problems: list[Problem]) -> dict[str, str]:
         texts = [*listed.values()] if isinstance(listed, dict) else listed
         return isinstance(texts, list) and all(isinstance(text, str) for text in texts)
 
-    listed = _pop(values, "unused", [], is_sound, expected, problems)
+    listed: Any = _pop(values, "unused", [], is_sound, expected, problems)
     reasons = listed if isinstance(listed, dict) else dict.fromkeys(listed, "")
     return {test_id: reason(why) for test_id, why in reasons.items()}
 
@@ -188,12 +184,12 @@ def _unused(values: dict[str, Any], problems: list[Problem]) -> dict[str, str]:
 def _pop(
     values: dict[str, Any],
     key: str,
-    default: Any,  # noqa: ANN401 - of whatever type the setting is
+    default: T,
     is_sound: Callable[[Any], bool],
     expected: str,
     problems: list[Problem],
-) -> Any:  # noqa: ANN401
-    value = values.pop(key, default)
+) -> T:
+    value: T = values.pop(key, default)
     if is_sound(value):
         return value
     _refuse(expected, value, key, problems)

@@ -46,10 +46,9 @@ _IN_MEMORY = {
 def write_campaign(campaign: Campaign, folder: str | Path) -> None:
     """Write a campaign as a folder that reads back to the same fingerprint.
 
-    Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
-    ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered, which ``campaign.toml`` says.
-    Runs and tests that are left out are not written. Nothing is left behind by a DataError (the folder is not empty, an
-    id is no file name) or an OSError.
+    Conditions are in SI units, tests in ``tests/<id>.csv``, CAE runs in ``cae_pulses.parquet``. Pulses that were
+    filtered on reading are written filtered, which ``campaign.toml`` says; what is left out is not written. A DataError
+    (the folder is not empty, an id is no file name) or an OSError leaves nothing behind.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     folder = Path(folder)

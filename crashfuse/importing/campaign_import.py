@@ -10,7 +10,7 @@ from typing import NamedTuple, get_args
 
 from crashfuse.campaign_folder.condition_tables import Role, listed
 from crashfuse.campaign_folder.editing import Added, Addition, add_to_campaign
-from crashfuse.campaign_folder.settings import own_filter_class
+from crashfuse.campaign_folder.settings import sound_settings
 from crashfuse.crash_test import TUNED
 from crashfuse.errors import DataError, Problem, UsageError, one_of, require_a
 from crashfuse.files.archive import refuse
@@ -134,7 +134,7 @@ def import_source(
     """
     source, out, conditions = Path(source), Path(out), None if conditions is None else Path(conditions)
     require_a(Choices, choices, "crashfuse.Choices()")
-    cfc = own_filter_class(out)
+    cfc = sound_settings(out).channel_filter_class
     if cfc is not None and choices.channel_filter_class not in (None, cfc):
         raise UsageError(f"The campaign filters every record with CFC {cfc:g}; remove --channel-filter-class.")
     one_of("kind of record", role or "tests", dict.fromkeys(get_args(Role)))

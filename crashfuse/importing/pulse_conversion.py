@@ -190,10 +190,9 @@ class Settled:
 
 
 def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests", raw: bool = False) -> Settled:
-    """Turn a record into a pulse of the campaign; ``raw`` leaves filtering and cutting to its own filter class.
+    """Turn a record into a pulse of the campaign; ``raw`` leaves filtering and cutting to the campaign.
 
-    A CAE run starts at contact unless its time says otherwise. A DataError says what is lacking, or that the pulse
-    contradicts the speed.
+    A DataError says what is lacking, or that the pulse contradicts the speed.
     """
     steps = list(record.steps)
     if record.other_setup and role == "tests":

@@ -13,6 +13,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import whole_sentences
+from crashfuse.reporting.plots.curves import TEST
+from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.reporting.rating_tables import REPEAT, excursions_table, humps_table
 from crashfuse.reporting.report import study_report
 from crashfuse.signals.rating import WEIGHTS
@@ -48,11 +50,7 @@ _CURVES = {
         "Acceleration over displacement, up to maximum crush: {}",
         "Marks: maximum crush with its 95 % interval. Area under a curve: energy per unit mass, ½ v0².",
     ),
-    "Energy": (
-        "energy",
-        "Absorbed energy over crush: {}",
-        "At maximum crush: all of ½ m v0². Slope: crush force.",
-    ),
+    "Energy": ("energy", "Absorbed energy over crush: {}", "At maximum crush: all of ½ m v0². Slope: crush force."),
     _RESIDUALS: (
         "residuals",
         "Prediction minus test, over time: {}",
@@ -98,7 +96,7 @@ class Comparison:
         """A figure of the test with the curves that were chosen."""
         drawn = self.study.plot(
             self.view.held_out.id, figure, approaches=shown.approaches, also=shown.also, band=shown.approach,
-            measured=shown.test, corridors=corridors, notes=notes, display=self.view.display,
+            measured=TEST in shown.others, corridors=corridors, notes=notes, display=self.view.display,
         )  # fmt: skip
         return without_clicks(drawn)
 
@@ -109,7 +107,11 @@ def show_headline(comparison: Comparison) -> None:
     for fact in window_facts(comparison.view.held_out, comparison.view.display.window_ms):
         st.caption(plain(comparison.view.display.words(fact.sentence)))
     with st.container(key="clicks"):  # takes no room; the row is painted without it, only a click has to wait
-        component("ratings")(key=_KEY, on_approach_change=_explain)
+        chosen = {"compare_tab": "Why"}
+        component("ratings")(
+            key=_KEY,
+            on_approach_change=lambda: st.session_state.update(chosen, explained=st.session_state[_KEY]["approach"]),
+        )
     if (advice := comparison.advice) is None:
         return
     overall = {
@@ -125,17 +127,14 @@ def show_headline(comparison: Comparison) -> None:
     results.show_recommendation([first, *reasons], beside, "warning" if missed else "lightbulb")
 
 
-def _explain() -> None:
-    st.session_state.update(compare_tab="Why", explained=st.session_state[_KEY]["approach"])
-
-
 def _row(comparison: Comparison) -> str:
     rated = {name: by_window[comparison.view.display.window_ms] for name, by_window in comparison.fold.ratings.items()}
     items = []
     for name, rating in rated.items():
         change = _change(rating.overall, rated[BASELINE].overall) if BASELINE in rated and name != BASELINE else ""
         label = f'<span role="button" tabindex="0" data-approach="{name}" title="Why">{escape(LABELS[name])}</span>'
-        values = f"<b>{rating.overall:.3f}</b>{change}{results.grade_chip(rating.grade)}"
+        grade = f'<span class="cf-grade" style="{results.fill(GRADE_COLOURS[rating.grade])}">{rating.grade}</span>'
+        values = f"<b>{rating.overall:.3f}</b>{change}{grade}"
         best = comparison.advice is not None and name == comparison.advice.approach
         items.append(_item(label, values, recommended=best))
     if (repeat := comparison.repeat) is not None:

@@ -239,14 +239,12 @@ def _campaign_or_source(path: Path) -> str | Source:
     if path.is_file():
         return _source_or_advice(path)
     try:
-        name = campaigns.open_folder(path)
+        return campaigns.open_folder(path)
     except DataError:
         if not has_table(path):
             with suppress(DataError, OSError):
                 return source_at(path)
         raise
-    campaigns.remember(campaigns.folder_of(name))
-    return name
 
 
 def _source_or_advice(file: Path) -> Source:
@@ -262,7 +260,6 @@ def _source_or_advice(file: Path) -> Source:
 
 
 def _open_upload() -> None:
-    state, key = st.session_state, f"files {st.session_state.get(_ROUND, 0)}"
-    _attempt(lambda: open_uploads(state[key]))
-    if REFUSED not in state:
-        state[_ROUND] = state.get(_ROUND, 0) + 1
+    state, so_far = st.session_state, st.session_state.get(_ROUND, 0)
+    _attempt(lambda: open_uploads(state[f"files {so_far}"]))
+    state[_ROUND] = so_far + (REFUSED not in state)

@@ -43,17 +43,12 @@ _CLASSES: dict[str, float | str] = {f"CFC {cfc}": float(cfc) for cfc in (60, 180
 _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positive"}
 
 
-def units_of(source: Source) -> UnitSystem:
-    """Ask for the units; what is already entered follows a change."""
+def _condition_of(source: Source, records: Sequence[Record]) -> tuple[PartialCondition, float | None, UnitSystem]:
+    """What replaces the condition, the front axle's share of the mass, and units of sentences, which know no m/s."""
     (left, right), usual = st.columns(2), chosen_units() if st.session_state.get("system") else KPH_KG
-    speed = _unit(left, "Speed in", "speed", usual.speed, ("km/h", "mph"), ("speed",), source)
-    weight = _unit(right, "Weights in", "mass", usual.weight, ("kg", "lb"), _WEIGHTS, source)
-    return UnitSystem("mph" if speed == "mph" else "km/h", "lb" if weight == "lb" else "kg")
-
-
-def condition_of(source: Source, records: Sequence[Record], units: UnitSystem) -> tuple[PartialCondition, float | None]:
-    """Ask for what replaces the condition; second is the front axle's share of the mass."""
-    mps, kg = units.in_si("mph"), units.in_si("lb")
+    v = _unit(left, "Speed in", "speed", usual.speed, tuple(UNITS["speed"]), ("speed",), source)
+    w = _unit(right, "Weights in", "mass", usual.weight, ("kg", "lb"), _WEIGHTS, source)
+    mps, kg = UNITS["speed"][v], UNITS["mass"][w]
 
     def typed(name: str, unit: float) -> float | None:
         value = st.session_state.get(f"{source.key} {name}")
@@ -72,12 +67,12 @@ def condition_of(source: Source, records: Sequence[Record], units: UnitSystem) -
     masses = [at.mass_kg or whole for at, whole in zip(conditions, sums, strict=True)]
     shares = [front and whole and front / whole for front, whole in zip(fronts, sums, strict=True)]
     speeds, above, (left, right) = [at.speed_mps for at in conditions], st.container(), st.columns(2)
-    _number(above, f"{source.key} speed", f"Speed ({units.speed})", speeds, mps)
-    _number(left, f"{source.key} front weight", f"Front weight ({units.weight})", fronts, kg)
-    _number(right, f"{source.key} rear weight", f"Rear weight ({units.weight})", rears, kg)
-    _number(left, f"{source.key} mass", f"Mass ({units.weight})", masses, kg)
+    _number(above, f"{source.key} speed", f"Speed ({v})", speeds, mps)
+    _number(left, f"{source.key} front weight", f"Front weight ({w})", fronts, kg)
+    _number(right, f"{source.key} rear weight", f"Rear weight ({w})", rears, kg)
+    _number(left, f"{source.key} mass", f"Mass ({w})", masses, kg)
     _number(right, f"{source.key} front share", "Front share (%)", shares, 0.01, "Of the mass, on the front axle.")
-    return given, share
+    return given, share, UnitSystem("mph" if v == "mph" else "km/h", "lb" if w == "lb" else "kg")
 
 
 def _choose(
@@ -224,8 +219,7 @@ def choices_of(
 ) -> tuple[Choices, UnitSystem]:
     """Ask for what should not be detected, shown of the ``first`` record, and for units."""
     channels = _channels(source, records, first)
-    units = units_of(source)
-    condition, share = condition_of(source, records, units)
+    condition, share, units = _condition_of(source, records)
     detected: Settled | None = None
     with suppress(DataError, UsageError):
         detected = settle(first, Choices(channels=channels, condition=condition, front_share=share), role=role)

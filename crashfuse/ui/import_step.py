@@ -1,9 +1,10 @@
 """The step between foreign files and a campaign: what was recognised, the resulting records, and adding them."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,9 @@ import streamlit as st
 from crashfuse.campaign_folder.condition_tables import Role, has_table, listed, read_conditions
 from crashfuse.campaign_folder.editing import WHAT
 from crashfuse.campaign_folder.history import changed_by, is_vacant
-from crashfuse.campaign_folder.settings import own_filter_class
+from crashfuse.campaign_folder.settings import sound_settings
 from crashfuse.errors import DataError, Problem
-from crashfuse.importing import Choices, Reading, Settled, add_settled
+from crashfuse.importing import Settled, add_settled
 from crashfuse.importing.campaign_import import Label, parts_of, role_of
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
@@ -39,17 +40,10 @@ from crashfuse.wording import counted, said
 _FOLDER, _INTO = "import folder", "import into"  # session keys
 _FACTOR_PX, _FOLDER_PX = 170, 380
 _MOST_ROWS = 100
+_Settle = Callable[..., tuple[tuple[Settled, ...], tuple[Problem, ...]]]
 
 
-def _show_add_form(
-    source: Source,
-    reading: Reading,
-    choices: Choices,
-    role: Role,
-    cae: tuple[str, ...],
-    settled: Sequence[Settled],
-    notice: str,
-) -> None:
+def _show_add_form(source: Source, role: Role, settle: _Settle, settled: Sequence[Settled], notice: str) -> None:
     if refused := st.session_state.get(uploads.IMPORT_REFUSED):
         show_problems(refused, "Nothing was added", "The campaign is as it was.")
     what = f"as {WHAT[settled[0].role][0]}" if len(settled) == 1 else _counts_of(settled) or WHAT[role][1]
@@ -69,7 +63,7 @@ def _show_add_form(
             )  # fmt: skip
         st.button(
             f"Add {what}", type="primary", icon=":material/add:", disabled=not settled, on_click=_add,
-            args=(source, reading, choices, role, cae),
+            args=(source, role, settle),
         )  # fmt: skip
     if notice and st.session_state.get(_INTO) == "open":
         st.info(f"The campaign says of all in it: “{plain(notice)}”", icon=":material/info:")
@@ -118,12 +112,11 @@ def _factors_in(table: Path, stamp: tuple[int, ...]) -> dict[str, list[str]]:  #
     return {name: sorted({value for factor, value in pairs if factor == name and value}) for name in names}
 
 
-def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...]) -> None:
+def _add(source: Source, role: Role, settle: _Settle) -> None:
     st.session_state.pop(uploads.IMPORT_REFUSED, None)
     with refused_into(uploads.IMPORT_REFUSED, "campaign"):
         folder = _target()
-        filter_class = own_filter_class(folder)
-        settled, problems = uploads.settled_of(source, reading, choices, role, cae, raw=filter_class is not None)
+        settled, problems = settle(raw=sound_settings(folder).channel_filter_class is not None)
         if len(settled) == 1 and (new_id := st.session_state.get(f"{source.key} id", "").strip()):
             settled = (replace(settled[0], id=new_id),)
         if not settled:
@@ -140,7 +133,6 @@ def _open(folder: Path, sentence: str) -> None:
     st.session_state.pop(uploads.NEXT_ROLE, None)
     try:
         choose_campaign(campaigns.open_folder(folder))
-        campaigns.remember(folder)
         st.toast(f"{sentence}; campaign.toml tells how.", icon=":material/check:")
     except DataError as error:
         st.session_state[_FOLDER] = str(folder)  # the likely target of the next import
@@ -156,25 +148,23 @@ def _open_folder() -> Path | None:
 
 
 def _target() -> Path:
-    """The folder to add to; raises DataError if nothing may be added to it."""
     opened = _open_folder()
     if opened is not None and st.session_state.get(_INTO, "open") == "open":
         return campaigns.allowed(opened)  # the server may have been started with one outside
     expected = "a new or empty folder, or a campaign"
     folder = campaigns.typed_folder(st.session_state.get(_FOLDER, ""), "campaign folder", expected)
-    trouble = ""
     try:
         if uploads.is_ours(folder):
             trouble = "one of crashfuse's own"
         elif folder.exists() and not folder.is_dir():
             trouble = "a file"
-        elif not is_vacant(folder) and not has_table(folder):
+        elif is_vacant(folder) or has_table(folder):
+            return folder
+        else:
             trouble = "a folder of other things"
     except OSError as error:
         trouble = str(error)
-    if trouble:
-        raise DataError(Problem(str(folder), expected, trouble, "name another folder"))
-    return folder
+    raise DataError(Problem(str(folder), expected, trouble, "name another folder"))
 
 
 def show_unfinished() -> None:
@@ -212,9 +202,10 @@ def show_import(source: Source, view: View | None) -> None:
         st.caption(f"Grey: found. What is filled in overrules it{for_all}.")
         own_class = None
         with suppress(DataError, OSError):
-            own_class = own_filter_class(_target())
+            own_class = sound_settings(_target()).channel_filter_class
         choices, units = choices_of(source, records, first, role_of(first, role, cae), own_class)
-    settled, refused = uploads.settled_of(source, reading, choices, role, cae)
+    settle = partial(uploads.settled_of, source, reading, choices, role, cae)
+    settled, refused = settle()
     problems = [
         replace(p, expected=said(p.expected, units), found=said(p.found, units), advice=said(p.advice, units))
         for p in refused
@@ -238,7 +229,7 @@ def show_import(source: Source, view: View | None) -> None:
             show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
     notice = "" if view is None else view.campaign.notice
     with above:
-        _show_add_form(source, reading, choices, role, cae, settled, notice)
+        _show_add_form(source, role, settle, settled, notice)
 
 
 def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, ...]]:
@@ -278,16 +269,10 @@ def _table(settled: Sequence[Settled], display: Display) -> None:
     for one in settled[:_MOST_ROWS]:
         motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)
         stop_s = float(motion.t0_s)
-        rows.append(
-            {
-                "Id": one.id,
-                "Taken as": WHAT[one.role][0],
-                **display.columns(one.condition),
-                f"Peak ({display.unit})": round(float(abs(one.pulse.accel_mps2 * display.accel_scale).max()), 1),
-                "Zero velocity, TTZV (ms)": f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record",
-                "Crush (mm)": round(float(motion.displacement_m.max()) / MS),
-            }
-        )
+        row: dict[str, object] = {"Id": one.id, "Taken as": WHAT[one.role][0], **display.columns(one.condition)}
+        row[f"Peak ({display.unit})"] = round(float(abs(one.pulse.accel_mps2 * display.accel_scale).max()), 1)
+        row["Zero velocity, TTZV (ms)"] = f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record"
+        rows.append(row | {"Crush (mm)": round(float(motion.displacement_m.max()) / MS)})
     st.dataframe(pd.DataFrame(rows), hide_index=True)
     if len(settled) > _MOST_ROWS:
         st.caption(f"The first {_MOST_ROWS} of {len(settled)}.")

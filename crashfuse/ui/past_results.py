@@ -135,7 +135,6 @@ def _open(result: PastResult | Earlier, view: View) -> None:
 
 
 def _open_certification(earlier: Earlier, view: View) -> None:
-    """Ask Certify for the same today, beside what was said then; a callback."""
     state, kept = st.session_state, file_store.certifications(view.campaign)
     with refused_into(_REFUSED, view.campaign.name):
         matrix.take(earlier.matrix)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import pandas as pd
 import streamlit as st
 
 from crashfuse.campaign_folder.load import ARCHIVE
@@ -19,7 +18,7 @@ from crashfuse.ui.kit.navigation import show_link
 from crashfuse.ui.kit.progress import result_or_none
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
-from crashfuse.vehicle_archive import LEAST_VEHICLES, load_archive
+from crashfuse.vehicle_archive import LEAST_VEHICLES, VehicleArchive, load_archive
 
 _CHOSEN = "past vehicles"  # widget key
 
@@ -34,7 +33,7 @@ def show_past_vehicles(view: View) -> None:
         if prior is not None:
             st.markdown(plain(prior.sentence))
             path = view.folder / ARCHIVE
-            _show_record(*_record(path, campaigns.stamp(path)), "archive in use")
+            _show_record(_read(path, campaigns.stamp(path)), "archive in use")
         else:
             st.markdown(
                 "No archive is in use. Past vehicles teach a campaign before its tests do, most with few tests."
@@ -65,7 +64,6 @@ def _offer_upload(view: View) -> None:
 
 
 def _learn(view: View, *, editable: bool) -> None:
-    """Learn an archive of open campaigns; offer it as a file and, where that can be, for this campaign."""
     st.markdown("**Learn an archive** from three or more campaigns with four tests or more each.")
     known, state = list(campaigns.open_campaigns()), st.session_state
     if not {*state.get(_CHOSEN, [])} <= {*known}:  # an upload was closed
@@ -95,16 +93,15 @@ def _learn(view: View, *, editable: bool) -> None:
                 on_click=lambda: use_archive(view, archive.content),
                 help=f"It is put into the campaign's folder, as {ARCHIVE}.",
             )  # fmt: skip
-    _show_record(archive.sentence, archive_table(archive.record), "archive learned")
+    _show_record(archive, "archive learned")
 
 
-def _show_record(sentence: str, table: pd.DataFrame, key: str) -> None:
-    st.markdown(plain(sentence))
+def _show_record(archive: VehicleArchive, key: str) -> None:
+    st.markdown(plain(archive.sentence))
     with st.expander("Its record, vehicle by vehicle", icon=":material/table:"):
-        show_table(table, key)
+        show_table(archive_table(archive.record), key)
 
 
-@st.cache_data(max_entries=4, show_spinner=False)
-def _record(path: Path, stamp: tuple[int, ...]) -> tuple[str, pd.DataFrame]:  # noqa: ARG001 - part of the key
-    archive = load_archive(path)
-    return archive.sentence, archive_table(archive.record)
+@st.cache_resource(max_entries=4, show_spinner=False)
+def _read(path: Path, stamp: tuple[int, ...]) -> VehicleArchive:  # noqa: ARG001 - part of the key
+    return load_archive(path)

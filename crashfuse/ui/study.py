@@ -134,7 +134,6 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
     tests = [fold.held_out for fold in study.folds]
 
     def open_test(cell: str) -> None:
-        """Open a test as this study left it out."""
         test_id, _, approach = cell.partition(":")
         choose_held_out(outcome.view.campaign.test(test_id))
         st.session_state["leave_out"] = leave_out

@@ -23,7 +23,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import choose_held_out, chosen_config
-from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.computation import fit_request, jobs, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes
@@ -96,7 +96,7 @@ _FIGURES = {
 
 def show_form(view: View) -> None:
     """Ask for the settings, and offer to train: for Compare, and for Predict."""
-    campaign, (config, trouble) = view.campaign, choose_settings(leaving_out=True)
+    campaign, (config, trouble) = view.campaign, choose_settings()
     left, right = st.columns(2, gap="medium")
     study = None
     with left.container(border=True, height="stretch"):
@@ -148,7 +148,6 @@ def _choose_tests(view: View) -> tuple[str, ...]:
 
 
 def _offer(job: Job[Any] | None, label: str, start: Callable[[], None], trouble: str) -> None:
-    """Offer to start a job, unless it runs or is done; say what is in the way, or how it ended."""
     if job is None or job.state in ("failed", "cancelled"):
         st.button(label, type="primary", icon=":material/play_arrow:", on_click=start, disabled=bool(trouble))
     if trouble:
@@ -231,7 +230,7 @@ def show_diagnostics(view: View) -> None:
 
 
 def _show_events(others: Campaign, view: View) -> None:
-    events = _events(others.fingerprint, view.display.window_ms, others)
+    events = _events(others, view.display.window_ms)
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in events_sentences(events)))
     alt = "Force that the CAE model lacks in each test over displacement, and the ranges to mend"
     draw = partial(missing_force, events, view.display)
@@ -240,9 +239,9 @@ def _show_events(others: Campaign, view: View) -> None:
         show_table(events_table(events), "cae events")
 
 
-@st.cache_resource(max_entries=4, show_spinner="Rating the mended CAE model …")
-def _events(fingerprint: str, window_ms: float, _campaign: Campaign) -> CaeEvents:  # noqa: ARG001 - the cache's key
-    return cae_events(_campaign, window_ms)
+@st.cache_resource(max_entries=4, show_spinner="Rating the mended CAE model …", hash_funcs=HASHED)
+def _events(campaign: Campaign, window_ms: float) -> CaeEvents:
+    return cae_events(campaign, window_ms)
 
 
 def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str], None]) -> None:

@@ -22,7 +22,7 @@ NOTES = (
 
 
 def test_notes_come_back_as_they_were_written(tmp_path: Path) -> None:
-    """Texts, moments and stretches; a formula is none to the spreadsheet that opens the file."""
+    """Texts, moments, stretches, formulas; the last one that fits is kept, the next one refused."""
     write_notes(tmp_path, NOTES)
     assert read_notes(tmp_path) == NOTES
     table = pd.read_csv(tmp_path / FILE)
@@ -32,6 +32,13 @@ def test_notes_come_back_as_they_were_written(tmp_path: Path) -> None:
     write_notes(tmp_path, ())
     assert not list(tmp_path.iterdir())
     assert read_notes(tmp_path) == ()
+    many = [Note("T1", f"note {number}") for number in range(MOST - 1)]
+    write_notes(tmp_path, many)
+    change_notes(tmp_path, lambda notes: [*notes, NOTES[0]])
+    with pytest.raises(DataError, match="at most 500 notes, found 501"):
+        change_notes(tmp_path, lambda notes: [*notes, NOTES[1]])
+    assert read_notes(tmp_path) == (*many, NOTES[0])
+    assert [path.name for path in tmp_path.iterdir()] == [FILE]
 
 
 @pytest.fixture
@@ -87,17 +94,6 @@ def test_a_damaged_file_is_one_sentence(tmp_path: Path, content: bytes, said: st
         with pytest.raises(DataError, match=said):
             write_notes(tmp_path, notes)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {FILE: content}
-
-
-def test_no_more_notes_are_written_than_can_be_read(tmp_path: Path) -> None:
-    """The last one that fits is kept, the next one refused, and all before it stay."""
-    many = [Note("T1", f"note {number}") for number in range(MOST - 1)]
-    write_notes(tmp_path, many)
-    change_notes(tmp_path, lambda notes: [*notes, NOTES[0]])
-    with pytest.raises(DataError, match="at most 500 notes, found 501"):
-        change_notes(tmp_path, lambda notes: [*notes, NOTES[1]])
-    assert read_notes(tmp_path) == (*many, NOTES[0])
-    assert [path.name for path in tmp_path.iterdir()] == [FILE]
 
 
 def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(folder: Path, tmp_path: Path) -> None:

@@ -99,7 +99,7 @@ def rows_of(path: Path) -> pd.DataFrame:
 
 @pytest.mark.parametrize("name", ["cae_pulses.csv", "cae_pulses.parquet"])
 def test_new_rows_follow_in_the_tables_own_units_and_are_empty_in_other_columns(tmp_path: Path, name: str) -> None:
-    """Time in ms, acceleration in g, whatever the order of columns; old rows are as they were."""
+    """In ms and g, whatever the order of columns; old rows are as they were, but for those of the same id."""
     path = table(tmp_path / name)
     before = rows_of(path)
     append(path, [("007", NEW), ("D", NEW)])
@@ -111,11 +111,6 @@ def test_new_rows_follow_in_the_tables_own_units_and_are_empty_in_other_columns(
     np.testing.assert_allclose(after["acceleration_g"][3:], [0.0, -10.0, -20.0] * 2, rtol=1e-6)
     assert after[["run", "sensor"]][3:].isna().all(axis=None)
     assert [other.name for other in tmp_path.iterdir()] == [name]
-
-
-@pytest.mark.parametrize("name", ["cae_pulses.csv", "cae_pulses.parquet"])
-def test_rows_that_an_import_left_behind_are_replaced(tmp_path: Path, name: str) -> None:
-    """Those of the same id; others stay, in their order."""
     path = table(tmp_path / name)
     append(path, [("A", NEW)])
     after = rows_of(path)

@@ -9,7 +9,7 @@ import pytest
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.campaign_folder.history import undo
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.campaign_folder.settings import own_filter_class
+from crashfuse.campaign_folder.settings import sound_settings
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.importing import Choices, Reading, add_settled, import_source, read_each, settle_each
 from crashfuse.importing.campaign_import import Label, parts_of
@@ -191,7 +191,7 @@ def test_the_good_are_told_from_the_bad(tmp_path: Path) -> None:
     assert "00006" in f"{problem.where} {problem.expected}"
     add_settled(tmp_path / "out", settled)
     assert [path.name for path in (tmp_path / "out" / "tests").iterdir()] == ["00005.csv"]
-    assert own_filter_class(tmp_path / "out") is None
+    assert sound_settings(tmp_path / "out").channel_filter_class is None
     misled = Choices(channels=("7",))
     with pytest.raises(UsageError, match="no channel 7"):
         settle_each(records[:1], [], misled)

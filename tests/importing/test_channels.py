@@ -65,19 +65,8 @@ def test_a_late_sensor_of_two_is_named_and_nothing_averaged(late_ms: float) -> N
     assert f"{abs(late_ms):g} ms {word} than A" in careful(settled)
 
 
-def test_sensors_in_two_units_are_one_pulse() -> None:
-    """Compared and averaged in the unit of the first; without a unit, nobody can."""
-    one, other = sensor("A"), sensor("B")
-    settled = settle(record(one, replace(other, values=other.values * G, unit="m/s²")))
-    assert (settled.channels, settled.unit) == (("A", "B"), "g")
-    assert crush_of(settled) == pytest.approx(CRUSH_M, rel=1e-3)
-    late = sensor("B", 12 * MS)
-    assert "12 ms later" in problem(record(one, replace(late, values=late.values * G, unit="m/s²")))
-    assert "choose one (--channel A)" in problem(record(one, replace(other, unit=None)))
-
-
 def test_a_sensor_of_the_other_sign_or_shape_is_not_averaged() -> None:
-    """Inverted, or with a wave of 20 g that takes no velocity."""
+    """Inverted, or with a wave of 20 g; sensors in two units are, in that of the first, but not without a unit."""
     assert "B: 61.6 km/h (38.3 mph), of the other sign" in problem(record(sensor("A"), sensor("B", scale=-1.0)))
     time_s = clock()
     waving = RecordedChannel("B", "B", time_s, half_sine_g(time_s) + scatter_g(time_s, 20.0), "g")
@@ -85,6 +74,13 @@ def test_a_sensor_of_the_other_sign_or_shape_is_not_averaged() -> None:
     both = settle(record(sensor("A"), waving), Choices(channels=("A", "B")))
     assert both.channels == ("A", "B")
     assert "% off the shape of " in careful(both)
+    one, other = sensor("A"), sensor("B")
+    settled = settle(record(one, replace(other, values=other.values * G, unit="m/s²")))
+    assert (settled.channels, settled.unit) == (("A", "B"), "g")
+    assert crush_of(settled) == pytest.approx(CRUSH_M, rel=1e-3)
+    late = sensor("B", 12 * MS)
+    assert "12 ms later" in problem(record(one, replace(late, values=late.values * G, unit="m/s²")))
+    assert "choose one (--channel A)" in problem(record(one, replace(other, unit=None)))
 
 
 @settings(max_examples=25, deadline=None)

@@ -162,10 +162,6 @@ def test_isomme_tests_are_rated_channel_by_channel(tmp_path: Path) -> None:
     folder = written(tmp_path / "other", {**dummy("A", head), **dummy("BB", head, "kN")})
     table = rate_channels(folder / "A", folder / "BB", [80]).set_index("channel")
     assert "expected the unit N, found kN" in table.loc["11FEMRLE00H3FOZB", "note"]
-
-
-def test_tests_without_a_common_channel_are_refused(tmp_path: Path) -> None:
-    """In a sentence."""
     folder = written(tmp_path, {**isomme("V1"), **dummy("A", half_sine_g(clock()))})
     with pytest.raises(DataError, match="codes that occur in one of them only"):
         rate_channels(folder / "V1", folder / "A")

@@ -18,7 +18,7 @@ from tests.readers.nhtsa_files import nhtsa_files
 
 
 def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
-    """In files, folders and zips; what is none of them is refused."""
+    """In files, folders and zips; none of them, or two at once, is refused, unless one is named."""
     written(tmp_path / "n", nhtsa_files() | {"readme.csv": b"a"})
     written(tmp_path / "i", isomme("M1"))
     written(tmp_path / "d", {"binout0000": b"", "notes.txt": b""})
@@ -32,6 +32,13 @@ def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
         with pytest.raises(DataError, match=message):
             format_of(tmp_path / path)
     assert read_records(Reading(tmp_path / "i.zip"))[0].id == "M1"
+    written(tmp_path / "mixed", {**isomme("A"), "notes.csv": b"Name;Value\nA;B\n"})
+    assert format_of(tmp_path / "mixed") == "isomme"
+    written(tmp_path / "mixed" / "old", nhtsa_files())
+    with pytest.raises(DataError, match="expected records of one format, found nhtsa and isomme"):
+        import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN)
+    (test,) = import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN, fmt="isomme")
+    assert test.id == "A"
 
 
 @pytest.mark.parametrize(("ending", "mode"), [("tar.gz", "w:gz"), ("TGZ", "w:gz"), ("tar", "w")])
@@ -71,7 +78,7 @@ def test_a_folder_that_cannot_be_read_is_not_passed_over(
 
 
 def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
-    """One import for a whole download, of folders or of a zip for each test."""
+    """One import for a whole download: folders, a zip for each test, a zip of tables or of tests."""
     for number in (5, 6):
         written(tmp_path / "in" / f"v{number}", nhtsa_files(number))
     written(tmp_path / "mme", isomme("M1") | isomme("M2"))
@@ -81,10 +88,6 @@ def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
     written(tmp_path / "downloads", {"notes.pdf": b"", **{f"{i}.zip": zipped(isomme(i)) for i in ("M1", "M2")}})
     assert format_of(tmp_path / "downloads") == "isomme"
     assert [record.id for record in read_records(Reading(tmp_path / "downloads"))] == ["M1", "M2"]
-
-
-def test_a_zip_of_several_gives_them_all(tmp_path: Path) -> None:
-    """Tables, or tests of a format whose reader takes one: unpacked, read, and nothing of it stays."""
     tables = {
         f"{name}.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), g)) for name, g in (("A", 0), ("B", 2))
     }
@@ -92,17 +95,6 @@ def test_a_zip_of_several_gives_them_all(tmp_path: Path) -> None:
         (tmp_path / f"{name}.zip").write_bytes(zipped(files))
         import_source(tmp_path / f"{name}.zip", tmp_path / "campaign", GIVEN)
     assert [each["id"] for each in imported(tmp_path / "campaign")] == ["A", "B", "C", "D"]
-
-
-def test_formats_are_not_mixed_without_a_word(tmp_path: Path) -> None:
-    """A folder of two formats is refused, or read as the one that is named; tables may lie beside any."""
-    written(tmp_path / "mixed", {**isomme("A"), "notes.csv": b"Name;Value\nA;B\n"})
-    assert format_of(tmp_path / "mixed") == "isomme"
-    written(tmp_path / "mixed" / "old", nhtsa_files())
-    with pytest.raises(DataError, match="expected records of one format, found nhtsa and isomme"):
-        import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN)
-    (test,) = import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN, fmt="isomme")
-    assert test.id == "A"
 
 
 def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:

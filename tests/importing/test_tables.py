@@ -278,7 +278,7 @@ def test_records_below_each_other_are_not_to_be_sorted(tmp_path: Path) -> None:
 
 
 def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
-    """Seven lines of keys and numbers above a table of two columns; a remark amid the data does not cut it."""
+    """Seven lines of keys above a table; a remark amid the data does not cut it; decimal commas in quotes are read."""
     preamble = "".join(f"Key {number};{number}\n" for number in range(7))
     path = tmp_path / "x.csv"
     path.write_text(preamble + lines("Time;Accel\ns;g", TIME_S, PULSE_G))
@@ -287,10 +287,6 @@ def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
     whole = lines("Time [s];Accel [g]", TIME_S, PULSE_G).split("\n")
     path.write_text("\n".join([*whole[:51], "# airbag", *whole[51:]]))
     assert "row 52: expected a number, found '# airbag'" in refusal(path)
-
-
-def test_decimal_commas_in_quotes_may_be_parted_by_commas(tmp_path: Path) -> None:
-    """As spreadsheets write them."""
     path = tmp_path / "x.csv"
     rows = "\n".join(f'"{t / MS:.2f}","{a:.4f}"'.replace(".", ",") for t, a in zip(TIME_S, PULSE_G, strict=True))
     path.write_text(f'"Zeit [ms]","a [g]"\n{rows}\n')
@@ -459,7 +455,7 @@ def test_a_table_of_far_too_many_conditions_is_refused(tmp_path: Path, monkeypat
 
 
 def test_tables_are_sorted_by_their_headers(tmp_path: Path) -> None:
-    """Two of one form and one of conditions; what cannot be read is passed over."""
+    """What cannot be read is passed over; a choice is what differs: a column not picked, or of another unit."""
     written(library(tmp_path), {"a.csv": b"ID;v [km/h]\n1;2\n", "b.csv": b"ID;v [km/h]\n2;3\n3;4\n", "c.csv": b"\x00"})
     forms = {form.names: form for form in table_forms(tables_of(tmp_path))}
     assert set(forms) == {("a.csv", "b.csv"), ("conditions.csv",), ("runs.csv",)}
@@ -467,10 +463,6 @@ def test_tables_are_sorted_by_their_headers(tmp_path: Path) -> None:
     assert forms["runs.csv",].proposed.kind == "pulses"
     assert forms["runs.csv",].unit_of(["Run 0 [m/s^2]", "Run 1 [m/s^2]"]) == "m/s²"
     assert forms["runs.csv",].unit_of(["Time [s]", "Run 1 [m/s^2]"]) is None
-
-
-def test_only_what_differs_from_the_proposal_is_a_choice(tmp_path: Path) -> None:
-    """A column that is not picked any more is ignored; one whose unit is named otherwise keeps its role."""
     table = written(
         tmp_path, {"x.csv": german(clock(), half_sine_g(clock()), 0 * clock(), header="Zeit [ms];a [g];b [g]")}
     )

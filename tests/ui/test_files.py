@@ -89,10 +89,13 @@ def test_a_picture_says_test_condition_campaign_settings_and_notice(captioned: C
 
 
 def test_what_does_not_act_on_a_page_is_not_said_there(captioned: Captioned) -> None:
-    """Data shows no results and holds nothing out."""
+    """Data shows no results and holds nothing out, and a preview of an import is not of the open campaign."""
     on_data = captioned(page="data", seed=7, leave_out="speed group")
     assert (on_data.name, on_data.details) == ("Tiny_pulses_0-60ms_g", "Tiny · Rated time window 0–60 ms")
     assert unusual_settings() == []
+    preview = captioned(page="data", **{"import": "v09876.zip"})
+    assert (preview.name, preview.details) == ("pulses", "")
+    assert captioned(page="compare", **{"import": "v09876.zip"}).name == "Tiny_T2_pulses_0-60ms_g"
 
 
 def test_figures_of_different_certifications_have_different_names(captioned: Captioned) -> None:
@@ -111,13 +114,6 @@ def test_figures_of_different_certifications_have_different_names(captioned: Cap
     assert all(re.fullmatch(r"Tiny_pulses_g_[0-9a-f]{6}", name) for name in names)
     assert len({*names}) == len(asked)
     assert captioned(**{**chosen, **asked[0]}).name == names[0]
-
-
-def test_the_preview_of_an_import_is_not_said_to_be_of_the_open_campaign(captioned: Captioned) -> None:
-    """A real test that is looked at beside the sample is no synthetic one."""
-    preview = captioned(page="data", **{"import": "v09876.zip"})
-    assert (preview.name, preview.details) == ("pulses", "")
-    assert captioned(page="compare", **{"import": "v09876.zip"}).name == "Tiny_T2_pulses_0-60ms_g"
 
 
 @pytest.mark.parametrize(

@@ -226,20 +226,20 @@ def test_a_front_share_that_no_vehicle_has_breaks_nothing(visit: Visit, share: f
 
 
 def test_another_unit_converts_what_is_typed_in(visit: Visit) -> None:
-    """Numbers stay what they mean: 90 km/h are 55.92 mph, 1000 lb are 453.59 kg; the preview is in these units."""
+    """Numbers stay what they mean: 90 km/h are 25 m/s, 1000 lb are 453.59 kg; the preview is in units of the pages."""
     session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
     field(session, "Weights in").set_value("lb")
     session.run()
     for label, value in (("Speed (", 90.0), ("Front weight", 1000.0), ("Rear weight", 1000.0)):
         field(session, label).set_value(value)
     session.run()
-    field(session, "Speed in").set_value("mph")
+    field(session, "Speed in").set_value("m/s")
     field(session, "Weights in").set_value("kg")
     session.run()
-    assert field(session, "Speed (mph)").value == pytest.approx(55.923, abs=1e-3)
+    assert field(session, "Speed (m/s)").value == pytest.approx(25.0)
     assert field(session, "Front weight (kg)").value == pytest.approx(453.592, abs=1e-3)
-    field(session, "Speed (mph)").set_value(SPEED_MPS / MPH)
-    assert f"{SPEED_MPS / MPH:.1f} mph, front 454 kg, rear 454 kg" in session.run().words
+    field(session, "Speed (m/s)").set_value(SPEED_MPS)
+    assert f"{SPEED_MPS / KPH:.1f} km/h, front 454 kg, rear 454 kg" in session.run().words
 
 
 @pytest.mark.usefixtures("open_campaign")

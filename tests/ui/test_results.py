@@ -40,18 +40,8 @@ def shown(cells: list[object]) -> tuple[bool, list[str]]:
     return bool(styled), [row[2]["display_value"] for row in drawn["body"]]
 
 
-def test_an_open_interval_and_its_remark_are_numbers_too() -> None:
-    """What is known of it is read as the value, the remark as its interval."""
-    texts = [Metric("olc", None, lower, 15.3, "g").text for lower in (None, 12.1)]
-    right, cells = shown([*texts, "12.0 [≥ 11.0]"])
-    assert right
-    assert [cell.replace(UNBROKEN, " ") for cell in cells[:2]] == [
-        f"{known} :gray[(95 %, record too short)]" for known in ("≤ 15.3", "12.1–15.3")
-    ]
-
-
 def test_numbers_of_any_type_stand_at_the_right_and_words_at_the_left() -> None:
-    """Counts, signed numbers and ranges are numbers; a rating with its grade begins with one, and stays in line."""
+    """Counts, signed numbers, ranges, open intervals; a rating with its grade begins with one, and stays in line."""
     assert shown([1, 20])[0]
     assert shown(["+0.28", "−1,200"])[0]
     assert shown(["0.86–0.94", "–"])[0]
@@ -60,6 +50,12 @@ def test_numbers_of_any_type_stand_at_the_right_and_words_at_the_left() -> None:
     assert shown(["11 of 11", "9 of 11"])[0]
     assert shown(["–", "–"])[0]
     assert not shown(["", ""])[0]
+    texts = [Metric("olc", None, lower, 15.3, "g").text for lower in (None, 12.1)]
+    right, cells = shown([*texts, "12.0 [≥ 11.0]"])
+    assert right
+    assert [cell.replace(UNBROKEN, " ") for cell in cells[:2]] == [
+        f"{known} :gray[(95 %, record too short)]" for known in ("≤ 15.3", "12.1–15.3")
+    ]
 
 
 def test_accelerations_follow_the_unit_and_other_metrics_do_not(campaign: Campaign) -> None:

@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.colors import hex_to_rgb
 
@@ -165,7 +164,7 @@ def add_band(
     is_finite = np.isfinite(lower) & np.isfinite(upper)
     meta: dict[str, Any] = {"x": x[is_finite], "lower": lower[is_finite], "upper": upper[is_finite]}
     meta |= {"name": whose} if whose else {}
-    some = band_points(x.size)
+    some = np.append(np.arange(0, x.size - 1, -(-x.size // _BAND_POINTS)), x.size - 1)  # drawn, with both ends
     x, lower, upper, known = x[some], lower[some], upper[some], np.flatnonzero(is_finite[some])
     if not known.size:
         return
@@ -180,11 +179,6 @@ def add_band(
         alpha = f"rgba{(*hex_to_rgb(colour), _BAND_ALPHA)}"
         look = {"line": {"width": 0, "color": colour}, "fill": "toself", "fillcolor": alpha}
     _add(figure, across.astype(np.float32), up.astype(np.float32), {"hoverinfo": "skip", "meta": meta, **look, **style})
-
-
-def band_points(size: int) -> npt.NDArray[np.intp]:
-    """The points of a grid of this size at which a band is drawn, its ends included."""
-    return np.append(np.arange(0, size - 1, -(-size // _BAND_POINTS)), size - 1)
 
 
 def shade_window(figure: go.Figure, window_ms: float, *, rows: int = 1) -> None:

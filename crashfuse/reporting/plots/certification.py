@@ -14,13 +14,7 @@ from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import ANSWER, answer_texts
 from crashfuse.reporting.figures import WITH_GROUP
-from crashfuse.reporting.plots.canvas import (
-    fix_cells,
-    make_clickable,
-    marks_of_runs,
-    points_figure,
-    tick_name,
-)
+from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, points_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray
@@ -46,8 +40,7 @@ def verdict_matrix(
 ) -> go.Figure:
     """Draw verdicts as a table of conditions, sorted by speed, by criteria, with the answer beside each row.
 
-    A cell's mark carries ``"<condition> | <criterion>"``. Without ``words``, and beyond 400 conditions, only colours
-    are drawn. ``part`` takes some of the sorted conditions.
+    A mark carries ``"<condition> | <criterion>"``. ``part`` takes some of the sorted conditions.
     """
     by_speed = sorted(certification.rows.items(), key=lambda row: row[1][0].condition.speed_mps)  # else as they come
     ids, rows = zip(*by_speed[part], strict=True)

@@ -50,11 +50,10 @@ class Curve:
 def draw_curves(
     figure: go.Figure, curves: Mapping[str, Curve], yaxis: str = "y", filled: str | None = None, **style: object
 ) -> None:
-    """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else, under its name.
+    """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else; the last is on top.
 
-    The last is on top, above all bands. One band is filled and in the legend, by default that of the preferred
-    approach, whose band of whole pulses is dashed. If only one curve beside the approaches has a band, that is filled,
-    too; of the others the edges are drawn.
+    One band is filled and in the legend, by default the preferred approach's, whose band of whole pulses is dashed, and
+    that of a single curve beside the approaches; of the others the edges are drawn.
     """
     lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
     filled = with_filled_band(curves, filled)

@@ -35,10 +35,9 @@ def over_displacement(
     filled: str | None = None,
     crush: Mapping[str, Metric] = {},
 ) -> go.Figure:
-    """Draw acceleration over displacement: the test, the CAE model, and every correction with its 95 % band (Fig. 7).
+    """Draw acceleration over displacement, up to maximum crush with its interval in ``crush`` (Fig. 7).
 
-    The band at a displacement covers the draws that reach it; it ends where half of them have stopped. A curve's end is
-    the maximum crush, with its 95 % interval as far as ``crush`` has one.
+    A band covers the draws that get so far, and ends where half of them have stopped.
     """
     figure = displacement_figure(height=460 + room_for_names(predictions))
     scale = display.accel_scale

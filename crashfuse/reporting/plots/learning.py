@@ -63,8 +63,7 @@ _RATING = "%{x:.0f} tests: %{y:.3f} ± %{error_y.array:.3f}"
 def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> go.Figure:
     """Draw the mean rating, and below it the band's width, over the number of tests learned from.
 
-    Means over the held-out tests with their standard error; behind the judged approach the central 80 % of its single
-    predictions. The open diamond is the rating expected with one test more, with its 95 % interval.
+    Behind the judged approach: the central 80 % of single ratings. Open diamond: expected with one test more.
     """
     table, n, unit = summary(curve), len(curve.campaign.tests), display.unit
     figure = points_figure(640, "Number of tests learned from", range=[-0.4, n + 1.5], dtick=1 if n < 16 else 5)

@@ -69,7 +69,8 @@ def motion(
         speed = prediction.condition.speed_mps
         if prediction.draws_mps2 is not None:
             drawn = kinematics(prediction.draws_mps2.astype(np.float64), speed, DT_S)
-            v_band, s_band = _central(display.speeds(drawn.velocity_mps)), _central(drawn.displacement_m / _MM)
+            v_band = _GRID_MS, *central_interval(display.speeds(drawn.velocity_mps))
+            s_band = _GRID_MS, *central_interval(drawn.displacement_m / _MM)
         own = kinematics(prediction.accel_mps2, speed, DT_S)
         velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
         displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
@@ -214,11 +215,6 @@ def _accelerations(
     if measured is not None:
         curves[TEST] = Curve(measured.time_s / MS, measured.accel_mps2 * scale)
     return curves
-
-
-def _central(draws: FloatArray) -> Band:
-    lower, upper = central_interval(draws)
-    return _GRID_MS, lower, upper
 
 
 def _join_hover(figure: go.Figure, display: Display, bands: Mapping[str, Band | None]) -> None:

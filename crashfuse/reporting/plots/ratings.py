@@ -140,10 +140,7 @@ def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
 
 
 def rated_curves(
-    explanation: RatingExplanation,
-    approach: str,
-    display: Display = DEFAULT,
-    further: Mapping[str, Prediction] = {},
+    explanation: RatingExplanation, approach: str, display: Display = DEFAULT, further: Mapping[str, Prediction] = {}
 ) -> go.Figure:
     """Stack what the four scores compare over one time axis, with corridors, and humps numbered."""
     figure = new_figure(height=570 + canvas.room_for_names([TEST, approach, *further]))

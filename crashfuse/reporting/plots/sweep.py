@@ -43,10 +43,7 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, displ
 
 
 def _curve(speeds: FloatArray, metrics: Sequence[Metric]) -> Curve:
-    value, lower, upper = (
-        np.array([getattr(metric, name) for metric in metrics], dtype=np.float64)
-        for name in ("value", "lower", "upper")
-    )
+    value, lower, upper = np.array([(m.value, m.lower, m.upper) for m in metrics], dtype=np.float64).T
     return Curve(speeds, value, (speeds, lower, upper) if np.isfinite(lower).any() else None)
 
 

@@ -152,7 +152,6 @@ def _variants(certification: Certification) -> list[str]:
 
 
 def _asked_otherwise(certification: Certification, variant: str) -> Request[Verdicts]:
-    """The certification of a variant; without a test it learns anew, else it takes no time."""
     campaign, criteria, matrix = certification.campaign, certification.criteria, certification.matrix
     if variant.startswith(_WITHOUT):
         return judge(campaign.without((variant.removeprefix(_WITHOUT),)), criteria, matrix)

@@ -1,6 +1,7 @@
 """The acceptance criteria: those of the campaign, an uploaded file's, or typed in, a row each."""
 
 from contextlib import suppress
+from dataclasses import asdict
 from typing import Any
 
 import streamlit as st
@@ -10,7 +11,6 @@ from crashfuse.certification.criteria import (
     COSTS,
     RATING,
     Criteria,
-    Criterion,
     criteria_of,
     limits_of_tests,
     ratings_wanted,
@@ -38,7 +38,7 @@ def criteria_asked(view: View) -> Criteria | None:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
         wrong = error
-    address.default("criteria", [_text(_values(own)) for own in declared.items] if declared else [])
+    address.default("criteria", [_text(asdict(own)) for own in declared.items] if declared else [])
     usual = declared or Criteria(())
     for key, cost in _costs_of(usual).items():
         address.default(key, cost)
@@ -122,7 +122,7 @@ def choose_criteria(view: View) -> Criteria | None:
 
 def take(criteria: Criteria) -> None:
     """Ask for these criteria; call it from a callback."""
-    rows = [_text(_values(own)) for own in criteria.items]
+    rows = [_text(asdict(own)) for own in criteria.items]
     st.session_state.update(criteria=rows, confidence=criteria.confidence, **_costs_of(criteria))
 
 
@@ -130,12 +130,7 @@ def _costs_of(criteria: Criteria) -> dict[str, float | None]:
     return {key: getattr(criteria.costs, name, None) for key, name in zip(_COSTS, COSTS, strict=True)}
 
 
-def _values(criterion: Criterion) -> dict[str, Any]:
-    return {name: getattr(criterion, name) for name in _FIELDS}
-
-
 def _text(row: dict[str, Any]) -> str:
-    """A criterion as it stands in the session and the address."""
     values = [row.get(name) for name in _FIELDS]
     return SEPARATOR.join(
         "" if value is None else value if isinstance(value, str) else f"{value:.12g}" for value in values

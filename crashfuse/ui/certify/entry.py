@@ -70,7 +70,6 @@ def _edit(key: str, row: int, place: int, field: Field, text: str, widget: str) 
 
 
 def _keep(key: str, row: int, place: int, field: Field, value: float | str | None) -> None:
-    """Take what was typed into a field; a number keeps all its digits in the unit of files."""
     state, written = st.session_state, f"{key} as typed"
     parts = state[key][row].split(SEPARATOR)
     shown = "" if value is None else f"{value / (field.factor or 1):.12g}" if isinstance(value, float) else value

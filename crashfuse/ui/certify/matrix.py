@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.certify.entry import SEPARATOR, Field, choose_kept, edit_rows, find_kept, show_wrong, uploaded
 from crashfuse.ui.kit import address, campaigns
-from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.text import plain
 from crashfuse.wording import IN_SI, SYSTEMS, UnitSystem, counted, speed
@@ -38,11 +39,10 @@ def matrix_asked(view: View) -> Matrix | None:
     address.default("matrix", _OWN if own.is_file() else _TYPED, _sources(view))
     address.default("planned", _usual(view), follow=not state.get(JUDGED))  # verdicts would go
     if state["matrix"] == _OWN:
-        return _read(own, campaigns.stamp(own), view.campaign.fingerprint, view.campaign)
+        return _read(own, campaigns.stamp(own), view.campaign)
     if state["matrix"] == _UPLOAD:
-        campaign = view.campaign
-        return find_kept(_FILE, "uploaded", lambda content: _checked(content, campaign.fingerprint, campaign))
-    return _typed(tuple(state["planned"]), view.campaign.fingerprint, view.campaign) if state["planned"] else None
+        return find_kept(_FILE, "uploaded", partial(_checked, campaign=view.campaign))
+    return _typed(tuple(state["planned"]), view.campaign) if state["planned"] else None
 
 
 def choose_matrix(view: View) -> Matrix | None:
@@ -62,7 +62,7 @@ def choose_matrix(view: View) -> Matrix | None:
             columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
             label, key = f"Upload {_FILE}, with the columns {columns}", f"matrix file {campaign.fingerprint[:8]}"
             try:
-                choose_kept(label, _FILE, "uploaded", key, lambda c: _checked(c, campaign.fingerprint, campaign))
+                choose_kept(label, _FILE, "uploaded", key, partial(_checked, campaign=campaign))
             except CrashfuseError as error:
                 wrong = error
     if source == _TYPED:
@@ -88,29 +88,27 @@ def take(matrix: Matrix) -> None:
     st.session_state.update(matrix=_UPLOAD, uploaded=file_store.keep(csv_as_given(matrix_table(matrix)), _FILE))
 
 
-@st.cache_resource(max_entries=8, show_spinner=False)
-def _read(path: Path, stamp: tuple[int, ...], fingerprint: str, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
-    return Matrix.read(path, _campaign.factors)
+@st.cache_resource(max_entries=8, show_spinner=False, hash_funcs=HASHED)
+def _read(path: Path, stamp: tuple[int, ...], campaign: Campaign) -> Matrix:  # noqa: ARG001 - part of the key
+    return Matrix.read(path, campaign.factors)
 
 
-@st.cache_resource(max_entries=8, show_spinner=False)
-def _checked(content: bytes, fingerprint: str, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
-    return uploaded(content, _FILE, lambda path: Matrix.read(path, _campaign.factors))
+@st.cache_resource(max_entries=8, show_spinner=False, hash_funcs=HASHED)
+def _checked(content: bytes, campaign: Campaign) -> Matrix:
+    return uploaded(content, _FILE, lambda path: Matrix.read(path, campaign.factors))
 
 
-@st.cache_resource(max_entries=32, show_spinner=False)
-def _typed(texts: tuple[str, ...], fingerprint: str, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
-    rows = [_parts(text, _campaign) for text in texts]
+@st.cache_resource(max_entries=32, show_spinner=False, hash_funcs=HASHED)
+def _typed(texts: tuple[str, ...], campaign: Campaign) -> Matrix:
+    rows = [_parts(text, campaign) for text in texts]
     rows = [row for row in rows if row[_SYSTEM] == rows[0][_SYSTEM]]  # a page writes no others
     system = SYSTEMS[rows[0][_SYSTEM]]
-    names = [
-        f"{name}_{unit}" for name, unit in zip(("speed", "front_weight", "rear_weight"), system.endings, strict=True)
-    ]
-    table = pd.DataFrame([row[:_SYSTEM] for row in rows], columns=["id", *names])
-    for name, column in zip(_campaign.factors, zip(*(row[_SYSTEM + 1 :] for row in rows), strict=True), strict=True):
-        table[name] = column
+    quantities = zip(("speed", "front_weight", "rear_weight"), system.endings, strict=True)
+    names = ["id", *(f"{name}_{unit}" for name, unit in quantities), *campaign.factors]
     try:
-        return Matrix.of(table, _campaign.factors)
+        return Matrix.of(
+            pd.DataFrame([row[:_SYSTEM] + row[_SYSTEM + 1 :] for row in rows], columns=names), campaign.factors
+        )
     except DataError as error:  # with rows as a reader counts them
         problems = [
             replace(own, where="Planned tests", row=None if own.row is None else own.row + 1) for own in error.problems
@@ -147,11 +145,9 @@ def _usual(view: View) -> list[str]:
     campaign, system, own = view.campaign, view.display.system, view.folder / _FILE
     with suppress(CrashfuseError):
         if own.is_file():
-            items = _read(own, campaigns.stamp(own), campaign.fingerprint, campaign).items
-            given = [(i, condition.vector, dict(condition.factors)) for i, condition in items]
-            return [
-                _text(i, vector, system, [of.get(name, "") for name in campaign.factors]) for i, vector, of in given
-            ]
+            items = _read(own, campaigns.stamp(own), campaign).items
+            given = [(i, at.vector, [dict(at.factors).get(name, "") for name in campaign.factors]) for i, at in items]
+            return [_text(i, vector, system, factors) for i, vector, factors in given]
     step, factors = _STEPS[system.speed], [IN_SI[unit] for unit in _units(system)]
     tests = np.array([test.condition.vector for test in campaign.tests]) / factors
     low, high = np.ceil(tests[:, 0].min() / step) * step, np.floor(tests[:, 0].max() / step) * step

@@ -120,10 +120,7 @@ _ON_PAGE = {
     "predict": ("predict_tab", "predicted", "subtracted", "factor_…", "speed_range", "front_range", "rear_range"),
     "certify": ("approach", "certify_tab", "answered", "record"),
 }
-_ON_PAGE_OF_CAMPAIGN = {
-    "data": ("data_tab",),
-    "certify": ("matrix", "uploaded", "earlier", "cell"),
-}
+_ON_PAGE_OF_CAMPAIGN = {"data": ("data_tab",), "certify": ("matrix", "uploaded", "earlier", "cell")}
 CHOICES |= {key: Choice(pages=(page,)) for page, keys in _ON_PAGE.items() for key in keys}
 CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_PAGE_OF_CAMPAIGN.items() for key in keys}
 
@@ -298,10 +295,7 @@ def forget() -> None:
 def kept_choice(
     key: str, options: Sequence[str], widget: Callable[..., object], label: str, **look: object
 ) -> list[str]:
-    """What is chosen of these options, first what was chosen first, with a widget of Streamlit and its look.
-
-    A widget of the choice's own key would lose what this page does not offer: a test of another campaign, say.
-    """
+    """What is chosen of these options, in that order; a widget of this key would lose what the page does not offer."""
     state, shown = st.session_state, f"{key} shown"
     before, widgets = state.get(shown, (None, 0))
     if before != (chosen := [name for name in state[key] if name in options]):

@@ -4,10 +4,11 @@ import json
 import os
 import secrets
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import streamlit as st
 
@@ -24,6 +25,7 @@ from crashfuse.ui.kit import visitors
 from crashfuse.ui.kit.visitors import logged_in, note_in_log, visitor
 
 SAMPLE = "sample"
+HASHED: dict[str | type, Callable[[Any], object]] = {Campaign: lambda campaign: campaign.fingerprint}  # in caches
 _opening = threading.Lock()  # with the list in hand: to make it takes the lock
 _MOST_RECENT = 8
 _PATIENCE_S = 5.0  # to wait for another who writes it
@@ -105,14 +107,10 @@ def unquoted(text: str) -> str:
 
 def typed_folder(text: str, where: str, expected: str) -> Path:
     """The folder that was typed in by its whole path, checked by :func:`allowed`."""
-    typed, advice = unquoted(text), "name a folder by its whole path"
-    try:
-        folder = Path(typed).expanduser()
-    except RuntimeError as error:  # no such home directory
-        raise DataError(Problem(where, expected, str(error), advice)) from error
-    if not folder.is_absolute():
-        raise DataError(Problem(where, expected, typed or "none", advice))
-    return allowed(folder)
+    typed = unquoted(text)
+    if not typed.startswith("~") and not Path(typed).is_absolute():
+        raise DataError(Problem(where, expected, typed or "none", "name a folder by its whole path"))
+    return allowed(Path(typed))
 
 
 def roots() -> list[Path]:
@@ -142,10 +140,11 @@ def _links_in(folder: Path) -> Iterator[Path]:
 
 
 def open_folder(folder: Path) -> str:
-    """Read a folder and, if it holds a valid campaign, open it; returns its name."""
+    """Read a folder and, if it holds a valid campaign, open it, to be offered again; returns its name."""
     folder = allowed(folder)
     read(folder)
     note_in_log(visitor(), f"opened {folder}")
+    remember(folder)
     return _put(folder, opened_here(), visitor().key)
 
 
@@ -188,7 +187,7 @@ def folder_of(name: str) -> Path:
 def read(folder: Path) -> Campaign:
     """The campaign in this folder, shared by all sessions; a DataError says what is wrong."""
     try:
-        return _read(folder, _stamp(folder))
+        return _read(folder, (data_stamp(folder), *(stamp(path) for path in folder.glob(ARCHIVE))))
     except OSError as error:
         raise _unreadable(folder, error) from error
 
@@ -219,10 +218,6 @@ def _unreadable(folder: Path, error: Exception) -> DataError:
 @st.cache_resource(max_entries=4, show_spinner="Reading the campaign …")
 def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001  (part of the key)
     return read_folder(folder)
-
-
-def _stamp(folder: Path) -> tuple[object, ...]:
-    return data_stamp(folder), *(stamp(path) for path in folder.glob(ARCHIVE))
 
 
 def data_stamp(folder: Path) -> tuple[object, ...]:

@@ -34,7 +34,7 @@ from crashfuse.study.outliers import departures_near
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config, kept_choice, pinned
-from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.computation import Request, answers, fit_request, jobs, study_request
 from crashfuse.ui.kit.progress import patience, result_or_none
 from crashfuse.ui.kit.text import plain
@@ -57,11 +57,6 @@ class Shown:
     also: tuple[Further, ...]
 
     @property
-    def test(self) -> bool:
-        """Whether the held-out test is among it."""
-        return TEST in self.others
-
-    @property
     def approaches(self) -> tuple[str, ...]:
         """By which approaches its predictions are."""
         return (*(name for name in self.others if name in LABELS), self.approach)
@@ -82,7 +77,7 @@ class Shown:
 
     def of(self, test: str) -> str:
         """What it shows of a test, in words."""
-        return f"{f'test {test} and its' if self.test else f'test {test},'} prediction by {self.by}"
+        return f"{f'test {test} and its' if TEST in self.others else f'test {test},'} prediction by {self.by}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,11 +127,10 @@ class Subject:
     def names(self) -> dict[str, str]:
         """Names in the legend of the predictions that can be added, by what stands for them."""
         campaign = self.view.campaign
-        key = campaign.fingerprint, jobs().ended
         if self.test:
-            known = _known_of_test(key, self.test, self.approach, self.shown, campaign)
+            known = _known_of_test(jobs().ended, self.test, self.approach, self.shown, campaign)
         else:
-            known = _known_at_conditions(key, self.shown, campaign)
+            known = _known_at_conditions(jobs().ended, self.shown, campaign)
         texts = {config: f"{_SETTINGS}{config.preset} {config.seed} {config.leave_out}" for config in known}
         return {text: earlier_name(self.approach, config, self.shown) for config, text in (texts | self.wanted).items()}
 
@@ -168,8 +162,7 @@ class Subject:
         elif (study := study_request(campaign, (self.test,), config).result) is not None:
             estimates = study.fold(self.test).estimates
         else:  # a study by fewer approaches may have left this one
-            key = campaign.fingerprint, jobs().ended
-            return _estimate_of_test(key, self.test, approach, config, campaign)
+            return _estimate_of_test(jobs().ended, self.test, approach, config, campaign)
         return next((estimate for estimate in estimates or () if estimate.approach == approach), None)
 
 
@@ -231,7 +224,7 @@ def _add(subject: Subject) -> tuple[tuple[Further, ...], list[str]]:
         **{t.id: pulse_name(t.id, t.condition, view.display) for t in campaign.tests if t.id != subject.test},
         **settings,
         **(pin_names if subject.test else {}),
-        **_offered_runs(campaign.fingerprint, view.display, campaign),
+        **_offered_runs(view.display, campaign),
     }
     if len(st.session_state[key]) > _MOST:  # of a link, or one more: Streamlit would refuse them all
         st.session_state[key] = st.session_state[key][-_MOST:]
@@ -272,33 +265,33 @@ def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
     return None
 
 
-@st.cache_resource(max_entries=8, show_spinner=False)
-def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[str, str]:  # noqa: ARG001
-    """Labels of a campaign's thousands of CAE runs, made once for all sessions."""
-    runs = zip(_campaign.cae.ids, _campaign.cae.conditions, strict=True)
+@st.cache_resource(max_entries=8, show_spinner=False, hash_funcs=HASHED)
+def _offered_runs(display: Display, campaign: Campaign) -> Mapping[str, str]:
+    """Labels of thousands of CAE runs, made once for all sessions."""
+    runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
     return {(name := f"{RUN}{run}"): pulse_name(name, at, display) for run, at in runs}
 
 
-@st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
+@st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False, hash_funcs=HASHED)
 def _known_of_test(
-    key: Hashable, test_id: str, approach: str, shown: StudyConfig, _campaign: Campaign  # noqa: ARG001
+    ended: int, test_id: str, approach: str, shown: StudyConfig, campaign: Campaign  # noqa: ARG001 - part of the key
 ) -> Sequence[StudyConfig]:  # fmt: skip
-    return earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
+    return earlier_settings(past_results(), campaign, test_id, approach, shown, Cache())
 
 
-@st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
-def _known_at_conditions(key: Hashable, shown: StudyConfig, _campaign: Campaign) -> Sequence[StudyConfig]:  # noqa: ARG001
+@st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False, hash_funcs=HASHED)
+def _known_at_conditions(ended: int, shown: StudyConfig, campaign: Campaign) -> Sequence[StudyConfig]:  # noqa: ARG001
     """Other seeds and presets of past results, the usual seed, and the next one."""
-    configs = [result.config for result in past_results() if result.fingerprint == _campaign.fingerprint]
+    configs = [result.config for result in past_results() if result.fingerprint == campaign.fingerprint]
     pairs = {(shown.preset, 0), *((config.preset, config.seed) for config in configs)}
     pairs.add((shown.preset, shown.seed + 1 if shown.seed < 2**32 - 1 else 0))
     others = sorted(pairs - {(shown.preset, shown.seed)})
     return [replace(shown, preset=preset, seed=seed) for preset, seed in others]
 
 
-@st.cache_resource(max_entries=12, show_spinner=False)
+@st.cache_resource(max_entries=12, show_spinner=False, hash_funcs=HASHED)
 def _estimate_of_test(
-    key: Hashable, test_id: str, approach: str, config: StudyConfig, _campaign: Campaign  # noqa: ARG001
+    ended: int, test_id: str, approach: str, config: StudyConfig, campaign: Campaign  # noqa: ARG001 - part of the key
 ) -> Estimate | None:  # fmt: skip
-    training, condition = config.training_campaign(_campaign, test_id), _campaign.test(test_id).condition
+    training, condition = config.training_campaign(campaign, test_id), campaign.test(test_id).condition
     return find_estimate(training, condition, approach, config, Cache())

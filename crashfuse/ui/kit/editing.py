@@ -7,14 +7,7 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.campaign_folder.editing import (
-    copy_campaign,
-    leave_out,
-    remove_tests,
-    say_why,
-    set_archive,
-    use_again,
-)
+from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, say_why, set_archive, use_again
 from crashfuse.campaign_folder.history import changed_by, changes, undo
 from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, change_notes, read_notes
 from crashfuse.campaign_folder.settings import LONGEST_REASON
@@ -143,7 +136,6 @@ def _save_copy(view: View) -> None:
         folder = campaigns.typed_folder(text, "folder of the copy", "a new or empty folder")
         copy_campaign(view.folder, folder)
         choose_campaign(campaigns.open_folder(folder))
-        campaigns.remember(folder)
         st.toast("Saved; the copy is open.", icon=":material/check:")
 
 

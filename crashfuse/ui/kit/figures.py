@@ -85,15 +85,12 @@ def offer_files(figure: go.Figure, caption: Caption, key: str) -> None:
     tools(data=data, key=key, on_csv_change=lambda: None)
 
 
-def choose(
-    label: str, options: Sequence[str], key: str, default: str | None = None, label_of: Callable[[str], str] = str
-) -> str:
+def choose(label: str, options: Sequence[str], key: str, label_of: Callable[[str], str] = str) -> str:
     """Let the user choose one of some figures or tasks, at first the first."""
-    default = default or options[0]
-    address.default(key, default, options)
+    address.default(key, options[0], options)
     choice: str = st.segmented_control(
-        label, options, default=default, required=True, key=key, persist_state="session", label_visibility="collapsed",
-        format_func=label_of, on_change=address.publish,  # the page's own run would, but not a fragment's
+        label, options, default=options[0], required=True, key=key, persist_state="session", format_func=label_of,
+        label_visibility="collapsed", on_change=address.publish,  # the page's own run would, but not a fragment's
     )  # fmt: skip
     return choice
 

@@ -193,8 +193,7 @@ def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report, and which tests it shows one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
         form = choose_form(
-            "the recommendation, all ratings and the worst test",
-            "each test, the data, the method and its settings",
+            "the recommendation, all ratings and the worst test", "each test, the data, the method and its settings"
         )
         shown: Sequence[str] = ()
         if len(tests) > 1:

@@ -39,7 +39,7 @@ _TAB_OF = {"cae.runs_fail": "CAE model", "tests.left_out_of_use": "Tests", "camp
 _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 
 
-def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
+def choose_settings() -> tuple[StudyConfig, str]:
     """Ask for the settings; second is what is wrong with them, if anything."""
     chosen = st.pills(
         "Approaches", APPROACHES, selection_mode="multi", format_func=LABELS.__getitem__,
@@ -55,8 +55,7 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
         st.number_input(  # without bounds, within which a browser would keep the last one and say nothing to the page
             "Seed", step=1, key="seed", persist_state="session", help="The same seed gives the same results."
         )
-        if leaving_out:
-            choose_left_out("train")
+        choose_left_out("train")
         from torch import cuda  # imported while the first pages are read
 
         st.radio(
@@ -158,7 +157,6 @@ def _choose_window() -> None:
 
 
 def _take_window(before: float) -> None:
-    """Take what was typed; what is no window leaves the one before."""
     state = st.session_state
     try:
         state["window"] = address.window_of(str(state["window"]))

@@ -20,7 +20,7 @@ from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metri
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
 from crashfuse.reporting.rating_tables import REPEAT
-from crashfuse.reporting.result_tables import next_tests_table
+from crashfuse.reporting.result_tables import metric_texts, next_tests_table
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows
@@ -28,7 +28,7 @@ from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.next_test import NextTest
 from crashfuse.study.repeatability import Repeatability
-from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import advice_on_page, as_read, chosen_units, plain
 from crashfuse.wording import UnitSystem
@@ -100,17 +100,8 @@ def problem_table(problems: Sequence[Problem], *, merged: bool = False) -> pd.Da
         rows = ", ".join(map(str, numbers))
         if len(numbers) > 1 and numbers == list(range(numbers[0], numbers[-1] + 1)):
             rows = f"{numbers[0]}–{numbers[-1]}"
-        table.append(
-            {
-                "File": first.where,
-                "Row": rows,
-                "Column": first.column or "",
-                "Expected": first.expected,
-                "Found": first.found,
-                "What to do": advice_on_page(first),
-            }
-        )
-    return pd.DataFrame(table)
+        table.append((first.where, rows, first.column or "", first.expected, first.found, advice_on_page(first)))
+    return pd.DataFrame(table, columns=["File", "Row", "Column", "Expected", "Found", "What to do"])
 
 
 def show_problems(
@@ -156,14 +147,14 @@ def window_label(window_ms: float) -> str:
 
 def conditions_table(campaign: Campaign, display: Display) -> Styler:
     """Every test with its condition, and the rating of its paired CAE run over each window."""
-    return coloured(_conditions(campaign.fingerprint, display.system, campaign))
+    return coloured(_conditions(campaign, display.system))
 
 
-@st.cache_data(show_spinner=False, max_entries=4)
-def _conditions(fingerprint: str, system: UnitSystem, _campaign: Campaign) -> pd.DataFrame:  # noqa: ARG001 - the key
-    cae, rows = _campaign.cae, []
-    for test in _campaign.tests:
-        condition, run = test.condition, _campaign.cae.paired_run(test.condition)
+@st.cache_data(show_spinner=False, max_entries=4, hash_funcs=HASHED)
+def _conditions(campaign: Campaign, system: UnitSystem) -> pd.DataFrame:
+    cae, rows = campaign.cae, []
+    for test in campaign.tests:
+        condition, run = test.condition, cae.paired_run(test.condition)
         (of_speed, speed), *weights = Display(system=system).columns(condition).items()
         rated: dict[float, Rating] = {}
         if run is not None:
@@ -208,12 +199,10 @@ def metrics_tables(
     columns: Sequence[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display
 ) -> tuple[Styler, Styler]:
     """Pulse metrics, the main ones and the others; coloured where an interval misses the test."""
-    headings = campaign.metric_headings
-    table = pd.DataFrame({"Pulse metric": {name: display.heading(label) for name, label in headings.items()}})
-    css = pd.DataFrame("", list(headings), ["Pulse metric", *dict(columns)])
-    for heading, metrics in columns:
-        table[heading] = pd.Series({metric.name: display.metric(metric).text for metric in metrics})
-        css.loc[list(missed_by(columns).get(heading, ())), heading] = fill(GRADE_COLOURS["Fair"])
+    table = metric_texts(columns, campaign, display)
+    css = pd.DataFrame("", table.index, table.columns)
+    for heading, names in missed_by(columns).items():
+        css.loc[list(names), heading] = fill(GRADE_COLOURS["Fair"])
     main = table.index.isin(MAIN_METRICS)
     table, css = table.reset_index(drop=True), css.reset_index(drop=True)
     first, second = (
@@ -261,14 +250,9 @@ def show_recommendation(sentences: Sequence[str], beside: Sequence[str] = (), ic
 
 
 def show_account(sentences: Sequence[str], *, missed: bool) -> None:
-    """Show how a prediction came out and what sets its test apart, as a warning if it ``missed``."""
+    """Show how a prediction came out and what sets its test apart."""
     first, *others = map(plain, sentences)
     st.markdown(f":material/{'warning' if missed else 'info'}: **{first}** {' '.join(others)}")
-
-
-def grade_chip(grade: str) -> str:
-    """HTML of a grade word in the colour it has in every table and figure."""
-    return f'<span class="cf-grade" style="{fill(GRADE_COLOURS[grade])}">{grade}</span>'
 
 
 def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) -> None:

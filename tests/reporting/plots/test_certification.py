@@ -153,7 +153,7 @@ def test_many_conditions_become_colours(campaign: Campaign, n: int, words_shown:
 
 
 def test_the_domain_shows_each_condition_by_its_worst_verdict(three: Certification) -> None:
-    """In mph and lb, with a mark and a colour of its own for each word."""
+    """In mph and lb, a mark and a colour for each word; what is shaded, on a grid, is what is not outside."""
     figure = validated_domain(three)
     shown = {trace.name: trace for trace in figure.data}
     weight = three.matrix.conditions[0].mass_kg / LB
@@ -164,10 +164,6 @@ def test_the_domain_shows_each_condition_by_its_worst_verdict(three: Certificati
         assert worst.marker.color == VERDICT_COLOURS[word]
     assert len({trace.marker.symbol for name, trace in shown.items() if name.startswith("Worst")}) == 3
     np.testing.assert_allclose(shown["4 tests"].x, [15, 25, 26, 35], rtol=1e-6)
-
-
-def test_what_is_shaded_is_what_is_not_outside(three: Certification) -> None:
-    """On a grid over speed and mass, both say the same."""
     figure, domain = validated_domain(three), three.domain
     here, rng = three.matrix.conditions[0], np.random.default_rng(0)
     shaded = [trace for trace in figure.data if trace.legendgroup == "checked"]
@@ -198,7 +194,7 @@ def trial(
 
 
 def test_shares_that_met_stand_over_the_probability_with_exact_bounds() -> None:
-    """One of four where 0.8 was said, and all of two at 0.99; the lengths of the lines reach the bounds."""
+    """One of four at 0.8, all of two at 0.99; open where none of twenty met what was given 0.9."""
     trials = [trial(f"A{i}", 400.0 if i == 0 else 600.0, 0.8) for i in range(4)]
     trials += [trial(f"B{i}", 400.0, 0.99) for i in range(2)]
     promised, agrees = reliability(TrackRecord(tuple(trials))).data
@@ -209,10 +205,6 @@ def test_shares_that_met_stand_over_the_probability_with_exact_bounds() -> None:
     np.testing.assert_allclose(agrees.y - agrees.error_y.arrayminus, bounds[:, 0])
     np.testing.assert_allclose(agrees.y + agrees.error_y.array, bounds[:, 1])
     assert list(agrees.text) == ["n = 4", "n = 2"]
-
-
-def test_a_bin_whose_probability_is_beyond_its_bounds_is_drawn_open() -> None:
-    """None of twenty met what was said with 0.9 to be met."""
     trials = [*(trial(f"A{i}", 600.0, 0.9) for i in range(20)), trial("B", 400.0, 0.3)]
     _, agrees, disagrees = reliability(TrackRecord(tuple(trials))).data
     assert (agrees.name, disagrees.name) == ("Within its bounds", "Outside its bounds")

@@ -26,17 +26,8 @@ def test_bands_are_drawn_before_all_lines_and_the_test_last() -> None:
     assert test.legendrank < cae.legendrank < fused.legendrank
 
 
-def test_the_band_of_one_prediction_beside_is_filled_as_well() -> None:
-    """So that two conditions can be compared; of more, bands would cover each other."""
-    names = ("displacement_domain", "Displacement domain at 25.0 mph", "Displacement domain at 35.0 mph")
-    for some, filled in ((names[:2], 2), (names, 1)):
-        figure = new_figure(300)
-        draw_curves(figure, {name: Curve(X, X, (X, X - 1, X + 1)) for name in some})
-        assert [bool(trace.fill) for trace in figure.data[: len(some)]].count(True) == filled
-
-
 def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
-    """That of the preferred approach unless another is asked for; no line closes the edges at the end."""
+    """That of the preferred approach unless another is asked for, and of a single prediction beside."""
     curves = {name: Curve(X, X, (X, X - 1, X + 1)) for name in ("displacement_domain", "fused", "time_domain")}
     for asked, filled in ((None, "fused"), ("time_domain",) * 2, ("cae", "fused")):
         figure = new_figure(300)
@@ -47,6 +38,11 @@ def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
         (edges, _) = [band for name, band in bands.items() if not band.fill]
         np.testing.assert_array_equal(edges.y, [-1, 0, np.nan, 2, 1])
         assert edges.line.width == 1
+    names = ("displacement_domain", "Displacement domain at 25.0 mph", "Displacement domain at 35.0 mph")
+    for some, count in ((names[:2], 2), (names, 1)):
+        figure = new_figure(300)
+        draw_curves(figure, {name: Curve(X, X, (X, X - 1, X + 1)) for name in some})
+        assert [bool(trace.fill) for trace in figure.data[: len(some)]].count(True) == count
 
 
 def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the_legend() -> None:

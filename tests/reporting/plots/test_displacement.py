@@ -96,7 +96,7 @@ def test_the_band_holds_95_percent_of_the_draws_that_get_so_far(
 def test_the_mark_is_the_maximum_crush_with_the_interval_of_the_tables(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
-    """v0² / 2a at 250 m/s²; an end that the record leaves open has no bar."""
+    """v0² / 2a at 250 m/s²; an end that the record leaves open has no bar, a vehicle that never stops no mark."""
     crush = 1000 * 0.5 * test.condition.speed_mps**2 / 250
     low, high = crush - 30, crush + 40
     for upper, bar, told in ((high, 40, f"[{low:.1f}, {high:.1f}]"), (None, None, f"[≥ {low:.1f}]")):
@@ -107,10 +107,6 @@ def test_the_mark_is_the_maximum_crush_with_the_interval_of_the_tables(
         assert mark.error_x.arrayminus[0] == pytest.approx(30, abs=0.1)
         assert mark.error_x.array[0] == (bar if bar is None else pytest.approx(bar, abs=0.1))
         assert mark.name == f"Maximum crush {crush:.1f} {told} mm"
-
-
-def test_a_vehicle_that_never_stops_has_no_maximum_crush(test: CrashTest) -> None:
-    """Its curve ends with the record, without a mark."""
     gentle = Prediction(test.condition, np.full(GRID_S.size, -10.0))
     figure = plots.over_displacement(None, {"cae": gentle}, test.condition.speed_mps)
     assert [t.name for t in figure.data] == ["CAE"]

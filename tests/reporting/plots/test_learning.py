@@ -13,7 +13,7 @@ from crashfuse.study.one_more_test import one_more
 
 
 def test_a_learning_curve_shows_what_was_reported() -> None:
-    """Progress along x, the value on a logarithmic axis; both axes say what they are."""
+    """Progress along x, the value on a logarithmic axis, unless some are not positive; both axes say what they are."""
     figure = plots.learning_curves({"loss": [(1, 0.5), (2, 0.25)]}, value="Mean square error", step="Epoch", total=10)
     assert figure.data[0].x.tolist() == [1, 2]
     assert figure.data[0].y.tolist() == [0.5, 0.25]
@@ -25,10 +25,6 @@ def test_a_learning_curve_shows_what_was_reported() -> None:
     assert figure.layout.xaxis.title.text == "Epoch"
     assert figure.layout.yaxis.title.text == "Mean square error"
     assert figure.layout.showlegend  # one curve alone is named, too
-
-
-def test_values_that_are_not_positive_get_a_linear_axis() -> None:
-    """A logarithm would hide them."""
     figure = plots.learning_curves({"log likelihood": [(1, -20.0), (2, 3.0)]}, value="Log likelihood", total=2)
     assert figure.layout.yaxis.type is None
 
@@ -70,6 +66,9 @@ def test_ratings_and_band_are_drawn_over_the_number_of_tests(campaign: Campaign)
     assert band.yaxis == "y2"
     assert list(band.x) == [1, 2, 3]
     assert list(band.y) == pytest.approx([8, 4, 8 / 3])
+    figure = over_number_of_tests(made_up(campaign, ("cae",)))
+    assert [trace.name for trace in figure.data] == ["CAE, without any test"]
+    assert "yaxis2" not in figure.layout
 
 
 def test_one_more_test_is_drawn_where_it_can_be_told(campaign: Campaign) -> None:
@@ -84,10 +83,3 @@ def test_one_more_test_is_drawn_where_it_can_be_told(campaign: Campaign) -> None
     assert expected.y[-1] == pytest.approx(more.rating)
     assert expected.error_y.array[-1] == pytest.approx(more.upper - more.gain)
     assert expected.error_y.arrayminus[-1] == pytest.approx(more.gain - more.lower)
-
-
-def test_the_raw_cae_model_alone_is_a_level_line(campaign: Campaign) -> None:
-    """There is no band to draw, and nothing to extrapolate."""
-    figure = over_number_of_tests(made_up(campaign, ("cae",)))
-    assert [trace.name for trace in figure.data] == ["CAE, without any test"]
-    assert "yaxis2" not in figure.layout

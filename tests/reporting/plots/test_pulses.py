@@ -103,7 +103,7 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
 
 
 def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    """The acceleration carries the other two; they don't repeat themselves. Numbers have a minus sign, not a hyphen."""
+    """Where the acceleration is, with the ends of the filled band; numbers have a minus sign, not a hyphen."""
     figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
     accel = trace(figure, "CAE")
     told = np.array([text.replace("\N{MINUS SIGN}", "-").split(" mph, ") for text in accel.customdata], float)
@@ -114,10 +114,6 @@ def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predict
     assert "-" not in "".join(accel.customdata)
     assert ":" not in accel.hovertemplate  # the formats of templates know hyphens only
     assert trace(figure, "CAE", 2).hoverinfo == "none"
-
-
-def test_the_cursor_tells_the_ends_of_the_filled_band(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    """Beside the acceleration, of that curve alone."""
     figure = plots.motion(test.pulse, predictions, test.condition.speed_mps, filled="displacement_domain")
     (banded,) = [own for own in figure.data if own.hovertemplate == "%{y} [%{customdata} mm"]
     assert banded.legendgroup == "displacement_domain"
@@ -131,16 +127,12 @@ def test_the_cursor_tells_the_ends_of_the_filled_band(test: CrashTest, predictio
 
 
 def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
-    """101 constant pulses of 0 to -100 m/s²: 95, 50 and 5 % lie at -5, -50 and -95."""
+    """Of 101 constant pulses of 0 to -100 m/s²: -5, -50 and -95; a test without a paired run adds nothing."""
     levels = np.repeat(-np.arange(101.0)[:, None], N_SAMPLES, axis=1).astype(np.float32)
     library = CaeLibrary(tuple(map(str, range(101))), campaign.cae.conditions[:1] * 101, levels)
     band, median = plots.library_band(library, display=Display(unit="m/s²")).data
     assert (band.y.min(), band.y.max(), median.y.max()) == (-95, -5, -50)
     assert band.name == "5–95 % of 101 runs"
-
-
-def test_the_library_band_carries_the_paired_runs(campaign: Campaign) -> None:
-    """A test without a run of its own condition adds nothing."""
     stray = CrashTest("stray", campaign.cae.conditions[0], campaign.tests[0].pulse)
     figure = plots.library_band(CaeLibrary(("C",), campaign.cae.conditions[1:2], campaign.cae.accel_mps2[1:2]), [stray])
     assert len(figure.data) == 2
@@ -200,7 +192,7 @@ def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(te
 
 
 def test_the_recording_lies_under_its_pulse() -> None:
-    """A file that counts braking positive in m/s² and starts late: both curves have their trough at one place."""
+    """Both curves have their trough at one place; what cannot be settled is drawn as it is."""
     raw = replace(channel(scale=-9.80665, unit="m/s²"), time_s=channel().time_s + 0.3)
     source = replace(record(raw, condition=CONDITION), own_time_zero="")
     found = settle(source)
@@ -210,10 +202,6 @@ def test_the_recording_lies_under_its_pulse() -> None:
     assert recorded.x[recorded.y.argmin()] == pytest.approx(pulse.x[pulse.y.argmin()], abs=0.5)
     flipped, _ = imported_pulse([raw], found, Display(unit="m/s²", deceleration=True)).data
     assert flipped.y.max() == pytest.approx(PEAK_MPS2, rel=1e-3)
-
-
-def test_what_cannot_be_settled_is_drawn_as_it_is() -> None:
-    """The file's own time, its own numbers, and no more curves than can be told apart."""
     channels = [channel(str(number), scale=2.0) for number in range(12)]
     figure = imported_pulse(channels, None)
     assert len(figure.data) == 8

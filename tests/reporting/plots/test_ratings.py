@@ -15,7 +15,7 @@ from tests.signals.test_rating_explanation import TEST, bump, pulse
 
 
 def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
-    """Grades hold above 0.94, 0.80 and 0.58 (ISO/TS 18571), not at them."""
+    """Grades and their colours hold above 0.94, 0.80 and 0.58 (ISO/TS 18571), not at them."""
     scores = {"A": {"cae": 0.58, "lf_tcn": 0.81}, "B": {"cae": 0.80, "lf_tcn": 0.95}}
     heat, _ = plots.rating_heatmap(scores).data
     assert [list(row) for row in heat.text] == [
@@ -24,10 +24,6 @@ def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
         ["0.690 Fair", "0.880 Good"],
     ]
     np.testing.assert_allclose(heat.z[-1], [0.69, 0.88], rtol=1e-6)
-
-
-def test_the_heat_map_colours_change_where_the_grades_do() -> None:
-    """Each grade's colour spans its range of ratings."""
     heat, _ = plots.rating_heatmap({"A": {"cae": 0.5}}).data
     spans = {colour: [limit for limit, c in heat.colorscale if c == colour] for _, colour in heat.colorscale}
     assert list(spans.values()) == [[0, 0.58], [0.58, 0.8], [0.8, 0.94], [0.94, 1]]

@@ -37,16 +37,12 @@ def _lines(figure: Figure) -> dict[str, Scatter]:
 
 
 def test_missing_numbers_leave_gaps(figure: Figure) -> None:
-    """Neither a zero nor a line across."""
+    """Neither a zero nor a line across; one outline of the band from 10 to 30 mph, none beyond or without."""
     line = _lines(figure)["fused"]
     np.testing.assert_allclose(line.x, SPEEDS_MPH)
     np.testing.assert_array_equal(line.y, [np.nan, 20, 30, np.nan, 50])
     assert line.connectgaps is False
     assert line.line.color == COLOURS["fused"]
-
-
-def test_the_band_is_drawn_where_both_ends_are_known(figure: Figure) -> None:
-    """One outline from 10 to 30 mph, none beyond; and none at all for an approach without."""
     (band,) = [trace for trace in figure.data if trace.fill == "toself"]
     np.testing.assert_allclose(band.x, [10, 20, 30, 30, 20, 10])
     np.testing.assert_allclose(band.y, [8, 18, 28, 32, 22, 12])
@@ -62,7 +58,7 @@ def test_the_cursor_reads_the_speed_and_the_interval(figure: Figure) -> None:
 
 
 def test_tests_are_black_points_with_their_id_and_weights(campaign: Campaign, figure: Figure) -> None:
-    """Each at its own speed and measured value."""
+    """At its speed and measured value, with a tick at the foot; shaded is what lies beyond the library."""
     (points,) = [trace for trace in figure.data if trace.mode == "markers"]
     np.testing.assert_allclose(points.x, [15, 25, 26, 35])
     assert points.marker.color == "#000000"
@@ -70,10 +66,6 @@ def test_tests_are_black_points_with_their_id_and_weights(campaign: Campaign, fi
     assert (test_id, condition) == ("T2", "25.0 mph, front 2040 lb, rear 1500 lb")
     assert "own weights" in points.name
     assert len(points.y) == len(campaign.tests)
-
-
-def test_speeds_without_runs_are_shaded_and_those_of_tests_ticked(campaign: Campaign, figure: Figure) -> None:
-    """The library ends at 36 mph at most, the sweep at 50; each test has a tick at the foot."""
     shaded = [shape for shape in figure.layout.shapes if shape.type == "rect"]
     fastest = campaign.cae.vectors[:, 0].max() / MPH
     assert shaded[-1].x0 == pytest.approx(fastest)
