@@ -43,7 +43,7 @@ _LOCATION = re.compile(r"[0-9A-Z]{12}")
 
 @dataclass(frozen=True, slots=True)
 class PulseExport:
-    """Which pulses go out, and how.
+    """Which pulses go out, and how; a UsageError if a choice makes no sense.
 
     Parameters
     ----------
@@ -57,12 +57,6 @@ class PulseExport:
         The first 12 characters of the ISO-MME channel codes: test object, position, main and fine locations.
     curve : SolverCurve, optional
         Units, sign, start, scale and id of a solver's curve; needed for the solvers' formats.
-
-    Raises
-    ------
-    UsageError
-        If a format is unknown, a solver's has no curve, the location is no code, or the number of draws or the seed is
-        negative.
     """
 
     formats: tuple[PulseFormat, ...] = ("isomme",)

@@ -110,13 +110,10 @@ class PredictedPulse:
         return tuple(dict.fromkeys((*advice, *(fact.sentence for fact in facts), *near, *self.notes)))
 
     def to_frame(self) -> pd.DataFrame:
-        """Pulse, band and motion by the preferred approach, one row a sample.
+        """Pulse, band and motion by the preferred approach, one row a sample, 1,250 in all.
 
-        Returns
-        -------
-        DataFrame
-            ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` (central 95 %, NaN without a band), as in
-            ``pulses.csv``; ``velocity_kph``, ``displacement_mm``; 1,250 rows.
+        ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` as in ``pulses.csv``; ``velocity_kph``,
+        ``displacement_mm``.
         """
         velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
         pulse = pulses_table([self.estimate])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
@@ -137,9 +134,7 @@ class PredictedPulse:
         Parameters
         ----------
         figure : {"motion", "acceleration", "displacement", "energy", "integration"}
-            Motion over time; acceleration over time and displacement; energy over crush; check of the integration.
-        approaches, also, band, **display
-            As in :meth:`crashfuse.study.study.Study.plot`.
+            As the page names them; the rest as in :meth:`crashfuse.study.study.Study.plot`.
         representative : bool
             Whether figures over time show a pulse that looks like a test, too.
         """
@@ -162,12 +157,7 @@ class PredictedPulse:
     ) -> None:
         """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model.
 
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        UsageError
-            If there is no such form or option, or there are fewer draws than are to be exported.
+        Raises an OSError if the folder cannot be written, a UsageError if fewer draws than asked for are there.
         """
         export = views.PulseExport() if export is None else export
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
@@ -217,8 +207,7 @@ def predict(
     Raises
     ------
     UsageError
-        If there is no such approach, a fit is of another campaign, the campaign lacks a factor of the condition or its
-        value, or speed or a weight is beyond any barrier test.
+        If an approach or a factor is unknown, a fit is of another campaign, or the condition is beyond barrier tests.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
@@ -241,7 +230,7 @@ def fits_of(
     if not asked:
         raise UsageError("A prediction takes an approach at least, such as fused.")
     for one in asked:
-        if not isinstance(one, Fit):
+        if isinstance(one, str):
             replace(config, approaches=(one,)).check()
         elif one.campaign.fingerprint != campaign.fingerprint:
             raise UsageError(f"The fit of {one.approach.name} learned from other data than {campaign.name} holds.")

@@ -71,17 +71,7 @@ def preview_source(
 ) -> tuple[Preview, ...]:
     """Look at what :func:`crashfuse.import_source` would add, one preview a record; nothing is written.
 
-    Parameters
-    ----------
-    source, choices, role, fmt, record_id, columns, conditions, travel
-        As there.
-
-    Raises
-    ------
-    DataError
-        With every problem of every record that cannot be read.
-    UsageError
-        If a choice does not exist.
+    Parameters are as there. Raises a DataError with all problems of records that cannot be read.
     """
     one_of("kind of record", role, dict.fromkeys(get_args(Role)))
     require_a(Choices, choices, "crashfuse.Choices()")

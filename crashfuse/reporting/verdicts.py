@@ -61,8 +61,7 @@ class Verdicts:
     def beside(self, earlier: str | Path) -> Self:
         """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``.
 
-        What that said of tests that were run since counts in the record, and can leave verdicts open. Raises a
-        DataError if there is no such certification, or it is of another vehicle.
+        What that said of tests run since counts in the record. A DataError if it is none, or of another vehicle.
         """
         return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
 
@@ -78,11 +77,7 @@ class Verdicts:
         notes: Sequence[Note] = (),
         **display: Unpack[DisplayOptions],
     ) -> None:
-        """Write what ``crashfuse certify`` writes: tables, ``certification.json``, ``report.html``.
-
-        With ``since``, an earlier certification, ``changes.csv`` and the report tell what became of it, see
-        :meth:`beside`; ``notes`` on the campaign's tests stand in the report.
-        """
+        """Write what ``crashfuse certify`` writes; with :meth:`since` and with notes in the report."""
         for note in notes:
             require_a(Note, note, "crashfuse.Note(test, text)")
         shown = Display.of(self.certification.campaign.units, **display)
@@ -98,11 +93,6 @@ class Verdicts:
             often probabilities came true; where predictions are checked.
         **display
             ``unit``, ``deceleration``, ``units``, see :class:`crashfuse.reporting.plots.display.DisplayOptions`.
-
-        Raises
-        ------
-        UsageError
-            If there is no such figure, option or unit.
         """
         shown = Display.of(self.certification.campaign.units, **display)
         return one_of("figure of verdicts", figure, FIGURES)(self.certification, shown)
