@@ -171,10 +171,7 @@ def sealed_by(folder: Path) -> str:
 
 
 def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = None) -> Sealed:
-    """Hold a certification against its seal, by a public key that one trusts or that of the seal itself.
-
-    Raises a DataError with every file that was changed, and where; of a ``campaign``, too.
-    """
+    """Hold a certification against its seal, by a trusted key or its own; a DataError has every changed file."""
     key, signatures, lines = _signed(folder / SEAL)
     content, problems = read(folder / FILE, "the sealed file"), []
     if trusted is not None and key_name(given := public_key(trusted)) != key_name(key):

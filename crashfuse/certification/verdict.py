@@ -156,9 +156,9 @@ def with_decided(curve: LearningCurve, criteria: Criteria) -> LearningCurve:
     limits = [criterion for criterion in criteria.items if criterion.metric != RATING]
 
     def share(forecast: dict[str, Distribution | None]) -> float:
-        pairs = [(forecast[limit.metric], limit) for limit in limits]
-        probabilities = [own and own.probability(limit.at_least, limit.at_most) for own, limit in pairs]
-        decided = [_word(probability, criteria.confidence) != "open" for probability in probabilities]
-        return float(np.mean(decided)) if decided else float("nan")
+        known = [(own, limit) for limit in limits if (own := forecast[limit.metric]) is not None]
+        chances = [own.probability(limit.at_least, limit.at_most) for own, limit in known]
+        decided = [_word(p, criteria.confidence) != "open" for p in chances]
+        return sum(decided) / len(limits) if limits else float("nan")
 
     return replace(curve, table=curve.table.assign(decided=[share(own) for own in curve.forecasts]))

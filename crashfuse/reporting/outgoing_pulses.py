@@ -82,10 +82,7 @@ class PulseExport:
                 raise UsageError(f"{what} is 0 or more, not {number!r}.")
 
     def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:
-        """The files of each format that is asked for; each states these remarks, besides its own.
-
-        A UsageError if an approach has fewer draws than asked for, or no approach has any.
-        """
+        """The files of each format, which state these remarks, too; a UsageError if there are too few draws."""
         written: dict[PulseFormat, dict[str, bytes]] = {name: {} for name in self.formats}
         cfc = campaign.channel_filter_class
         records = "taken as they are" if cfc is None else f"filtered with CFC {cfc:g}"

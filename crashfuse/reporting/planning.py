@@ -162,11 +162,6 @@ def next_test(
         The tests that could be run; by default speeds over the range, at the middle weights.
     planned : sequence of Condition
         Tests that are going to be run anyway.
-
-    Raises
-    ------
-    UsageError
-        If there is no range or candidate, or a factor is unknown or missing.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
