@@ -44,7 +44,8 @@ def test_units_are_those_of_the_names() -> None:
     one = Condition.of(speed_mph=35, front_weight_lb=2100, rear_weight_kg=700, drive="FWD")
     assert one.vector.tolist() == pytest.approx([15.6464, 952.543977, 700.0], rel=1e-15)
     assert one.factors == (("drive", "FWD"),)
-    other = Condition.of(speed_kph=56.32704, front_weight_kg=952.543977, rear_weight_kg=700)
+    other = Condition.of(speed_kph=56.32704, front_weight_kg=952.543977, rear_weight_kg=700, drive=None)
+    assert other.factors == ()
     assert other.vector.tolist() == pytest.approx(one.vector.tolist(), rel=1e-15)
     assert Condition.of(speed_mps=15.6464, front_weight_kg=1, rear_weight_kg=1).speed_mps == 15.6464
 
@@ -61,10 +62,11 @@ def test_units_are_those_of_the_names() -> None:
         ),
         ({"speed_mph": "fast"}, "speed_mph is a number above 0, not 'fast'."),
         ({"speed_mph": -3}, "speed_mph is a number above 0, not -3."),
+        ({"speed_mph": None}, "speed_mph is a number above 0, not None."),
         ({"speed_mph": float("nan")}, "speed_mph is a number above 0, not nan."),
     ],
 )
-def test_quantities_that_are_no_condition_are_a_sentence(given: dict[str, float | str], said: str) -> None:
+def test_quantities_that_are_no_condition_are_a_sentence(given: dict[str, float | str | None], said: str) -> None:
     """Missing, in two units, in none, not a number."""
     with pytest.raises(UsageError) as caught:
         Condition.of(**given)

@@ -43,10 +43,7 @@ with the confidence; it would miss one; one is open; one is open as records end 
 
 
 class Variant(NamedTuple):
-    """What the answers are if something is other: by condition the answer, and that of the variant, where they differ.
-
-    Verdicts of earlier certifications are left aside.
-    """
+    """The answers if something is other, earlier verdicts aside: both of them, by condition, where they differ."""
 
     name: str
     saved: tuple[int, int]
@@ -80,7 +77,7 @@ class Certification:
         return f"<Certification of {self.campaign.name!r}: {size} by {self.config.approaches[0]}>"
 
     def beside(self, earlier: Earlier) -> Self:
-        """The same with the verdicts of an earlier one on tests run since; a DataError if it is another vehicle's."""
+        """The same held against an earlier one, too; a DataError if that is another vehicle's."""
         earlier.require_of(self.campaign)
         since = TestedSince(earlier, self.campaign)
         record = replace(self.record, since=since.trials(self.criteria))
@@ -105,7 +102,7 @@ class Certification:
 
     @property
     def run(self) -> dict[str, tuple[str, ...]]:
-        """Ids of the tests that were made for a condition of the matrix, by its id; of conditions with any."""
+        """The tests that were made for a condition, by its id; of conditions with any."""
         return {i: tuple(row[0].run) for i, row in self.rows.items() if row[0].run}
 
     @cached_property
@@ -115,12 +112,12 @@ class Certification:
 
     @cached_property
     def waived(self) -> dict[str, AllMet]:
-        """Conditions that need not be run, by :func:`needs_no_test`, and were not; with :func:`all_met` of each."""
+        """Conditions that need not be run, with :func:`all_met` of each."""
         return self._all_met("need not be run")
 
     @property
     def uncertain(self) -> dict[str, AllMet]:
-        """Conditions, not run, where each criterion is met, but all at once not with the confidence; as ``waived``."""
+        """Conditions where each criterion is met, but all at once not with the confidence; as ``waived``."""
         return self._all_met("to be tested")
 
     def _all_met(self, answer: Answer) -> dict[str, AllMet]:
@@ -128,19 +125,19 @@ class Certification:
 
     @cached_property
     def counted_once(self) -> dict[str, str]:
-        """Conditions that are another one by :meth:`Matrix.alike`: one that still takes a test first, then one run."""
+        """:meth:`Matrix.alike`: those that still take a test stand for others, then those run."""
         settled = ("run", "need not be run")
         return self.matrix.alike([i for i, answer in self.answers.items() if answer not in settled], list(self.run))
 
     @property
     def saved(self) -> tuple[int, int]:
-        """How many tests need not be run, and of how many, each counted once."""
+        """How many tests need not be run, and of how many."""
         n = len(self.matrix.ids) - len(self.counted_once)
         return len(self.waived.keys() - self.counted_once.keys()), n
 
     @property
     def run_first(self) -> str | None:
-        """The fastest of two or more conditions that a test can settle, after which others may need none; or None."""
+        """The fastest of two or more conditions that a test can settle; or None."""
         speeds = {}
         for i, answer in self.answers.items():
             can_tell = all(v.word != "open" or v.probability is not None for v in self.rows[i])
@@ -174,10 +171,10 @@ def certify_matrix(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> Certification:
-    """Judge every criterion at every condition of a matrix, and keep the record of the tests, left out in turn.
+    """Judge every criterion at every condition by the first approach, and keep the record of tests, left out in turn.
 
-    The first approach is judged. Forecasts are kept in the cache: other limits then take no time. Raises a UsageError
-    without tests, a DataError if a record is shorter than the window of a rating.
+    Forecasts are cached: other limits take no time. Raises a UsageError without tests, a DataError if a record is
+    shorter than the window of a rating.
     """
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")
@@ -212,10 +209,7 @@ def certify_matrix(
 
 
 def try_variants(certification: Certification, what: Sequence[str], **computing: Any) -> Certification:  # noqa: ANN401
-    """The certification with variants by another ``seed``, the other ``preset``, or without each of the ``tests``.
-
-    ``computing`` is as for :func:`certify_matrix`.
-    """
+    """The certification with further variants (:data:`TRIED`); ``computing`` is as for :func:`certify_matrix`."""
     campaign, config, others = certification.campaign, certification.config, {}
     criteria, matrix = certification.criteria, certification.matrix
     for name in what:
@@ -235,7 +229,7 @@ def try_variants(certification: Certification, what: Sequence[str], **computing:
 
 
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, cache: Cache) -> bool:
-    """Whether the cache has every forecast that a certification takes, so that it takes no time."""
+    """Whether the cache has every forecast that a certification takes."""
     config = replace(config, approaches=config.approaches[:1])
     forecasts = Forecasts(campaign, criteria.windows_ms, config, cache, SILENT)
     _, trials, cells = _asked(campaign, matrix, config.approaches[0])
@@ -260,8 +254,6 @@ def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Spl
 
 
 class _LeftOut(NamedTuple):
-    """A test, left out: what was predicted of it, why it lies outside the others' domain, what it showed."""
-
     test: CrashTest
     way: LeftOut
     forecast: Forecast
@@ -300,7 +292,7 @@ def _record(criteria: Criteria, left_out: Sequence[_LeftOut]) -> TrackRecord:
 def hold(
     judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord, removed: Sequence[RemovedTest] = ()
 ) -> Rows:
-    """Verdicts held against the record and the tests at each condition: run there, apart there, or removed since."""
+    """Verdicts held against the record and the tests run, apart or removed at each condition."""
     supports = {criterion: record.support(criterion) for criterion in criteria.items}
 
     def held(verdict: Verdict, apart: Sequence[str]) -> Verdict:
@@ -338,7 +330,7 @@ def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | 
 
 
 def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
-    """The verdict beside what tests there (or ``off`` it a little) measured; open if one of them contradicts it."""
+    """The verdict beside what tests there (or a little ``off``) measured; open if one contradicts it."""
     criterion, contradicted, told = verdict.criterion, False, []
     did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
     for test, value in run.items():
@@ -353,9 +345,8 @@ def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping
 
 
 def _beside_removed(verdict: Verdict, removed: Sequence[RemovedTest]) -> Verdict:
-    """Likewise beside what tests that are gone had shown there; of metrics, as a rating was of another prediction."""
     criterion = verdict.criterion
-    for test in removed if criterion.window_ms is None else ():
+    for test in removed if criterion.window_ms is None else ():  # a rating was of another prediction
         value = test.measured.get(quantity(criterion)) if test.condition.is_at(verdict.condition) else None
         if value is not None:
             met = criterion.is_met_by(value)

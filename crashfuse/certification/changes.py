@@ -21,7 +21,7 @@ _DIGITS = 5  # of m/s and kg: conditions go through mph and lb
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One criterion at one condition, by both certifications or by one of them, with the condition's id in each."""
+    """One criterion at one condition, by both certifications or one of them."""
 
     earlier_id: str | None
     later_id: str | None
@@ -41,7 +41,7 @@ class Change:
 
     @property
     def came_true(self) -> dict[str, bool]:
-        """Whether each of these tests showed what the earlier verdict, met or not met, said."""
+        """Whether each test showed what the earlier verdict said, if that was decided."""
         if self.before is None or not self.before.decided:
             return {}
         said = self.before.word == "met"
@@ -59,7 +59,7 @@ class Changes:
     @classmethod
     @lru_cache(maxsize=4)  # asked for by tables, sentences and files
     def of(cls, later: Certification) -> Self:
-        """Compare one with that which it is beside: what that said, in its order, then what only this one says."""
+        """Compare one with that which it is beside: what that said, then what only this one says."""
         if later.since is None:
             raise UsageError("Nothing to compare: give an earlier certification.")
         since, earlier = later.since, later.since.earlier
@@ -95,12 +95,12 @@ class Changes:
 
     @cached_property
     def tested(self) -> dict[str, tuple[str, ...]]:
-        """Tests that the earlier certification did not know at its conditions, by the name of the condition."""
+        """The tests that measured something since, by the name of their condition."""
         return {cell.name: tuple(cell.measured) for cell in self.cells if cell.measured}
 
     @property
     def outcomes(self) -> dict[str, WrongShare]:
-        """The wrong ones of verdicts met or not met on metrics of these tests, each once, and of the tests."""
+        """:func:`trial_bounds` of verdicts on metrics of these tests, each once."""
         return trial_bounds(strictest_per_metric(self.since.without_tuned(self.since.latest)))
 
     @property
@@ -110,18 +110,18 @@ class Changes:
 
     @cached_property
     def record(self) -> TrackRecord:
-        """All that was said of tests before they were run, by certifications before the earlier one, too."""
+        """All that was said of tests before they were run, by certifications before it, too."""
         tuned = self.since.tuned  # to these only what was missed
         return TrackRecord(tuple(t for t in self.since.all_trials if t.held_out not in tuned or t.wrong or not t.held))
 
     @property
     def too_narrow(self) -> bool:
-        """Whether intervals held too little; what one test alone missed hangs together, and is no sign of that."""
+        """Whether intervals held too little; one test alone, whose metrics hang together, is no sign of it."""
         return self.record.too_narrow and len({trial.held_out for trial in self.record.missed_intervals}) > 1
 
     @property
     def waived_outcomes(self) -> dict[str, Outcomes]:
-        """Of conditions that needed no test and have one, which criteria each test missed, and which it can't tell."""
+        """Of conditions that needed no test and have one, what each test missed, and what it cannot tell."""
         found = dict(self.earlier.waived_before)
         for name, tests in self.tested.items():
             cells = [cell for cell in self.cells if cell.name == name and cell.measured]
@@ -137,7 +137,7 @@ class Changes:
 
     @property
     def newly_waived(self) -> tuple[str, ...]:
-        """Conditions that need no test, and did then; by the ids of today. None by other criteria."""
+        """Conditions, by the ids of today, that need no test, and did then; none by other criteria."""
         then, now = ({_limit(criterion) for criterion in c.criteria.items} for c in (self.earlier, self.later))
         if then != now:
             return ()
@@ -146,7 +146,7 @@ class Changes:
 
     @property
     def withdrawn(self) -> dict[str, tuple[Verdict, ...]]:
-        """Conditions, not run since, that needed no test then, and do by the criteria of both, with what is not met."""
+        """Conditions, not run since, that needed no test then and do by the criteria of both; what is not met."""
         both = {_limit(criterion) for criterion in self.earlier.criteria.items}
         found, run = {}, self.later.run
         for i, before in self._both.items():
@@ -163,7 +163,7 @@ class Changes:
 
 
 def saved_and_missed(certification: Certification) -> tuple[int, int]:
-    """How many tests need not have been run by what was said without them, and how many of these missed a criterion."""
+    """As :meth:`TrackRecord.waived`, with tests that earlier certifications waived and that were run since."""
     saved = certification.record.saved(certification.criteria)
     if certification.since is not None:
         for tests in Changes.of(certification).waived_outcomes.values():

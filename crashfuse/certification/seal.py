@@ -30,7 +30,7 @@ _KEY = re.compile(r' *"((?:[^"\\]|\\.)*)":')
 
 
 def make_keys(path: Path) -> str:
-    """Write a new private key, which its owner alone can read, and the public one beside it (``.pub``); its name."""
+    """Write a new private key, for its owner alone, and the public one beside it (``.pub``); returns its name."""
     private = _ed25519().Ed25519PrivateKey.generate()
     public = path.parent / f"{path.name}.pub"  # of a folder, too: it is there already
     if there := [file for file in (path, public) if file.exists()]:
@@ -45,7 +45,7 @@ def make_keys(path: Path) -> str:
 
 
 def key_name(key: "Ed25519PublicKey") -> str:
-    """The first half of the SHA-256 of a public key: what two people compare who are on the phone."""
+    """The first half of the SHA-256 of a public key, to be compared on the phone."""
     return hashlib.sha256(key.public_bytes_raw()).hexdigest()[:32]
 
 
@@ -98,7 +98,7 @@ def read(path: Path, expected: str) -> bytes:
 
 
 def rests_on(campaign: Path, *others: Path | None) -> dict[str, str]:
-    """SHA-256 of every file of a campaign, by its place there, and of files elsewhere by their names after ``../``."""
+    """SHA-256 of every file of a campaign, by its place there; of files elsewhere by ``../`` and name."""
     files = {campaign.name: campaign} if campaign.is_file() else {}
     for path in sorted(campaign.rglob("*")) if campaign.is_dir() else ():
         place = path.relative_to(campaign)
@@ -152,7 +152,7 @@ def _of_lines(lines: Mapping[str, str]) -> bytes:
 
 
 class Sealed(NamedTuple):
-    """A seal that holds: the name of its key, that of the reviewer's, and what it says of the certification."""
+    """A seal that holds, with the names of its key and of the reviewer's."""
 
     key: str
     reviewer: str | None
@@ -171,10 +171,7 @@ def sealed_by(folder: Path) -> str:
 
 
 def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = None) -> Sealed:
-    """Hold a certification against its seal, by a public key that one trusts or that of the seal itself.
-
-    Raises a DataError with every file that was changed, and where; with a ``campaign``, of its files, too.
-    """
+    """Hold a certification against its seal, by a trusted key or its own; a DataError has every changed file."""
     key, signatures, lines = _signed(folder / SEAL)
     content, problems = read(folder / FILE, "the sealed file"), []
     if trusted is not None and key_name(given := public_key(trusted)) != key_name(key):
@@ -215,7 +212,6 @@ def _as_written(path: Path) -> Iterator[None]:
 
 
 def _signed(path: Path) -> "tuple[Ed25519PublicKey, dict[str, bytes], dict[str, str]]":
-    """The key of a seal or a review, its signatures, and its digests of lines."""
     ed25519, content = _ed25519(), read(path, "the seal that crashfuse certify --seal writes")
     with _as_written(path):
         values = json.loads(content)
@@ -263,7 +259,6 @@ def _changes(name: str, content: bytes, lines: Mapping[str, str]) -> Iterator[Pr
 
 
 def _key_at(name: str, texts: Sequence[bytes], place: int) -> str | None:
-    """The keys that lead to a line of indented JSON, such as ``cells.M01``."""
     keys, indent = [], float("inf")
     for text in reversed(texts[: place + 1] if name.endswith(".json") else ()):
         line = text.decode("utf-8", "replace").lstrip("\ufeff")

@@ -36,7 +36,7 @@ class TestedSince:
 
     @cached_property
     def new(self) -> tuple[str, ...]:
-        """Tests that the earlier certification did not know, neither by their record nor by their id."""
+        """Tests that it did not know, neither by their record nor by their id."""
         known = {*self.earlier.tests, *self.earlier.tests.values()}
         return tuple(test for test, digest in self._digests.items() if not {test, digest} & known)
 
@@ -48,23 +48,23 @@ class TestedSince:
 
     @cached_property
     def gone(self) -> tuple[str, ...]:
-        """Tests that it learned from and that are not used any more, by their ids then."""
+        """Tests that it learned from and that are not used any more."""
         known = {*self._digests.values(), *(self.earlier.tests[test] for test in self.changed)}
         return tuple(test for test, digest in self.earlier.tests.items() if digest not in known)
 
     @cached_property
     def made_for(self) -> dict[str, str]:
-        """The condition that each new test was made for, by its id then; of those made for one."""
+        """The condition then that a new test was made for, by test."""
         return self.earlier.matrix.made_for((test, self.campaign.test(test).condition) for test in self.new)
 
     @property
     def at(self) -> dict[str, str]:
-        """The condition of each test that tells whether verdicts came true, by its id then."""
+        """The same of tests that tell whether verdicts came true."""
         return {test: i for test, i in self.made_for.items() if i not in self.earlier.run}
 
     @property
     def repeats(self) -> dict[str, str]:
-        """The condition of each test that was made where the earlier certification knew one already."""
+        """The same of tests that repeat one that it knew."""
         return {test: i for test, i in self.made_for.items() if i in self.earlier.run}
 
     @property
@@ -79,7 +79,7 @@ class TestedSince:
 
     @cached_property
     def shown(self) -> dict[str, dict[str, float | None]]:
-        """Metrics of each test that tells, measured with the earlier certification's occupant model, without shifts."""
+        """Metrics of each test that tells, by the occupant model of then, without shifts."""
         then = replace(self.campaign, occupant=self.earlier.occupant)
         return {
             test: {
@@ -90,12 +90,12 @@ class TestedSince:
         }
 
     def shift(self, test_id: str, metric: str) -> float:
-        """How much more a test shows than it would at its condition, by the CAE model; 0 if it is there."""
+        """How much more a test shows than at its condition, by the CAE model; 0 if it is there."""
         return self._shifts.get(test_id, {}).get(metric, 0.0)
 
     @cached_property
     def _shifts(self) -> dict[str, dict[str, float]]:
-        """Those of tests off their condition; by the emulator at both, so that what is wrong in it is wrong in both."""
+        # by the emulator at both conditions, so that what is wrong in it is wrong in both
         off, planned = [test for test in self.at if self.is_off(test)], dict(self.earlier.matrix.items)
         if not off or not len(self.campaign.cae):
             return {}
@@ -126,7 +126,7 @@ class TestedSince:
 
     @cached_property
     def is_older(self) -> dict[str, bool | None]:
-        """Whether its verdict is older than each test by the dates that both give; None if one gives none."""
+        """Whether its verdict is older than each test, by the dates of both; None if one has none."""
         dates = {test.id: dict(test.about).get("about_date", "") for test in self.campaign.tests}
         older: dict[str, bool | None] = {}
         for trial in self.all_trials:
@@ -151,7 +151,7 @@ class TestedSince:
         )
 
     def without_tuned(self, trials: Sequence[Trial]) -> tuple[Trial, ...]:
-        """Those that may support something: of tests that the CAE model was tuned to, only what was wrong."""
+        """Those that count: of tests that the CAE model was tuned to, only what was wrong."""
         return tuple(trial for trial in trials if trial.wrong or trial.held_out not in self.tuned)
 
     @cached_property
@@ -161,7 +161,7 @@ class TestedSince:
 
     @cached_property
     def gone_runs(self) -> tuple[RemovedTest, ...]:
-        """Records of tests at its or earlier conditions that are gone; if all changed, they are filtered otherwise."""
+        """Records of tests at its or earlier conditions that are gone, unless all are filtered otherwise."""
         used = set(self._digests.values())
         refiltered = not used & set(self.earlier.tests.values())
         changed: Sequence[str] = self.changed if refiltered else ()

@@ -22,7 +22,7 @@ SUPPORTED_AT_ALL = {"rebound_velocity": 0.85, "restitution": 0.85}
 
 
 def share_bounds(count: int, n: int) -> tuple[float, float]:
-    """Exact two-sided 95 % bounds of a share of which ``count`` in ``n`` were seen (Clopper & Pearson 1934)."""
+    """Exact two-sided 95 % bounds of a share, ``count`` in ``n`` seen (Clopper & Pearson 1934)."""
     tail = (1 - _LEVEL) / 2
     lower = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
     upper = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
@@ -40,19 +40,19 @@ def at_most(wrong: int, n: int) -> str:
 
 
 class WrongShare(NamedTuple):
-    """How many of ``n`` verdicts, or of tests or vehicles with verdicts, were wrong, or have a wrong one."""
+    """How many of ``n`` verdicts were wrong, or of ``n`` tests or vehicles have a wrong one."""
 
     wrong: int
     n: int
 
     @property
     def at_most(self) -> float | None:
-        """Exact one-sided 95 % upper bound of the share, to four digits; None without any."""
+        """:func:`largest_share` to four digits; None without any."""
         return round(largest_share(*self), 4) if self.n else None
 
 
 def wrong_shares(wrong: Sequence[bool], **units: Sequence[Hashable]) -> dict[str, WrongShare]:
-    """The wrong ones of ``verdicts``, and of each unit (``tests``, ``vehicles``): wrong if any verdict on it is."""
+    """Of ``verdicts``, and of each unit (``tests``, ``vehicles``), which is wrong if any verdict on it is."""
     shares = {"verdicts": WrongShare(sum(wrong), len(wrong))}
     for name, labels in units.items():
         contradicted = {label for label, is_wrong in zip(labels, wrong, strict=True) if is_wrong}
@@ -66,9 +66,9 @@ def _expected_right(decided: int, wrong: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """What the record says of one criterion, from its own trials and those of all criteria with a test near the limit.
+    """What the record says of one criterion, from its own trials and those of criteria with a test near the limit.
 
-    Of a test one verdict a metric counts each time it was left out or planned, and five in all, wrong ones first.
+    A test counts with one verdict a metric each time it was left out or planned, five in all, wrong ones first.
     """
 
     decided: int
@@ -82,14 +82,11 @@ class Support:
 
     @property
     def confidence(self) -> float:
-        """Highest confidence that the record supports: the expected share of right verdicts, ``most`` at most."""
+        """Highest that the record supports: the expected share of right verdicts, ``most`` at most."""
         return min(_expected_right(self.decided, self.wrong), self.most)
 
     def shortfall(self, confidence: float) -> str | None:
-        """A sentence on what record would support this confidence; None if this one does.
-
-        What was wrong on its own metric, or before tests were run, can refute it, whatever else was right.
-        """
+        """What record would support this confidence, or what refutes it; None if this one supports it."""
         for n, wrong, of in (
             (self.own_decided, self.own_wrong, "on this metric, one a test,"),
             (self.before, self.wrong_before, "given before tests were run"),
@@ -109,7 +106,7 @@ class Support:
         )
 
     def reservation(self, confidence: float) -> str | None:
-        """A sentence on why a record that supports this confidence says little about the criterion itself."""
+        """Why a record that supports this confidence says little about the criterion itself."""
         if not self.near:
             return "No left-out test came near this limit: the record says nothing about it."
         if reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
@@ -129,7 +126,7 @@ _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """The verdict on one criterion of a test that was left out, or only planned, and what was measured."""
+    """The verdict on one criterion of a test, left out or only planned, and what was measured."""
 
     held_out: str
     left_out: LeftOut  # planned: an earlier certification gave the verdict before the test was run
@@ -178,14 +175,13 @@ def trial_bounds(trials: Sequence[Trial]) -> dict[str, WrongShare]:
 
 
 def strictest_per_metric(trials: Sequence[Trial], *, each_time: bool = True) -> tuple[Trial, ...]:
-    """Of the verdicts on one metric of a test, each time or in all, a wrong one if any is, or else a decided one."""
+    """One verdict a metric of a test, each time or in all: a wrong one if any is, or else a decided one."""
     worst_last = sorted(trials, key=lambda trial: (trial.wrong, trial.verdict.decided))
     found = {(t.held_out, each_time and t.left_out, quantity(t.verdict.criterion)): t for t in worst_last}
     return tuple(found.values())
 
 
 def _capped_per_test(trials: Sequence[Trial]) -> tuple[Trial, ...]:
-    """Of each test no more verdicts than it tells independently, the wrong ones first, then decided ones."""
     by_test: dict[str, list[Trial]] = {}
     for trial in sorted(trials, key=lambda trial: (not trial.wrong, not trial.verdict.decided)):
         by_test.setdefault(trial.held_out, []).append(trial)
@@ -194,7 +190,7 @@ def _capped_per_test(trials: Sequence[Trial]) -> tuple[Trial, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """Left-out verdicts in one bin of probability: its mean, and the share of tests that ``met``, with 95 % bounds."""
+    """Verdicts in a bin of probability: its mean, and the share of tests that ``met``, with 95 % bounds."""
 
     low: float
     high: float
@@ -216,9 +212,9 @@ class TrackRecord:
 
     trials: tuple[Trial, ...]
     since: tuple[Trial, ...] = ()
-    """Of tests that were run after an earlier certification had judged them; part of what is supported alone."""
+    """Of tests run after an earlier certification had judged them; they support or refute, and count nowhere else."""
     whole: tuple[tuple[LeftOut, bool], ...] = ()
-    """Whether each left-out test lies inside its band of whole pulses; nothing without a band."""
+    """Whether left-out tests lie inside their bands of whole pulses, where there are any."""
     tuned: tuple[Trial, ...] = ()
     """Of tests that the CAE model was tuned to; they support nothing and count nowhere."""
 
@@ -232,7 +228,7 @@ class TrackRecord:
         return tuple(trial for trial in self.trials if not self.repeats(trial))
 
     def repeats(self, trial: Trial) -> bool:
-        """Whether a trial is another once more, because nothing else was left out with the test."""
+        """Whether it is another once more, as nothing else was left out with the test."""
         alone = self._alone.get((trial.held_out, trial.verdict.criterion.name))
         return trial.left_out != "test" and alone is not None and alone.verdict == trial.verdict
 
@@ -242,7 +238,6 @@ class TrackRecord:
 
     @property
     def _inside(self) -> list[Trial]:
-        """Counted trials inside the validated domain of the other tests: outside, no probability is vouched for."""
         return [trial for trial in self.counted if trial.verdict.word != "outside"]
 
     def of(self, criterion: Criterion) -> tuple[Trial, ...]:
@@ -250,7 +245,7 @@ class TrackRecord:
         return tuple(trial for trial in self.counted if trial.verdict.criterion == criterion)
 
     def counts(self, criterion: Criterion | None = None) -> dict[str, tuple[int, int]]:
-        """Number of verdicts by word, and of the wrong ones; of one criterion or of all."""
+        """Number of verdicts by word, and of wrong ones; of one criterion or of all."""
         some = self.counted if criterion is None else self.of(criterion)
         by_word = {word: [trial for trial in some if trial.verdict.word == word] for word in WORDS}
         return {word: (len(trials), sum(trial.wrong for trial in trials)) for word, trials in by_word.items()}
@@ -261,30 +256,30 @@ class TrackRecord:
         return _decided(self.counted)
 
     def bounds(self, criterion: Criterion | None = None) -> dict[str, WrongShare]:
-        """The wrong ones of verdicts met or not met, and of the tests that have any; of one criterion or of all."""
+        """:func:`trial_bounds` of one criterion or of all."""
         return trial_bounds(self.counted if criterion is None else self.of(criterion))
 
     @cached_property
     def telling(self) -> "TrackRecord":
-        """What shows something: verdicts on limits that left-out tests came near, or belied; one a metric of a test."""
+        """Verdicts on limits that left-out tests came near, or belied; one a metric of a test."""
         names = {trial.verdict.criterion.name for trial in self.counted if trial.near or trial.wrong}
         return TrackRecord(strictest_per_metric([t for t in self.counted if t.verdict.criterion.name in names]))
 
     @property
     def intervals(self) -> tuple[int, int]:
-        """How many 95 % intervals held what was measured, and of how many; two criteria on one metric share theirs."""
+        """How many 95 % intervals held what was measured, and of how many; one a metric."""
         n = len(strictest_per_metric(self._with_interval))
         return n - len(self.missed_intervals), n
 
     @property
     def whole_pulses(self) -> dict[LeftOut, tuple[int, int]]:
-        """How many left-out tests lay inside the band of whole pulses, and of how many, by what was left out."""
+        """How many tests lay inside the band of whole pulses, and of how many, by what was left out."""
         by_way = {way: [inside for other, inside in self.whole if other == way] for way, _ in self.whole}
         return {way: (sum(insides), len(insides)) for way, insides in by_way.items()}
 
     @property
     def missed_intervals(self) -> tuple[Trial, ...]:
-        """Trials whose interval did not hold what was measured, one a metric each time a test was left out."""
+        """Trials whose interval did not hold what was measured, one a metric each time."""
         return strictest_per_metric([trial for trial in self._with_interval if not trial.held])
 
     @property
@@ -293,12 +288,12 @@ class TrackRecord:
 
     @property
     def too_narrow(self) -> bool:
-        """Whether so few intervals held what was measured that they cannot hold 95 % of tests (exact 95 % bound)."""
+        """Whether too few intervals held for ones that hold 95 % of tests (exact 95 % bound)."""
         inside, n = self.intervals
         return n > 0 and largest_share(inside, n) < _LEVEL
 
     def waived(self, criteria: Criteria) -> tuple[int, int, int]:
-        """How many tests were left out, how many need not have been run, and how many of these missed a criterion."""
+        """How many tests were left out, need not have been run, and of these missed a criterion."""
         saved = self.saved(criteria)
         return len({trial.held_out for trial in self.counted}), len(saved), sum(saved.values())
 
@@ -326,7 +321,7 @@ class TrackRecord:
 
     @property
     def brier(self) -> tuple[float, float] | None:
-        """Mean squared error of the probabilities, and of the raw CAE's, over all pulse metrics; None without any."""
+        """Mean squared error of the probabilities, and of the raw CAE's, over pulse metrics; None without any."""
         pairs = [
             (trial.verdict.probability, trial.cae_probability, trial.met)
             for trial in self._inside

@@ -155,12 +155,10 @@ def with_decided(curve: LearningCurve, criteria: Criteria) -> LearningCurve:
     """Add the column ``decided``: the share of criteria on metrics that each prediction decides; NaN without any."""
     limits = [criterion for criterion in criteria.items if criterion.metric != RATING]
 
-    def decides(own: Distribution | None, criterion: Criterion) -> bool:
-        probability = None if own is None else own.probability(criterion.at_least, criterion.at_most)
-        return _word(probability, criteria.confidence) != "open"
-
     def share(forecast: dict[str, Distribution | None]) -> float:
-        decided = [decides(forecast[criterion.metric], criterion) for criterion in limits]
-        return float(np.mean(decided)) if decided else float("nan")
+        known = [(own, limit) for limit in limits if (own := forecast[limit.metric]) is not None]
+        chances = [own.probability(limit.at_least, limit.at_most) for own, limit in known]
+        decided = [_word(p, criteria.confidence) != "open" for p in chances]
+        return sum(decided) / len(limits) if limits else float("nan")
 
     return replace(curve, table=curve.table.assign(decided=[share(own) for own in curve.forecasts]))

@@ -11,16 +11,9 @@ from crashfuse.certification.changes import Changes
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
+from crashfuse.reporting import evidence_facts
 from crashfuse.reporting.certification_tables import ANSWER_WORDS
-from crashfuse.reporting.evidence_facts import (
-    change_facts,
-    criterion_facts,
-    domain_facts,
-    fact,
-    listed,
-    listed_conditions,
-    record_facts,
-)
+from crashfuse.reporting.evidence_facts import fact, listed, listed_conditions
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
 from crashfuse.wording import Sentence, counted, joined, number, probability_text, read_out
@@ -110,12 +103,12 @@ def facts(certification: Certification) -> tuple[Fact, ...]:
         _campaign(certification),
         _matrix(certification),
         _costs(certification),
-        record_facts(certification),
-        domain_facts(certification.domain),
+        evidence_facts.record_facts(certification),
+        evidence_facts.domain_facts(certification.domain),
         _conditions(certification),
         _not_used(certification),
-        criterion_facts(certification),
-        () if certification.since is None else change_facts(Changes.of(certification)),
+        evidence_facts.criterion_facts(certification),
+        () if certification.since is None else evidence_facts.change_facts(Changes.of(certification)),
     )
     return tuple(replace(own, label=SUBJECTS.get(own.code, "")) for own in found)
 

@@ -49,10 +49,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
         {
             **condition_columns(i, verdict.condition, factors, certification.matrix.conditions[0]),
             **_limit_columns(verdict.criterion),
-            "value": verdict.value,
-            "lower": verdict.lower,
-            "upper": verdict.upper,
-            "probability": verdict.probability,
+            **{name: getattr(verdict, name) for name in ("value", "lower", "upper", "probability")},
             "verdict": verdict.word,
             "reason": verdict.reason,
             "basis": basis[verdict.criterion.metric],
@@ -121,7 +118,7 @@ def factors_of(matrix: Matrix) -> tuple[str, ...]:
 def condition_columns(
     condition_id: str, condition: Condition, factors: Sequence[str], like: Condition
 ) -> dict[str, object]:
-    """A condition in the columns of ``matrix.csv``, in the units that another one, the table's first, was given in."""
+    """A condition in the columns of ``matrix.csv``, in the units that another one was given in."""
     return {
         "id": condition_id,
         **replace(condition, units=like.units).columns,
@@ -154,17 +151,13 @@ def _bases(campaign: Campaign) -> dict[str, str]:
 
 def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, float | None]]:
     """Left-out verdicts of each kind, wrong ones and the 95 % bound of their share; *decided* is both."""
-    counts = record.counts(criterion)
-    (met, wrongly_met), (missed, wrongly_missed) = counts["met"], counts["not met"]
-    counts |= {"decided": (met + missed, wrongly_met + wrongly_missed)}
-    return {
-        word: share_columns(WrongShare(wrong, n)) if word in _JUDGED else {"n": n}
-        for word, (n, wrong) in counts.items()
-    }
+    counts = {word: WrongShare(wrong, n) for word, (n, wrong) in record.counts(criterion).items()}
+    counts["decided"] = record.bounds(criterion)["verdicts"]
+    return {word: share_columns(share) if word in _JUDGED else {"n": share.n} for word, share in counts.items()}
 
 
 def share_columns(share: WrongShare) -> dict[str, float | None]:
-    """A share of wrong ones with its exact one-sided 95 % upper bound, None without any, as in JSON."""
+    """A share of wrong ones with its bound, as in JSON."""
     return {"n": share.n, "wrong": share.wrong, "wrong_at_most": share.at_most}
 
 
@@ -178,7 +171,7 @@ def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd
 
 
 def answer_texts(certification: Certification, *, short: bool = False) -> dict[str, str]:
-    """The answer at each condition in words: if run, by which tests; if counted as another, as which; what is apart."""
+    """The answer at each condition in words, with the tests there, the condition it counts as, and what is apart."""
     run, same, texts, name = certification.run, certification.counted_once, {}, tick_name if short else str
     for i, condition in certification.matrix.items:
         tests = [name(test) for test in run.get(i, ())]
@@ -196,23 +189,18 @@ def changed_text(variant: Variant) -> str:
     return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in words.items() if then != now)
 
 
-_CELLS: Mapping[str, Callable[[Verdict, Display, float], str]] = {
-    "Criterion": lambda verdict, *_: verdict.criterion.name,
-    "Limit": lambda verdict, display, _: display.words(verdict.criterion.limits),
-    "Expected": lambda verdict, display, _: unbroken(display.words(verdict.criterion.shown(verdict.value))),
-    "95 % of tests": lambda verdict, display, _: unbroken(
-        display.words(verdict.criterion.interval(verdict.lower, verdict.upper))
-    ),
-    "Probability": lambda verdict, _, confidence: probability_text(verdict.probability, confidence),
-    "Verdict": lambda verdict, *_: verdict.word,
-    "Reason": lambda verdict, display, _: display.words(verdict.reason),
-}
-"""A verdict for readers, by heading."""
-
-
 def _cells(certification: Certification, verdict: Verdict, display: Display, *without: str) -> dict[str, str]:
-    confidence = certification.criteria.confidence
-    return {name: cell(verdict, display, confidence) for name, cell in _CELLS.items() if name not in without}
+    criterion, words = verdict.criterion, display.words
+    cells = {
+        "Criterion": criterion.name,
+        "Limit": words(criterion.limits),
+        "Expected": unbroken(words(criterion.shown(verdict.value))),
+        "95 % of tests": unbroken(words(criterion.interval(verdict.lower, verdict.upper))),
+        "Probability": probability_text(verdict.probability, certification.criteria.confidence),
+        "Verdict": verdict.word,
+        "Reason": words(verdict.reason),
+    }
+    return {name: cell for name, cell in cells.items() if name not in without}
 
 
 def _trials(certification: Certification, display: Display) -> pd.DataFrame:
@@ -261,27 +249,24 @@ def _changes(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _record(certification: Certification, display: Display) -> pd.DataFrame:
-    record, rows = certification.record, []
-    for criterion in (*certification.criteria.items, None):
-        counts = record.counts(criterion)
-        bounds = record.bounds(criterion)
-        confidence = certification.criteria.confidence
-        rows.append(
-            {
-                "Criterion": "All" if criterion is None else criterion.name,
-                "Limit": "" if criterion is None else display.words(criterion.limits),
-                **{
-                    word.capitalize(): f"{n}, {wrong} wrong" if wrong else f"{n}" for word, (n, wrong) in counts.items()
-                },
-                **{
-                    unbroken(f"Wrong at most (95 %), by {unit[:-1]}"): "–" if most is None else f"{100 * most:.1f} %"
-                    for unit, share in bounds.items()
-                    for most in [share.at_most]
-                },
-                "What this record supports": "" if criterion is None else support_text(record, criterion, confidence),
-            }
-        )
-    return pd.DataFrame(rows)
+    record, confidence = certification.record, certification.criteria.confidence
+    return pd.DataFrame(
+        {
+            "Criterion": "All" if criterion is None else criterion.name,
+            "Limit": "" if criterion is None else display.words(criterion.limits),
+            **{
+                word.capitalize(): f"{n}, {wrong} wrong" if wrong else f"{n}"
+                for word, (n, wrong) in record.counts(criterion).items()
+            },
+            **{
+                unbroken(f"Wrong at most (95 %), by {unit[:-1]}"): "–" if most is None else f"{100 * most:.1f} %"
+                for unit, share in record.bounds(criterion).items()
+                for most in [share.at_most]
+            },
+            "What this record supports": "" if criterion is None else support_text(record, criterion, confidence),
+        }
+        for criterion in (*certification.criteria.items, None)
+    )
 
 
 def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
@@ -301,8 +286,7 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
-    """The criteria; if the reader's units are not those that limits are declared in, in both."""
-    table = pd.DataFrame(
+    table = pd.DataFrame(  # in both, if the reader's units are not those that limits are declared in
         (own.name, own.label, display.words(own.limits), str(own.limits)) for own in certification.criteria.items
     ).set_axis(["Criterion", "Quantity", "Limit", "As declared"], axis=1)
     return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")

@@ -68,7 +68,6 @@ def _sentences(
 
 
 def _of_tests(certification: Certification) -> dict[str, object]:
-    """What the campaign says of its tests and CAE runs."""
     campaign, tests, config = certification.campaign, certification.campaign.tests, certification.config
     repeats = repeatability(campaign, config.windows_ms, seed=config.seed)
     rated = [own[max(own)].value for own in repeats.values() if own]
@@ -95,7 +94,6 @@ def _of_tests(certification: Certification) -> dict[str, object]:
 
 
 def _of_answers(certification: Certification) -> dict[str, object]:
-    """What the certification says of its criteria, conditions and variants."""
     criteria, record = certification.criteria.items, certification.record
     conditions, brier = certification.matrix.conditions, record.brier or (None, None)
     outside = sum(bool(certification.domain.outside(condition)) for condition in conditions)

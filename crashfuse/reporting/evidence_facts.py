@@ -52,11 +52,7 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
     if n > saved:
         told = "With tests that earlier certifications said need not be run, and that were run since"
         yield fact("since.waived", f"{told}: {missed} of {n} missed one ({at_most(missed, n)}).", n=n, wrong=missed)
-    inside, n = record.intervals
-    if n:
-        told = f"{inside} of {counted(n, 'interval')} held what the left-out test measured, made to hold 95 %{{}}."
-        code = "record.too_narrow" if record.too_narrow else "record.intervals"
-        yield fact(code, Sentence(told, missed_text(record.missed_intervals)), inside=inside, n=n)
+    yield from _intervals("record", record, "the left-out test measured, made to hold 95 %", record.too_narrow)
     if counts := record.whole_pulses:
         ways = {"alone" if way == "test" else f"with the {way}": own for way, own in counts.items()}
         yield fact("record.whole", whole_sentence(ways), **counts)
@@ -75,7 +71,7 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
 
 
 def bounds_text(bounds: Mapping[str, WrongShare]) -> str:
-    """How many verdicts were wrong, with the exact bounds as if verdicts, and as if their tests, were independent."""
+    """How many verdicts were wrong, with both exact bounds."""
     verdicts, tests = bounds["verdicts"], bounds["tests"]
     by_test = f"{at_most(*tests)} as if tests were, {tests.wrong} of {tests.n} with a wrong one"
     return f"{verdicts.wrong} wrong ({at_most(*verdicts)}, exact 95 % bound as if verdicts were independent; {by_test})"
@@ -173,14 +169,9 @@ def change_facts(changes: Changes) -> Iterator[Fact]:
         if n:
             of = f"verdicts met or not met on {counted(n, 'metric')} of {counted(n_tests, 'test')}"
             yield fact("since.outcomes", f"{told}: {of}, {bounds_text(bounds)}.", n=n, wrong=wrong, tests=n_tests)
-    inside, n = changes.record.intervals
-    if n:
-        narrow = ": they were too narrow" * changes.too_narrow
-        told = (
-            f"{inside} of {counted(n, 'interval')} held what tests run since measured, made to hold 95 %{narrow}{{}}."
-        )
-        code = "since.too_narrow" if changes.too_narrow else "since.intervals"
-        yield fact(code, Sentence(told, missed_text(changes.record.missed_intervals)), inside=inside, n=n)
+    narrow = ": they were too narrow" * changes.too_narrow
+    told = f"tests run since measured, made to hold 95 %{narrow}"
+    yield from _intervals("since", changes.record, told, changes.too_narrow)
     for name, outcomes in changes.waived_outcomes.items():
         for test, (missed, unknown) in outcomes.items():
             told = f"missed {', '.join(missed) or 'none'}, unknown {', '.join(unknown) or 'none'}"
@@ -265,14 +256,17 @@ def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
     return fact(code, sentence, test=trial.held_out, criterion=criterion.name, said=verdict.word)
 
 
-def missed_text(trials: Sequence[Trial]) -> str:
-    """What was measured outside its interval, and where that was."""
+def _intervals(kind: str, record: TrackRecord, what: str, too_narrow: bool) -> Iterator[Fact]:
+    inside, n = record.intervals
     outside = [
         Sentence("{} {} {}, not {}", trial.held_out, limit.name, _measured(trial), limit.interval(v.lower, v.upper))
-        for trial in trials
+        for trial in record.missed_intervals
         for v, limit in [(trial.verdict, trial.verdict.criterion)]
     ]
-    return Sentence("; outside: {}", listed(outside)) if outside else ""
+    if n:
+        where = Sentence("; outside: {}", listed(outside)) if outside else ""
+        sentence = Sentence(f"{inside} of {counted(n, 'interval')} held what {what}{{}}.", where)
+        yield fact(f"{kind}.{'too_narrow' if too_narrow else 'intervals'}", sentence, inside=inside, n=n)
 
 
 def _measured(trial: Trial) -> Quantity | Sentence:

@@ -45,7 +45,7 @@ def spreadsheet_text(table: pd.DataFrame) -> str:
     """Return a table as lines with tabs, which a spreadsheet takes: intervals and grades in columns of their own."""
     columns: list[list[str]] = []
     for name, own in table.items():
-        cells = [_two_ended(" ".join(_plain(cell).split())) for cell in own]
+        cells = [_plain(cell) for cell in own]
         for pattern in (_INTERVAL, _GRADED):
             found = [pattern.fullmatch(cell) for cell in cells]
             if any(found):
@@ -59,12 +59,8 @@ def spreadsheet_text(table: pd.DataFrame) -> str:
 
 
 def _plain(cell: object) -> str:
-    if isinstance(cell, Markup):
-        return cell.striptags()
-    return "" if pd.isna(cell) else str(cell)
-
-
-def _two_ended(text: str) -> str:
+    shown = cell.striptags() if isinstance(cell, Markup) else "" if pd.isna(cell) else str(cell)
+    text = " ".join(shown.split())
     return next((form.sub(both, text) for form, both in _ONE_ENDED if form.fullmatch(text)), text)
 
 

@@ -57,7 +57,8 @@ def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] 
     headings = _headings(layout)
     read = (_read(trace, layout, headings) for trace in _named(shown))
     curves = _named_apart(curve for curve in read if len(curve.x))
-    return _side_by_side(curves) if _have_one_axis(curves) else _long(curves)
+    table = _side_by_side(curves)
+    return _long(curves) if table is None else table
 
 
 def _named(traces: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
@@ -159,18 +160,14 @@ def _named_apart(curves: Iterable[_Curve]) -> list[_Curve]:
     return [curve for same in order.values() for curve in sorted(same, key=lambda curve: curve.is_band)]
 
 
-def _have_one_axis(curves: Sequence[_Curve]) -> bool:
-    """True if all positions are numbers that rise, and among those of the longest curve."""
+def _side_by_side(curves: Sequence[_Curve]) -> pd.DataFrame | None:
+    """None unless all positions are numbers that rise, and among those of the longest curve."""
     if not curves or any(curve.beside or curve.x.dtype.kind not in "fiu" or curve.x.name == "x" for curve in curves):
-        return False
-    longest = max((curve.x for curve in curves), key=len)
-    return all(
-        curve.x.is_monotonic_increasing and curve.x.is_unique and curve.x.isin(longest).all() for curve in curves
-    )
-
-
-def _side_by_side(curves: Sequence[_Curve]) -> pd.DataFrame:
-    longest = max((curve.x for curve in curves), key=len)
+        return None
+    positions = [curve.x for curve in curves]
+    longest = max(positions, key=len)
+    if not all(x.is_monotonic_increasing and x.is_unique and x.isin(longest).all() for x in positions):
+        return None
     columns = {
         f"{curve.name}: {title}" if curve.name else title: pd.Series(values, index=curve.x)
         for curve in curves

@@ -1,7 +1,4 @@
-"""The figures of a report as files: SVG, PNG, slides, and their numbers as CSV.
-
-They are drawn by Plotly itself, in a browser of this machine that shows no window and reaches no network.
-"""
+"""The figures of a report as SVG, PNG, slides and CSV, drawn by Plotly in a browser that reaches no network."""
 
 import asyncio
 import importlib.util
@@ -151,9 +148,9 @@ def _browser() -> str | None:
 
 
 def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> dict[str, bytes]:
-    """The figures as files, by name: ``01-heading.svg``, ``.png`` and ``.csv`` and, all in one, ``figures.pptx``.
+    """The figures as files, by name: ``01-heading.svg``, ``.png``, ``.csv``; ``figures.pptx`` has all in one.
 
-    Raises UsageError if the extra or the browser that a format needs is not there, CrashfuseError if the browser fails.
+    Raises a UsageError if what a format needs is not there, a CrashfuseError if the browser fails.
     """
     if unknown := [form for form in formats if form not in FIGURE_FORMATS]:
         raise UsageError(f"A figure is written as {', '.join(FIGURE_FORMATS)}, not as {unknown[0]}.")

@@ -43,7 +43,7 @@ _LOCATION = re.compile(r"[0-9A-Z]{12}")
 
 @dataclass(frozen=True, slots=True)
 class PulseExport:
-    """Which pulses go out, and how.
+    """Which pulses go out, and how; a UsageError if a choice makes no sense.
 
     Parameters
     ----------
@@ -57,12 +57,6 @@ class PulseExport:
         The first 12 characters of the ISO-MME channel codes: test object, position, main and fine locations.
     curve : SolverCurve, optional
         Units, sign, start, scale and id of a solver's curve; needed for the solvers' formats.
-
-    Raises
-    ------
-    UsageError
-        If a format is unknown, a solver's has no curve, the location is no code, or the number of draws or the seed is
-        negative.
     """
 
     formats: tuple[PulseFormat, ...] = ("isomme",)
@@ -88,10 +82,7 @@ class PulseExport:
                 raise UsageError(f"{what} is 0 or more, not {number!r}.")
 
     def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:
-        """The files of each format that is asked for; each states these remarks, besides its own.
-
-        A UsageError if an approach has fewer draws than asked for, or no approach has any.
-        """
+        """The files of each format, which state these remarks, too; a UsageError if there are too few draws."""
         written: dict[PulseFormat, dict[str, bytes]] = {name: {} for name in self.formats}
         cfc = campaign.channel_filter_class
         records = "taken as they are" if cfc is None else f"filtered with CFC {cfc:g}"

@@ -124,12 +124,7 @@ def sweep(
     speeds_mph : tuple of float, optional
         The lowest and the highest speed, by default those of the CAE runs and tests; every full mph between them.
     approach, config
-        As in :func:`crashfuse.reporting.predicted.predict`.
-
-    Raises
-    ------
-    UsageError
-        If there is no such approach, the campaign lacks a factor of the condition or its value, or the speeds are none.
+        As in :func:`crashfuse.reporting.predicted.predict`, which raises as this does.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
@@ -167,12 +162,6 @@ def next_test(
         The tests that could be run; by default speeds over the range, at the middle weights.
     planned : sequence of Condition
         Tests that are going to be run anyway.
-
-    Raises
-    ------
-    UsageError
-        If the range is none, there is no candidate, or the campaign lacks a factor of a condition, or
-        does not say of which kind the vehicle is.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")

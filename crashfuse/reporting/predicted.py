@@ -17,17 +17,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.reporting.figures import (
-    Curves,
-    EarlierPrediction,
-    Further,
-    OtherPrediction,
-    beside,
-    chosen,
-    other_fold,
-    otherwise,
-    prediction_name,
-)
+from crashfuse.reporting import figures
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.result_tables import metric_texts, metrics_table, pulses_table
@@ -110,13 +100,10 @@ class PredictedPulse:
         return tuple(dict.fromkeys((*advice, *(fact.sentence for fact in facts), *near, *self.notes)))
 
     def to_frame(self) -> pd.DataFrame:
-        """Pulse, band and motion by the preferred approach, one row a sample.
+        """Pulse, band and motion by the preferred approach, one row a sample, 1,250 in all.
 
-        Returns
-        -------
-        DataFrame
-            ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` (central 95 %, NaN without a band), as in
-            ``pulses.csv``; ``velocity_kph``, ``displacement_mm``; 1,250 rows.
+        ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` as in ``pulses.csv``; ``velocity_kph``,
+        ``displacement_mm``.
         """
         velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
         pulse = pulses_table([self.estimate])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
@@ -127,7 +114,7 @@ class PredictedPulse:
         figure: str = "motion",
         *,
         approaches: Sequence[str] | None = None,
-        also: Sequence[Further] = (),
+        also: Sequence[figures.Further] = (),
         band: str | None = None,
         representative: bool = True,
         **display: Unpack[DisplayOptions],
@@ -137,20 +124,18 @@ class PredictedPulse:
         Parameters
         ----------
         figure : {"motion", "acceleration", "displacement", "energy", "integration"}
-            Motion over time; acceleration over time and displacement; energy over crush; check of the integration.
-        approaches, also, band, **display
-            As in :meth:`crashfuse.study.study.Study.plot`.
+            As the page names them; the rest as in :meth:`crashfuse.study.study.Study.plot`.
         representative : bool
             Whether figures over time show a pulse that looks like a test, too.
         """
         shown = Display.of(self.campaign.units, **display)
-        estimates = chosen({each.approach: each for each in self.estimates}, approaches, band)
+        estimates = figures.chosen({each.approach: each for each in self.estimates}, approaches, band)
         others = [other.beside(self) if isinstance(other, PredictedPulse) else other for other in several(also)]
-        further = {**other_fold(self.campaign, estimates, band), **beside(self.campaign, others, shown)}
+        further = {**figures.other_fold(self.campaign, estimates, band), **figures.beside(self.campaign, others, shown)}
         lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
         if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
             further = {**lead.representative, **further}
-        return Curves(None, estimates | further, self.condition, band).draw(figure, shown)
+        return figures.Curves(None, estimates | further, self.condition, band).draw(figure, shown)
 
     def write(
         self,
@@ -160,29 +145,21 @@ class PredictedPulse:
         report: "views.ReportForm" = "whole",
         **display: Unpack[DisplayOptions],
     ) -> None:
-        """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        UsageError
-            If there is no such form or option, or there are fewer draws than are to be exported.
-        """
+        """Write what ``crashfuse predict`` writes; a UsageError if there are fewer draws than are to be exported."""
         export = views.PulseExport() if export is None else export
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
         pulses, shown = export.files(self.campaign, self.estimates), Display.of(self.campaign.units, **display)
         views.write_result("prediction", folder, self, pulses, shown, report)
 
-    def beside(self, other: "PredictedPulse") -> OtherPrediction:
+    def beside(self, other: "PredictedPulse") -> figures.OtherPrediction:
         """Itself in a figure of another one: at the same condition it is named by its settings."""
-        if self.condition == other.condition and otherwise(self.config, other.config):
-            return EarlierPrediction(self.estimate, self.config, other.config)
+        if self.condition == other.condition and figures.otherwise(self.config, other.config):
+            return figures.EarlierPrediction(self.estimate, self.config, other.config)
         return self
 
     def curve(self, display: Display) -> tuple[str, Estimate]:
         """The name of the preferred approach's prediction beside others, and itself."""
-        return prediction_name(self.estimate.approach, self.condition, display), self.estimate
+        return figures.prediction_name(self.estimate.approach, self.condition, display), self.estimate
 
     def __repr__(self) -> str:
         names = ", ".join(LABELS[each.approach].lower() for each in self.estimates)
@@ -217,8 +194,7 @@ def predict(
     Raises
     ------
     UsageError
-        If there is no such approach, a fit is of another campaign, the campaign lacks a factor of the condition or its
-        value, or speed or a weight is beyond any barrier test.
+        If an approach or a factor is unknown, a fit is of another campaign, or the condition is beyond barrier tests.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
@@ -241,7 +217,7 @@ def fits_of(
     if not asked:
         raise UsageError("A prediction takes an approach at least, such as fused.")
     for one in asked:
-        if not isinstance(one, Fit):
+        if isinstance(one, str):
             replace(config, approaches=(one,)).check()
         elif one.campaign.fingerprint != campaign.fingerprint:
             raise UsageError(f"The fit of {one.approach.name} learned from other data than {campaign.name} holds.")

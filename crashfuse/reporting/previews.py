@@ -30,10 +30,7 @@ class Preview:
     problems: tuple[Problem, ...] = ()  # what has to be given or corrected first
 
     def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
-        """The pulse over the channels that it is made of, as the page shows it that imports.
-
-        As long as there are problems, the channels alone, in the file's own time and unit.
-        """
+        """The pulse over the channels that it is made of; with problems the channels alone, as they are in the file."""
         known = {channel.name: channel for channel in self.record.channels}
         names = self.settled.channels if self.settled is not None else self.choices.channels or self.record.proposed
         channels = [known[name] for name in names if name in known] or self.record.channels
@@ -69,20 +66,7 @@ def preview_source(
     conditions: str | Path | None = None,
     travel: Travel | None = None,
 ) -> tuple[Preview, ...]:
-    """Look at what :func:`crashfuse.import_source` would add, one preview a record; nothing is written.
-
-    Parameters
-    ----------
-    source, choices, role, fmt, record_id, columns, conditions, travel
-        As there.
-
-    Raises
-    ------
-    DataError
-        With every problem of every record that cannot be read.
-    UsageError
-        If a choice does not exist.
-    """
+    """What :func:`crashfuse.import_source` would add with the same arguments, one preview a record."""
     one_of("kind of record", role, dict.fromkeys(get_args(Role)))
     require_a(Choices, choices, "crashfuse.Choices()")
     together = record_id is not None or bool(choices.channels)

@@ -43,11 +43,9 @@ def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAU
 
 def column_names(predictions: Sequence[PredictedPulse], display: Display) -> list[str]:
     """Names of predictions beside each other: their conditions, and their settings if these are not the first's."""
-    names, shown = display.apart([prediction.condition for prediction in predictions]), predictions[0].config
-    return [
-        ", ".join(filter(None, [name, otherwise(prediction.config, shown)]))
-        for name, prediction in zip(names, predictions, strict=True)
-    ]
+    names = display.apart([prediction.condition for prediction in predictions])
+    settings = [otherwise(prediction.config, predictions[0].config) for prediction in predictions]
+    return [", ".join(filter(None, pair)) for pair in zip(names, settings, strict=True)]
 
 
 def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> list[str]:
@@ -65,8 +63,8 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
     """One row per prediction, approach and metric, with its difference from that of the first; for files."""
     first = {(own.approach, m.name): m.value for own in predictions[0].estimates for m in own.metrics}
     conditions = tuple(prediction.condition for prediction in predictions)
-    matrix = Matrix(tuple(str(number + 1) for number in range(len(conditions))), conditions)
-    factors = factors_of(matrix)
+    ids = tuple(str(number) for number, _ in enumerate(conditions, start=1))
+    factors = factors_of(Matrix(ids, conditions))
     return pd.DataFrame(
         {
             **condition_columns(number, condition, factors, conditions[0]),
@@ -74,15 +72,11 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
             "seed": prediction.config.seed,
             "approach": estimate.approach,
             "metric": m.name,
-            "value": m.value,
-            "lower": m.lower,
-            "upper": m.upper,
-            "unit": m.unit,
-            "difference": None
-            if m.value is None or (base := first.get((estimate.approach, m.name))) is None
-            else m.value - base,
+            **{name: getattr(m, name) for name in ("value", "lower", "upper", "unit")},
+            "difference": None if m.value is None or base is None else m.value - base,
         }
-        for (number, condition), prediction in zip(matrix.items, predictions, strict=True)
+        for number, condition, prediction in zip(ids, conditions, predictions, strict=True)
         for estimate in prediction.estimates
         for m in estimate.metrics
+        for base in [first.get((estimate.approach, m.name))]
     )

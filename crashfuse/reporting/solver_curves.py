@@ -44,7 +44,7 @@ UNIT_SYSTEMS: Mapping[str, UnitSystem] = {
 
 @dataclass(frozen=True, slots=True)
 class SolverCurve:
-    """How a pulse becomes a curve.
+    """How a pulse becomes a curve; a UsageError if a choice or a number makes no sense.
 
     Parameters
     ----------
@@ -58,11 +58,6 @@ class SolverCurve:
         Factor on the accelerations.
     number : int
         Id of the curve.
-
-    Raises
-    ------
-    UsageError
-        If there is no such unit system or sign, or a number makes no sense.
     """
 
     unit_system: str

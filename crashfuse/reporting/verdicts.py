@@ -18,13 +18,7 @@ from crashfuse.certification.matrix import MatrixGiven, matrix_given
 from crashfuse.errors import one_of, require_a
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.reporting.certification_tables import (
-    SHOWN,
-    certification_table,
-    changes_table,
-    counts_table,
-    track_record_table,
-)
+from crashfuse.reporting import certification_tables as tables
 from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.notebook import card, facts_words
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
@@ -41,12 +35,12 @@ class Verdicts:
     @property
     def table(self) -> pd.DataFrame:
         """One row a condition and criterion, as ``certification.csv``."""
-        return certification_table(self.certification)
+        return tables.certification_table(self.certification)
 
     @property
     def track_record(self) -> pd.DataFrame:
         """One row a left-out test and criterion, as ``track_record.csv``."""
-        return track_record_table(self.certification)
+        return tables.track_record_table(self.certification)
 
     @property
     def credibility(self) -> pd.DataFrame:
@@ -56,19 +50,15 @@ class Verdicts:
     @property
     def counts(self) -> pd.DataFrame:
         """Number of verdicts of each kind, one row a criterion."""
-        return counts_table(self.certification)
+        return tables.counts_table(self.certification)
 
     def beside(self, earlier: str | Path) -> Self:
-        """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``.
-
-        What that said of tests that were run since counts in the record, and can leave verdicts open. Raises a
-        DataError if there is no such certification, or it is of another vehicle.
-        """
+        """The verdicts held against an earlier certification, by its file or folder; a DataError if that is none."""
         return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
 
     def since(self, earlier: str | Path) -> pd.DataFrame:
         """What became of an earlier certification, as ``changes.csv``."""
-        return changes_table(self.beside(earlier).certification)
+        return tables.changes_table(self.beside(earlier).certification)
 
     def write(
         self,
@@ -78,11 +68,7 @@ class Verdicts:
         notes: Sequence[Note] = (),
         **display: Unpack[DisplayOptions],
     ) -> None:
-        """Write what ``crashfuse certify`` writes: tables, ``certification.json``, ``report.html``.
-
-        With ``since``, an earlier certification, ``changes.csv`` and the report tell what became of it, see
-        :meth:`beside`; ``notes`` on the campaign's tests stand in the report.
-        """
+        """Write what ``crashfuse certify`` writes; with :meth:`since` and with notes in the report."""
         for note in notes:
             require_a(Note, note, "crashfuse.Note(test, text)")
         shown = Display.of(self.certification.campaign.units, **display)
@@ -96,13 +82,6 @@ class Verdicts:
         figure : {"verdicts", "record", "reliability", "domain"}
             The verdicts in colours, conditions by criteria; what left-out tests were predicted to show and showed; how
             often probabilities came true; where predictions are checked.
-        **display
-            ``unit``, ``deceleration``, ``units``, see :class:`crashfuse.reporting.plots.display.DisplayOptions`.
-
-        Raises
-        ------
-        UsageError
-            If there is no such figure, option or unit.
         """
         shown = Display.of(self.certification.campaign.units, **display)
         return one_of("figure of verdicts", figure, FIGURES)(self.certification, shown)
@@ -114,7 +93,7 @@ class Verdicts:
 
     def _repr_html_(self) -> str:
         display = Display(system=self.certification.campaign.units)
-        table = SHOWN["verdicts"](self.certification, display).drop(columns="Reason")
+        table = tables.SHOWN["verdicts"](self.certification, display).drop(columns="Reason")
         return card(repr(self)[1:-1], table, facts_words(self.certification.campaign, display))
 
 

@@ -195,9 +195,8 @@ def test_two_limits_or_conditions_alike_are_one_metric_of_a_test(later: Certific
 def test_of_conditions_that_needed_no_test_it_is_told_what_was_missed_and_what_is_unknown(later: Certification) -> None:
     """That answer is what a test is saved by; one that was not met is none, and a short record tells nothing."""
     first, second, *others = later.campaign.test_ids
-    short = replace(
-        later.campaign.test(second), pulse=replace(later.campaign.test(second).pulse, accel_mps2=np.full(1250, -1.0))
-    )
+    whole = later.campaign.test(second)
+    short = replace(whole, pulse=replace(whole.pulse, accel_mps2=np.full(1250, -1.0)))
     campaign = replace(later.campaign, tests=tuple(short if t.id == second else t for t in later.campaign.tests))
     beside = replace(later, campaign=campaign).beside(earlier(later, alike(later, MET, MISSED)))
     outcomes = Changes.of(beside).waived_outcomes
@@ -362,13 +361,9 @@ def test_a_test_that_is_not_used_any_more_is_not_forgotten(later: Certification)
 def test_a_record_that_was_replaced_under_its_id_is_not_forgotten(later: Certification) -> None:
     """What the test had shown stands against the verdict there, whatever was put in its place; so in the next one."""
     second = later.campaign.test_ids[1]
-    place, soft = (
-        f"at {second}",
-        [
-            replace(own, pulse=replace(own.pulse, accel_mps2=0.98 * own.pulse.accel_mps2))
-            for own in later.campaign.tests
-        ],
-    )
+    pulses = [replace(own.pulse, accel_mps2=0.98 * own.pulse.accel_mps2) for own in later.campaign.tests]
+    soft = [replace(own, pulse=pulse) for own, pulse in zip(later.campaign.tests, pulses, strict=True)]
+    place = f"at {second}"
     tests = tuple(new if new.id == second else old for new, old in zip(soft, later.campaign.tests, strict=True))
     today = replace(later, campaign=replace(later.campaign, tests=tests))
     run = {place: {second: {"crush": 1e4, "peak": 1.0, "good": 0.1}}}

@@ -33,6 +33,15 @@ def wide() -> Campaign:
     return replace(campaign, cae=replace(cae, conditions=conditions))
 
 
+def with_tests(campaign: Campaign, *speeds_mph: float, **drives: str) -> Campaign:
+    """The campaign with the first test at these speeds; some, by their ids, with another drive."""
+    first = campaign.tests[0]
+    conditions = {f"T{i}": replace(first.condition, speed_mps=v * MPH) for i, v in enumerate(speeds_mph)}
+    conditions |= {i: replace(conditions[i], factors=(("drive", drive),)) for i, drive in drives.items()}
+    tests = tuple(CrashTest(i, condition, first.pulse) for i, condition in conditions.items())
+    return replace(campaign, tests=tests)
+
+
 @pytest.mark.parametrize(
     ("speed_mph", "said"),
     [
@@ -58,11 +67,7 @@ def test_a_group_that_lay_outside_the_others_does_not_widen_what_is_checked(
     wide: Campaign, speeds_mph: tuple[float, ...], reach_mph: float
 ) -> None:
     """The fastest test at 28 mph was predicted by the others; of those at 30 and 45 mph they gave no verdict."""
-    tests = tuple(
-        CrashTest(f"T{i}", replace(wide.tests[0].condition, speed_mps=v * MPH), wide.tests[0].pulse)
-        for i, v in enumerate(speeds_mph)
-    )
-    campaign = replace(wide, tests=tests)
+    campaign = with_tests(wide, *speeds_mph)
     assert Domain.of(campaign).reach_mps == pytest.approx(reach_mph * MPH)
     widest = max(after - before for before, after in pairwise(speeds_mph))
     assert Domain.of(campaign, for_record=True).reach_mps == pytest.approx(widest * MPH)
@@ -70,32 +75,16 @@ def test_a_group_that_lay_outside_the_others_does_not_widen_what_is_checked(
 
 def test_a_group_that_lay_outside_by_its_factor_does_not_widen_what_is_checked_either(wide: Campaign) -> None:
     """No other test had its drive, so that it got no verdict when it was left out."""
-    drives = ("FWD", "FWD", "FWD", "AWD")
-    tests = tuple(
-        CrashTest(
-            f"T{i}",
-            replace(wide.tests[0].condition, speed_mps=v * MPH, factors=(("drive", drive),)),
-            wide.tests[0].pulse,
-        )
-        for i, (v, drive) in enumerate(zip((15.0, 18.0, 23.0, 28.0), drives, strict=True))
-    )
-    campaign = replace(wide, tests=tests)
-    assert Domain.of(campaign).reach_mps == pytest.approx(5.0 * MPH)  # from 23 to 18 mph
-    odd = replace(tests[2], condition=replace(tests[2].condition, factors=(("drive", "4WD"),)))
-    rest = replace(campaign, tests=(*tests[:2], odd, tests[3]))
-    assert Domain.of(rest).reach_mps == pytest.approx(3.0 * MPH)
+    speeds = (15.0, 18.0, 23.0, 28.0)
+    assert Domain.of(with_tests(wide, *speeds, T3="AWD")).reach_mps == pytest.approx(5.0 * MPH)  # from 23 to 18 mph
+    assert Domain.of(with_tests(wide, *speeds, T3="AWD", T2="4WD")).reach_mps == pytest.approx(3.0 * MPH)
 
 
 def test_a_gap_wider_than_any_that_was_left_out_is_outside(wide: Campaign) -> None:
     """Tests at 15, 18, 21 and 50, 53 mph: the middle of the gap is farther from a test than any left-out test was."""
-    speeds = (15.0, 18.0, 21.0, 50.0, 53.0)
-    tests = tuple(
-        CrashTest(f"T{i}", replace(wide.tests[0].condition, speed_mps=v * MPH), wide.tests[0].pulse)
-        for i, v in enumerate(speeds)
-    )
-    domain = Domain.of(replace(wide, tests=tests))
+    domain = Domain.of(with_tests(wide, 15.0, 18.0, 21.0, 50.0, 53.0))
     assert domain.reach_mps == pytest.approx(3 * MPH)
-    [sentence] = domain.exceeded_by(at(35.0, tests[0].condition.mass_kg / LB))
+    [sentence] = domain.exceeded_by(at(35.0, wide.tests[0].condition.mass_kg / LB))
     assert sentence == "35.0 mph is 14.0 mph from the nearest test; checked up to 3.0 mph away."
 
 
@@ -149,13 +138,9 @@ def test_a_factor_that_no_test_has_is_outside(wide: Campaign) -> None:
 
 def test_beyond_the_cae_runs_is_outside(campaign: Campaign) -> None:
     """What the CAE model was never run at, no test of others can check."""
-    condition = replace(campaign.tests[3].condition, front_weight_kg=2300 * LB)
-    assert any("front weight 2300 lb" in said for said in Domain.of(campaign).exceeded_by(condition))
-
-
-def test_masses_are_checked_only_where_the_cae_model_was_run(campaign: Campaign) -> None:
-    """Tests of 3450 to 3720 lb reach to 3180 and 3990 lb; the CAE runs end before."""
     domain = Domain.of(campaign)
+    condition = replace(campaign.tests[3].condition, front_weight_kg=2300 * LB)
+    assert any("front weight 2300 lb" in said for said in domain.exceeded_by(condition))
     low, high = (float(end[1:].sum()) for end in campaign.cae.range)
     assert domain.masses_kg[0] < low < high < domain.masses_kg[1]
     assert domain.checked_masses_kg == (low, high)

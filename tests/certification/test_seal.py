@@ -100,9 +100,8 @@ def test_a_seal_holds_what_it_rests_on_and_follows(sealed: Path, maker: Path, ca
 def test_a_changed_byte_is_placed(sealed: Path, name: str, change: object) -> None:
     """Of any class: letter, digit, space, line ending, mark, null, no UTF-8, unseen, separator, removed."""
     lines = (sealed / name).read_bytes().split(b"\n")
-    place = (
-        next(i for i, line in enumerate(lines) if b"met" in line) if name != FILE else lines.index(b'        "met",')
-    )
+    mark = b'        "met",' if name == FILE else b"met"
+    place = next(i for i, line in enumerate(lines) if mark in line)
     lines[place] = change(lines[place])  # type: ignore[operator]
     if lines == (sealed / name).read_bytes().split(b"\n"):
         return  # has no such byte
@@ -201,13 +200,7 @@ def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, make
     (campaign_folder / "tests" / "T1.csv").unlink()
     found = {p.where: p.found for p in problems_of(lambda: verify(sealed, campaign=campaign_folder))}
     assert found == {"tests.csv": "another one", "tests/T1.csv": "no such file"}
-
-
-def test_criteria_from_elsewhere_are_sealed_and_not_looked_for(
-    sealed: Path, maker: Path, campaign_folder: Path
-) -> None:
-    """They are no part of the campaign, even where that has a file of the same name."""
-    (campaign_folder / "criteria.toml").write_text("")
+    (campaign_folder / "criteria.toml").write_text("")  # criteria from elsewhere are sealed, and not looked for
     other = sealed.parent / "criteria.toml"
     other.write_text("confidence = 0.9")
     seal(sealed, private_key(maker), rests_on(campaign_folder, other, None), None)
@@ -248,9 +241,7 @@ def test_a_sealed_name_elsewhere_is_not_read(sealed: Path, maker: Path) -> None:
     values = json.loads((sealed / FILE).read_text())
     values["seal"]["files"] = {"../../etc/passwd": "00"}
     (sealed / FILE).write_text(json.dumps(values))
-    lines = {FILE: ""}
-    content = (sealed / FILE).read_bytes()
-    signed = {"signature": content, "lines_signature": _of_lines(lines)}
-    _write(sealed / SEAL, private_key(maker), signed, lines=lines)
+    signed = {"signature": (sealed / FILE).read_bytes(), "lines_signature": _of_lines({FILE: ""})}
+    _write(sealed / SEAL, private_key(maker), signed, lines={FILE: ""})
     (problem,) = problems_of(lambda: verify(sealed))
     assert problem.where == FILE

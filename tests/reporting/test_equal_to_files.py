@@ -57,9 +57,7 @@ def test_those_of_a_study(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_
     assert len(study.repeat_scores) == 4 * 3
     for row in study.repeat_scores.to_dict("records"):
         own = recorded[row["held_out"]][f"{row['window_ms']:g}"]
-        assert {name: row[name] for name in ("value", "lower", "upper")} == pytest.approx(
-            {name: own[name] for name in ("value", "lower", "upper")}, abs=1e-4
-        )
+        assert {name: row[name] for name in ("value", "lower", "upper")} == pytest.approx(own, abs=1e-4)
 
 
 @pytest.mark.slow
@@ -73,11 +71,9 @@ def test_those_of_a_prediction(read: crashfuse.Campaign, campaign_on_disk: Path,
     own = prediction.pulses.query("approach == 'displacement_domain'")[["time_ms", "acceleration_g", "lower_g"]]
     assert prediction.to_frame()[list(own)].equals(own.reset_index(drop=True))
     prediction.write(tmp_path / "library")
-    ours, theirs = (
-        json.loads((of / "prediction.json").read_text(encoding="utf-8")) for of in (tmp_path / "library", out)
-    )
-    assert ours["config"] == theirs["config"]
-    assert ours["config"]["approaches"] == list(APPROACHES)
+    files = (of / "prediction.json" for of in (tmp_path / "library", out))
+    ours, theirs = (json.loads(path.read_text(encoding="utf-8"))["config"] for path in files)
+    assert (ours, ours["approaches"]) == (theirs, list(APPROACHES))
 
 
 @pytest.mark.slow
@@ -114,16 +110,8 @@ def test_those_of_a_certification(read: crashfuse.Campaign, campaign_on_disk: Pa
 def test_that_of_a_learning_curve(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
     """Each part of the tests, held-out test, approach and window; with what criteria are decided."""
     (tmp_path / "criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 430.0\n', encoding="utf-8")
-    options = (
-        "--approach",
-        *APPROACHES,
-        "--repeats",
-        "0",
-        "--workers",
-        "1",
-        "--criteria",
-        str(tmp_path / "criteria.toml"),
-    )
+    criteria = ("--criteria", str(tmp_path / "criteria.toml"))
+    options = ("--approach", *APPROACHES, "--repeats", "0", "--workers", "1", *criteria)
     out = run("learning-curve", campaign_on_disk, tmp_path / "out", *options)
     curve = crashfuse.learning_curve(read, CONFIG, repeats=0, workers=1).decided(CRITERIA)
     assert_is_file(curve.table, out / "learning_curve.csv")

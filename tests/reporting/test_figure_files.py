@@ -61,18 +61,14 @@ def test_figures_are_read_from_a_report_with_their_headings() -> None:
         (b"\xff\xfe\x00", "cannot be read as one"),
         (b'<script>Plotly.newPlot("figure-1", [{"x": 1</script>', "cannot be read as one"),
         (b'<script>Plotly.newPlot("figure-1", ' + b"[" * 100_000 + b"</script>", "cannot be read as one"),
+        (None, "no such file"),
     ],
 )
-def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes, found: str) -> None:
-    """Empty, another page, not text, damaged, nested without end."""
-    (tmp_path / "report.html").write_bytes(content)
+def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes | None, found: str) -> None:
+    """Empty, another page, not text, damaged, nested without end, not there."""
+    if content is not None:
+        (tmp_path / "report.html").write_bytes(content)
     with pytest.raises(DataError, match=found):
-        read_figures(tmp_path / "report.html")
-
-
-def test_a_report_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
-    """With what to do."""
-    with pytest.raises(DataError, match="no such file"):
         read_figures(tmp_path / "report.html")
 
 

@@ -1,6 +1,7 @@
 """Figures of studies, campaigns and predictions by name: what they draw, and one sentence for what there is not."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -9,6 +10,7 @@ import pytest
 import crashfuse
 from crashfuse import Campaign, Display, Note, PredictedPulse, Study, StudyConfig, UsageError, figure_table
 from crashfuse.condition import Condition
+from crashfuse.reporting.figures import EarlierPrediction
 from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -100,6 +102,31 @@ def test_the_options_are_those_of_the_pages(study: Study, elsewhere: PredictedPu
     corridors = study.plot("T2", corridors=True, notes=[Note("T2", "kink", 30.0), Note("T3", "other", 10.0)])
     assert sum("Corridor" in (name or "") for name in names(corridors)) == 2
     assert [each.text for each in corridors.layout.annotations] == ["rated: 0–40 ms", "kink"]
+
+
+@pytest.mark.parametrize(
+    ("own", "shown", "text"),
+    [
+        ({"seed": 1}, {}, "seed 1"),
+        ({}, {"seed": 1}, "seed 0"),
+        ({"preset": "paper", "seed": 7}, {}, "paper settings, seed 7"),
+        ({"leave_out": "speed group"}, {}, "all at its speed left out"),
+        ({}, {"preset": "paper", "leave_out": "speed group"}, "fast settings, left out alone"),
+    ],
+)
+def test_a_prediction_with_other_settings_is_named_by_what_differs_and_drawn_as_it_was(
+    study: Study, own: dict[str, Any], shown: dict[str, Any], text: str
+) -> None:
+    """Seen from the other side, by what it has instead; half the CAE run beside the whole one."""
+    fold = study.fold("T2")
+    accel = fold.estimates[0].prediction.accel_mps2
+    half = replace(fold.estimates[1], prediction=replace(fold.estimates[0].prediction, accel_mps2=accel / 2))
+    earlier = EarlierPrediction(half, replace(CONFIG, **own), replace(CONFIG, **shown))
+    assert earlier.text == text
+    drawn = study.plot("T2", "acceleration", approaches=["fused"], also=[earlier])
+    curves = {name: trace.y for trace in drawn.data if (name := trace.name) and trace.line.width != 0}
+    assert curves["Fused"] == pytest.approx(accel / G)
+    assert curves[f"Fused, {text}"] == pytest.approx(accel / 2 / G)
 
 
 def test_a_campaign_shows_some_tests_and_what_is_put_beside_them(campaign: Campaign, elsewhere: PredictedPulse) -> None:

@@ -101,27 +101,6 @@ def test_an_error_in_a_notebook_is_its_sentence() -> None:
     assert UsageError("No.")._render_traceback_() == ["UsageError: No."]
 
 
-def test_a_condition_without_a_weight_is_a_sentence() -> None:
-    """It says which names it takes, whatever is missing, given twice or without a unit."""
-    for given, sentence in (
-        ({"rear_weight_lb": None}, "rear_weight_lb is a number above 0, not None."),
-        ({}, "A condition needs a rear weight: rear_weight_lb or rear_weight_kg."),
-        (
-            {"rear_weight": 1500},
-            "A condition needs a rear weight: rear_weight_lb or rear_weight_kg; rear_weight does not end in one of "
-            "these units.",
-        ),
-        (
-            {"rear_weight_lb": 1500, "rear_weight_kg": 680},
-            "A condition has one rear weight; given are rear_weight_lb and rear_weight_kg.",
-        ),
-    ):
-        with pytest.raises(UsageError) as caught:
-            Condition.of(speed_mph=30, front_weight_lb=2050, **given)
-        assert str(caught.value) == sentence
-    assert Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive=None).factors == ()
-
-
 def test_a_study_takes_a_single_name_as_it_is(campaign: crashfuse.Campaign) -> None:
     """A test or an approach need not be in a list; an unknown one is told with the nearest."""
     study = crashfuse.run_study(campaign, held_out="T3", approaches="cae", workers=1)

@@ -8,17 +8,8 @@ import pandas as pd
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
+from crashfuse.reporting import rating_tables as tables
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.rating_tables import (
-    REPEAT,
-    TABLE_3,
-    TABLE_5,
-    best,
-    excursions_table,
-    explanation_record,
-    humps_table,
-    rating_table,
-)
 from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -29,10 +20,10 @@ from tests.signals.test_rating_explanation import TEST, bump, pulse
 
 def test_humps_have_their_times_in_both_curves() -> None:
     """The third comes 4 ms late; one that is missing is named as missing."""
-    late = humps_table(explain_rating(pulse(TEST), pulse(bump(15, 200) + bump(33, 250) + bump(54, 220)), 70.0))
+    late = tables.humps_table(explain_rating(pulse(TEST), pulse(bump(15, 200) + bump(33, 250) + bump(54, 220)), 70.0))
     assert list(late["Hump"]) == ["1", "2", "3"]
     assert late["Late (ms)"].iloc[2] in ("+3.9", "+4.0", "+4.1")
-    missing = humps_table(explain_rating(pulse(TEST), pulse(bump(15, 200) + bump(33, 250)), 70.0))
+    missing = tables.humps_table(explain_rating(pulse(TEST), pulse(bump(15, 200) + bump(33, 250)), 70.0))
     assert list(missing["Peak, prediction (ms)"])[2] == "none"
     assert list(missing["Late (ms)"])[2] == "–"
 
@@ -40,18 +31,18 @@ def test_humps_have_their_times_in_both_curves() -> None:
 def test_stretches_outside_the_corridor_are_in_the_readers_unit_and_sign() -> None:
     """A pulse 20 % too strong; shown as deceleration it lies above."""
     explanation = explain_rating(pulse(TEST), pulse(1.2 * TEST), 70.0)
-    table = excursions_table(explanation)
+    table = tables.excursions_table(explanation)
     assert len(table) == len(explanation.excursions) > 0
     assert all(value.startswith("−") for value in table["Prediction minus test, largest (g)"])
-    flipped = excursions_table(explanation, Display(unit="m/s²", deceleration=True))
+    flipped = tables.excursions_table(explanation, Display(unit="m/s²", deceleration=True))
     assert all(value.startswith("+") for value in flipped["Prediction minus test, largest (m/s²)"])
-    assert excursions_table(explain_rating(pulse(TEST), pulse(TEST), 70.0)).empty
+    assert tables.excursions_table(explain_rating(pulse(TEST), pulse(TEST), 70.0)).empty
 
 
 def test_the_record_is_plain_json_whose_losses_complete_the_rating() -> None:
     """In ms and g."""
     explanation = explain_rating(pulse(TEST), pulse(1.2 * TEST), 70.0)
-    record = json.loads(json.dumps(explanation_record(explanation, "comparison")))
+    record = json.loads(json.dumps(tables.explanation_record(explanation, "comparison")))
     assert abs(1 - sum(record["losses"].values()) - explanation.rating.overall) < 1e-12
     assert set(record["sentences"]) == {"overall", "corridor", "phase", "magnitude", "slope"}
     assert [hump["late_ms"] for hump in record["humps"]] == [0.0, 0.0, 0.0]
@@ -72,7 +63,7 @@ def study(campaign: Campaign) -> Study:
 
 def test_a_table_has_a_row_for_each_test_and_approach_and_the_mean_at_its_foot(campaign: Campaign) -> None:
     """Windows are columns, as in the paper; of a single test, the mean would repeat its rows."""
-    table = rating_table(study(campaign), TABLE_5)
+    table = tables.rating_table(study(campaign), tables.TABLE_5)
     assert list(table.columns) == ["(0, 20) ms", "(0, 60) ms"]
     assert list(table.index) == [(t, a) for t in ("T1", "T2", "Mean") for a in ("Displacement domain", "CAE")]
     np.testing.assert_allclose(table.xs("Displacement domain", level=1), 1.0)
@@ -80,24 +71,26 @@ def test_a_table_has_a_row_for_each_test_and_approach_and_the_mean_at_its_foot(c
     np.testing.assert_allclose(cae.loc["Mean"], cae.loc[["T1", "T2"]].mean())
     two = study(campaign)
     one = replace(two, folds=two.folds[:1], repeatability={"T1": {20.0: Repeatability(0.9, 0.8, 1.0)}})
-    assert list(rating_table(one, TABLE_5).index) == [("T1", a) for a in ("Displacement domain", "CAE", REPEAT)]
-    assert rating_table(two, TABLE_3).empty  # which compares networks, and there is none here
+    assert list(tables.rating_table(one, tables.TABLE_5).index) == [
+        ("T1", a) for a in ("Displacement domain", "CAE", tables.REPEAT)
+    ]
+    assert tables.rating_table(two, tables.TABLE_3).empty  # which compares networks, and there is none here
 
 
 def test_the_best_of_a_test_is_marked_window_by_window() -> None:
     """Equal to three digits is equally good, as the reader sees it."""
     index = pd.MultiIndex.from_product([["T1", "T2"], ["a", "b"]])
     table = pd.DataFrame({"w": [0.8, 0.9, 0.70004, 0.70001], "v": [0.5, 0.4, 0.1, 0.2]}, index=index)
-    assert best(table).to_numpy().tolist() == [[False, True], [True, False], [True, False], [True, True]]
+    assert tables.best(table).to_numpy().tolist() == [[False, True], [True, False], [True, False], [True, True]]
 
 
 def test_what_a_repeat_would_rate_stands_under_the_approaches_and_is_never_the_best(campaign: Campaign) -> None:
     """In every test and the mean; a window without a value has none."""
     repeats = {"T1": {20.0: Repeatability(0.9, 0.8, 1.0), 60.0: Repeatability(0.8, 0.7, 0.9)}}
     repeats["T2"] = {20.0: Repeatability(1.0, 0.9, 1.0)}
-    table = rating_table(replace(study(campaign), repeatability=repeats), TABLE_5)
-    own = table.xs(REPEAT, level=1)
-    assert list(table.index)[2] == ("T1", REPEAT)
+    table = tables.rating_table(replace(study(campaign), repeatability=repeats), tables.TABLE_5)
+    own = table.xs(tables.REPEAT, level=1)
+    assert list(table.index)[2] == ("T1", tables.REPEAT)
     np.testing.assert_allclose(own, [[0.9, 0.8], [1.0, np.nan], [0.95, np.nan]])
-    assert not best(table).xs(REPEAT, level=1).to_numpy().any()
-    assert best(table).xs("Displacement domain", level=1).to_numpy().all()
+    assert not tables.best(table).xs(tables.REPEAT, level=1).to_numpy().any()
+    assert tables.best(table).xs("Displacement domain", level=1).to_numpy().all()

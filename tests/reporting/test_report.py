@@ -60,23 +60,11 @@ def test_a_study_has_its_figures_and_two_for_each_held_out_test(text: str) -> No
     assert "T4 \\u00b7 35.0 mph" in text
 
 
-@pytest.mark.parametrize(
-    "heading",
-    [
-        "Result: mean rating over the held-out tests",
-        "Ratings by test, in the form of the paper's tables",
-        "What the 95 % band is worth",
-        "Data: 4 tests, 24 CAE runs",
-        "Method and settings",
-        "What the CAE model gets wrong, by speed",
-        "Test T1: ",
-        "Limits",
-        "Where this comes from",
-    ],
-)
-def test_a_study_has_every_part_a_certification_review_asks_for(text: str, heading: str) -> None:
-    """Data, method, results, bands, limits and provenance, each under its heading."""
-    assert f"<h2>{heading}" in text
+def test_a_study_has_every_part_a_certification_review_asks_for(text: str) -> None:
+    """Results, bands, data, method, bias, tests, limits and provenance, each in its section."""
+    sections = ["result", "tables", "band", "data", "quality", "method", "bias", "limits", "origin"]
+    assert re.findall(r"<section id=(\w+)><h2>", text) == sections
+    assert re.findall(r"<section class=test><h2>Test (\w+): ", text) == ["T1", "T2"]
 
 
 def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
@@ -234,7 +222,6 @@ def test_a_report_shows_chosen_tests_in_the_units_and_the_window_of_the_page(stu
     assert "Every held-out test, 0–20 ms" in text
     assert " mph, over 0–20 ms: " in text  # the worst test
     assert "With\n2 tests, no more than this can be promised." in text
-    assert "Test T1" in text  # in the heat map
     pulses = next(figure.drawn for figure in figures_of(text).figures if figure.title.endswith("Pulses over time"))
     assert pulses["layout"]["yaxis"]["title"]["text"] == "Acceleration (m/s²)"
     assert "rated: 0–20 ms" in [note["text"] for note in pulses["layout"]["annotations"]]

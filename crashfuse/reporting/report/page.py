@@ -115,7 +115,7 @@ def render_in_frame(template: str, title: str, display: Display, *, facts: Seque
 
 def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
     """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
-    rows = (
+    table = pd.DataFrame(
         {
             "Test": test.id,
             **display.columns(test.condition),
@@ -127,7 +127,7 @@ def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
         for test in campaign.tests
         for run in [campaign.cae.paired_run(test.condition)]
     )
-    return pd.DataFrame(rows).fillna("–")
+    return table.fillna("–")
 
 
 def _listed(value: object) -> str:

@@ -38,11 +38,7 @@ def prediction_report(
     beside: Sequence[PredictedPulse] = (),
     form: ReportForm = "whole",
 ) -> str:
-    """HTML report of a prediction, from one estimate per approach at one condition.
-
-    What the same approaches predict at further conditions, or with other settings, is shown ``beside`` it. A short
-    report has recommendation, pulses, metrics and limits on two or three pages.
-    """
+    """HTML report of a prediction, from one estimate per approach; others by the same approaches ``beside`` it."""
     condition = estimates[0].prediction.condition
     prediction = PredictedPulse(campaign, tuple(estimates), config)
     advice = recommend_for(estimates, campaign, condition)

@@ -22,7 +22,6 @@ from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, best, mean_value
 from crashfuse.reporting.report.page import ReportOptions, details, render, render_in_frame, repeats_table
 from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
 from crashfuse.study.comparison import StudyComparison
-from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import window_facts
 from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without
@@ -48,6 +47,7 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
         display = replace(display, window_ms=max(config.windows_ms))
     window, alone = display.window_ms, len(held_out) == 1
     worst, whole = worst_test(study, window), options.form == "whole"
+    together = " with all tests at about its speed" if config.leave_out == "speed group" else ""
     verdict, heading, sentences = recommend(study).sentences, "The worst test", worst.sentences
     if alone:  # the verdict is the recommendation for this test, with how it came out
         advice = recommend_without(study, study.folds[0], window)
@@ -67,7 +67,7 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
         notes=[(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
         weak_spots=_weak_spots(study, recommend(study).approach),
         rated="Rating of the held-out test" if alone else "Mean rating over the held-out tests",
-        left_out=_left_out(config, alone),
+        left_out=f"{'The' if alone else 'Each'} test was left out{together} and predicted from the others.",
         worst_test={"heading": heading, "sentences": sentences},
         folds=[
             _fold(study, study.fold(test), options, display)
@@ -75,11 +75,6 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
         ],
         **(_whole(study, display) if whole else {}),
     )
-
-
-def _left_out(config: StudyConfig, alone: bool) -> str:
-    with_it = " with all tests at about its speed" if config.leave_out == "speed group" else ""
-    return f"{'The' if alone else 'Each'} test was left out{with_it} and predicted from the others."
 
 
 def _whole(study: Study, display: Display) -> dict[str, object]:
