@@ -42,9 +42,9 @@ from .reporting.previews import Preview as Preview
 from .reporting.previews import preview_source as preview_source
 from .reporting.rating_tables import excursions_table as excursions_table
 from .reporting.rating_tables import humps_table as humps_table
-from .reporting.report import ReportOptions as ReportOptions
-from .reporting.report import prediction_report as prediction_report
-from .reporting.report import study_report as study_report
+from .reporting.report.page import ReportOptions as ReportOptions
+from .reporting.report.prediction import prediction_report as prediction_report
+from .reporting.report.study import study_report as study_report
 from .reporting.solver_curves import SolverCurve as SolverCurve
 from .reporting.training_progress import watching as watching
 from .reporting.verdicts import Verdicts as Verdicts

@@ -129,9 +129,6 @@ class VehicleArchive:
     record: pd.DataFrame
     seed: int = 0
 
-    def __repr__(self) -> str:
-        return f"<VehicleArchive of {', '.join(vehicle.name for vehicle in self.vehicles)}>"
-
     @property
     def sentence(self) -> str:
         """How its vehicles, each left out, were predicted with the others and without, in words."""

@@ -19,8 +19,8 @@ from .reporting.outgoing_pulses import PulseExport as PulseExport
 from .reporting.plots.display import Display as Display
 from .reporting.plots.display import DisplayOptions as DisplayOptions
 from .reporting.plots.learning import over_number_of_tests as over_number_of_tests
-from .reporting.report import ReportOptions as ReportOptions
 from .reporting.report.page import ReportForm as ReportForm
+from .reporting.report.page import ReportOptions as ReportOptions
 from .reporting.result_tables import curve_table as curve_table
 from .reporting.result_tables import repeat_scores as repeat_scores
 from .reporting.result_tables import scores_table as scores_table

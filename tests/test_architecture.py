@@ -109,13 +109,13 @@ def test_one_module_alone_writes_csv() -> None:
 MOST = {
     "modules": 246,
     "lines": 44_600,
-    "words of docstrings": 52_500,
-    "words of other texts": 29_550,
-    "of tests": 35_700,
+    "words of docstrings": 50_000,
+    "words of other texts": 29_250,
+    "of tests": 35_450,
 }
 """The size of the house: package and pages, then lines of tests. It may be lowered, never raised."""
 LONGEST, SHORTEST = 450, 40  # lines of a module; one that is a face (``__init__``) or a table may be shorter
-TABLES = {"glossary.py", "units.py", "version.py", "views.py", "__main__.py"}
+TABLES = {"units.py", "version.py", "views.py", "__main__.py"}
 
 
 def test_the_house_keeps_its_size() -> None:

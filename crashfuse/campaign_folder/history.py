@@ -22,8 +22,7 @@ from pathlib import Path
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.execution.cache import default_folder
-from crashfuse.files.atomic import flush, name_target, write_atomically
-from crashfuse.files.locks import NAME, sole_writer
+from crashfuse.files.atomic import NAME, flush, name_target, sole_writer, write_atomically
 
 _HOME, _BEGUN, _LIST, _BEFORE, _AFTER = ".undo", "begun.json", "change.json", "before", "after"
 SHIPPED = Path(__file__).parents[2] / "sample_data"

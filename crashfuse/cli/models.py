@@ -62,10 +62,9 @@ def learn_archive(arguments: argparse.Namespace) -> None:
         seed, workers = arguments.seed or 0, arguments.workers
         archive = archive_learning.learn_archive(campaigns, seed=seed, watch=watch, workers=workers)
     archive.save(arguments.out)
+    record = archive.record.to_string(index=False, float_format="{:.3f}".format)
     print("Each vehicle left out, its rating over 0–60 ms by the fused prediction with the others and without:")
-    print(archive.record.to_string(index=False, float_format="{:.3f}".format))
-    print(archive.sentence)
-    print(f"Written to {arguments.out}")
+    print(record, archive.sentence, f"Written to {arguments.out}", sep="\n")
 
 
 def predict(arguments: argparse.Namespace) -> None:

@@ -13,8 +13,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import CrashfuseError, UsageError
-from crashfuse.files.atomic import written_together
-from crashfuse.files.locks import sole_writer
+from crashfuse.files.atomic import sole_writer, written_together
 from crashfuse.reporting import figure_files
 from crashfuse.reporting.outgoing_pulses import PulseExport
 from crashfuse.reporting.plots.display import Display

@@ -23,7 +23,8 @@ from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes, read_csv_table
 from crashfuse.reporting.past_results import comparison_means, history_table, read_study
 from crashfuse.reporting.rating_tables import REPEAT, mean_values
-from crashfuse.reporting.report import ReportOptions, comparison_report
+from crashfuse.reporting.report.page import ReportOptions
+from crashfuse.reporting.report.study import comparison_report
 from crashfuse.reporting.result_tables import gains_table, studies_table
 from crashfuse.reporting.results import begin_study, read_record
 from crashfuse.reporting.training_progress import watching

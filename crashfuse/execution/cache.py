@@ -19,8 +19,7 @@ import platformdirs
 
 from crashfuse.errors import Cancelled, DataError, UsageError, out_of_memory
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.files.atomic import write_atomically
-from crashfuse.files.locks import locked
+from crashfuse.files.atomic import locked, write_atomically
 from crashfuse.version import versions
 
 log = logging.getLogger(__name__)

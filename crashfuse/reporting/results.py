@@ -14,7 +14,6 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting import certification_tables as tables
-from crashfuse.reporting import report
 from crashfuse.reporting.cae_events import events_frame, study_events
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.credibility import credibility_table
@@ -22,6 +21,14 @@ from crashfuse.reporting.exports import json_bytes, parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import learning_curve_record, prediction_record, provenance, study_record
+from crashfuse.reporting.report.certification import certification_report
+from crashfuse.reporting.report.prediction import (
+    learning_curve_report,
+    next_test_report,
+    prediction_report,
+    sweep_report,
+)
+from crashfuse.reporting.report.study import study_report
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
 
@@ -93,25 +100,25 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "pulses.csv": lambda study, *_: csv_bytes(study.pulses),
         "metrics.csv": lambda study, *_: csv_bytes(study.metrics),
         "cae_events.csv": lambda study, *_: csv_bytes(events_frame(found)) if (found := study_events(study)) else None,
-        "report.html": lambda *result: report.study_report(*result).encode(),
+        "report.html": lambda *result: study_report(*result).encode(),
         "study.json": lambda study, *_: json_bytes(study_record(study)),
     },
     "prediction": {  # of the prediction, its outgoing pulses, the display and the form of the report
         "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
         "pulses.parquet": lambda prediction, *_: parquet_bytes(prediction.pulses),
         "metrics.csv": lambda prediction, *_: csv_bytes(prediction.metrics),
-        "report.html": lambda own, _, display, form: report.prediction_report(
+        "report.html": lambda own, _, display, form: prediction_report(
             own.campaign, own.estimates, own.config, display, form=form
         ).encode(),
         **{f"{name}/": (lambda _, pulses, *_rest, name=name: pulses.get(name)) for name in PULSE_FORMATS},
         "prediction.json": lambda own, *_: json_bytes(prediction_record(own.campaign, own.estimates, own.config)),
     },
     "sweep": {
-        "report.html": lambda sweep, display: report.sweep_report(sweep, display).encode(),
+        "report.html": lambda sweep, display: sweep_report(sweep, display).encode(),
         "sweep.csv": lambda sweep, _: csv_bytes(sweep.table),
     },
     "ranking of next tests": {
-        "report.html": lambda ranking, display: report.next_test_report(ranking, display).encode(),
+        "report.html": lambda ranking, display: next_test_report(ranking, display).encode(),
         "next_tests.csv": lambda ranking, _: csv_bytes(ranking.table),
     },
     "certification": {  # of the certification, the display and notes
@@ -121,12 +128,12 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
             certification.since and tables.csv_as_given(tables.changes_table(certification))
         ),
         "credibility.csv": lambda certification, *_: csv_bytes(credibility_table(certification)),
-        "report.html": lambda *result: report.certification_report(*result).encode(),
+        "report.html": lambda *result: certification_report(*result).encode(),
         "certification.json": lambda certification, *_: certification_json(certification),
     },
     "learning curve": {  # of the curve, the cost of a test and the display
         "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),
-        "report.html": lambda *result: report.learning_curve_report(*result).encode(),
+        "report.html": lambda *result: learning_curve_report(*result).encode(),
         "learning_curve.json": lambda curve, cost, _: json_bytes(learning_curve_record(curve, cost)),
     },
 }

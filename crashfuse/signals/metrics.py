@@ -137,8 +137,7 @@ _READINGS: Mapping[str, _Reading] = {
     "g1": _Reading("Two-step pulse, G1", lambda m: pulse_shape.two_step(m).g1_mps2, "g", G, _STOP, minor=True),
     "g2": _Reading("Two-step pulse, G2", lambda m: pulse_shape.two_step(m).g2_mps2, "g", G, _STOP, minor=True),
     "step_time": _Reading(
-        "Two-step pulse, time of the step", lambda m: pulse_shape.two_step(m).time_s, "ms", MS, _STOP,
-        minor=True,
+        "Two-step pulse, time of the step", lambda m: pulse_shape.two_step(m).time_s, "ms", MS, _STOP, minor=True
     ),
     "centroid_time": _Reading("Centroid time of the pulse", pulse_shape.centroid_time, "ms", MS, _STOP, minor=True),
     "loading_ratio": _Reading("Front-to-back loading ratio", pulse_shape.loading_ratio, "", 1.0, _STOP, minor=True),

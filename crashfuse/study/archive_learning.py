@@ -119,9 +119,8 @@ class _Part:
 
     def scores(self) -> list[tuple[Scores, Scores]]:
         """Scores of the components at each left-out test: with the tuned network, and with the shipped one."""
-        networks = [
-            Pretrained(seed=self.seed, cache=self.cache).fit(few) for few in (self.few, replace(self.few, prior=None))
-        ]
+        few = self.few, replace(self.few, prior=None)
+        networks = [Pretrained(seed=self.seed, cache=self.cache).fit(campaign) for campaign in few]
         tests = Tests.of(self.few, networks[0].model_)
 
         def score(network: Pretrained, test: CrashTest, components: Sequence[Component]) -> Scores:
@@ -241,10 +240,8 @@ class _Learning:
     networks: Mapping[_Members, Arrays]
     run: _Run
 
-    def _each(
-        self, work: Callable[[_Part], list[R]], number: int, prior: Prior | None, sizes: Sequence[int]
-    ) -> list[R]:
-        return self.run.by_part(work, replace(self.campaigns[number], prior=prior), sizes, "predicted with the others")
+    def _each(self, work: Callable[[_Part], list[R]], member: int, prior: Prior | None, *sizes: int) -> list[R]:
+        return self.run.by_part(work, replace(self.campaigns[member], prior=prior), sizes, "predicted with the others")
 
     def prior(self, members: _Members) -> Prior:
         """What these vehicles teach."""
@@ -252,7 +249,7 @@ class _Learning:
         vehicles = [self.vehicles[member] for member in members]
         off = np.array([differences(v.measured, v.cae, v.conditions[:, 0]).mean(axis=0) for v in vehicles])
         others = {member: _LikeAny(names, self.networks[_less(members, member)], PRIOR, {}, off) for member in members}
-        scores = [self._each(_Part.scores, member, others[member], SIZES) for member in members]
+        scores = [self._each(_Part.scores, member, others[member], *SIZES) for member in members]
         taught = [score for pairs in scores for score, _ in pairs]
         logits = Pool(strength=STRENGTH * _COUNT * len(members) / len(taught)).fit(taught).logits_
         weighted, usual = Pool(logits).fit([]), Pool().fit([])
@@ -260,23 +257,17 @@ class _Learning:
         for pairs in scores:
             before = np.array([_crps(usual, shipped) for _, shipped in pairs])
             gains.append(1 - np.mean([_crps(weighted, score) for score, _ in pairs]) / before.mean())
-        errors: dict[str, list[float]] = {name: [] for name in METRIC_LABELS}
-        for member in members:
-            rows = self._each(_Part.errors, member, replace(others[member], logits=logits), _OF_ERRORS)
-            for name in errors:
-                values = np.array([row[name] for row in rows])
-                known = values[np.isfinite(values)]
-                if known.size:
-                    errors[name] += [known.mean() - known.std(), known.mean() + known.std()]
-        usual_errors = {name: np.array(values) for name, values in errors.items() if values}
+        weighed = [(member, replace(others[member], logits=logits)) for member in members]
+        errors = [pd.DataFrame(self._each(_Part.errors, *pair, *_OF_ERRORS)) for pair in weighed]
+        ends = pd.concat([of_one.mean() + side * of_one.std(ddof=0) for of_one in errors for side in (-1, 1)], axis=1)
+        usual_errors = {str(name): row.to_numpy() for name, row in ends.dropna().iterrows()}
         return Prior(names, self.networks[members], logits, usual_errors, off, helps=bool(np.mean(gains) > 0))
 
     def record(self, number: int, prior: Prior) -> Iterator[dict[str, object]]:
         """How a vehicle is predicted with what the others teach, and without, by number of tests."""
         for size in SIZES:
-            with_archive, without = (
-                pd.DataFrame(self._each(_Part.judged, number, own, (size,))) for own in (prior, None)
-            )
+            rows = [self._each(_Part.judged, number, taught, size) for taught in (prior, None)]
+            with_archive, without = map(pd.DataFrame, rows)
             if with_archive.empty:
                 continue
             widths = with_archive.filter(like="width ").to_numpy() / without.filter(like="width ").to_numpy()

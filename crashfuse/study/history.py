@@ -20,8 +20,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.execution.cache import Cache, default_folder
-from crashfuse.files.atomic import write_atomically
-from crashfuse.files.locks import sole_writer
+from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, is_estimate_cached
 from crashfuse.study.recommendation import recommend, recommend_for

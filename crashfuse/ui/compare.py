@@ -11,12 +11,11 @@ import streamlit as st
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.reporting.rating_tables import REPEAT, excursions_table, humps_table
-from crashfuse.reporting.report import study_report
+from crashfuse.reporting.report.study import study_report
 from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.config import StudyConfig
@@ -34,7 +33,7 @@ from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import choose_report, download_report, download_table, offer_pulses
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.results import show_table
-from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plain
 from crashfuse.wording import difference, joined
 
 _NO_CHANGE = 0.005  # in rating
@@ -193,7 +192,7 @@ def show_why(comparison: Comparison) -> None:
         alt = f"The four scores of every prediction of test {test.id}, as bars"
         show_cached_figure(partial(draw, "scores"), alt, "parts", comparison.key, name="scores")
     parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
-    words.markdown("\n".join(f"- {said[part]}" for part in parts), help=glossary.RATING_PARTS)
+    words.markdown("\n".join(f"- {said[part]}" for part in parts), help=RATING_PARTS)
     if advice is not None:
         test_account = _account(comparison.key, advice.approach, comparison)
         if test_account.disappoints or (test_account.departure is not None and test_account.departure.apart):
@@ -205,7 +204,7 @@ def show_why(comparison: Comparison) -> None:
     )  # fmt: skip
     with st.expander("Humps, and stretches outside the corridor", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")
-        st.caption(glossary.HUMPS)
+        st.caption(HUMPS)
         show_table(excursions_table(explanation, display), "excursions")
 
 
@@ -218,7 +217,7 @@ def _account(key: Hashable, approach: str, _comparison: Comparison) -> Account: 
 def show_ratings(comparison: Comparison) -> None:
     """Show ratings, metrics, and what the approaches say of themselves."""
     campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.view.display.window_ms
-    terms = f"By {campaign.rating_basis}. Single draws: {glossary.DRAWS} {glossary.REPEAT}"
+    terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {A_REPEAT}"
     st.subheader("Rating by approach and window", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
     rated = dict(fold.ratings)
@@ -233,7 +232,7 @@ def show_ratings(comparison: Comparison) -> None:
     show_table(results.ratings_table(rated, window_ms, repeats, draws), "ratings")
     st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
     if "lf_tcn" in comparison.config.approaches:
-        st.caption(glossary.LF)
+        st.caption(LF)
     columns = [
         (results.TEST_COLUMN, campaign.metrics_of(comparison.view.held_out)),
         *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),

@@ -20,13 +20,11 @@ from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_tables import csv_as_given
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.fit_explanations import whole_sentences
-from crashfuse.reporting.glossary import TTZV
 from crashfuse.reporting.planning import NextTests
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.sweep import BEST
 from crashfuse.reporting.predicted import PredictedPulse
-from crashfuse.reporting.report import next_test_report, prediction_report, sweep_report
-from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING
+from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.side_by_side import by_one, cautions, column_names, predictions_table, side_by_side
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
@@ -45,7 +43,7 @@ from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.kit.files import choose_form, download_bytes, download_report, download_table, offer_pulses
 from crashfuse.ui.kit.progress import result_or_none
 from crashfuse.ui.kit.results import show_table
-from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.text import TTZV, plain
 from crashfuse.wording import IN_SI, joined
 
 _DECIMALS = 9  # of speeds and weights in the session: 56 km/h come back as 56

@@ -9,11 +9,11 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.errors import DataError
-from crashfuse.reporting import glossary, rating_tables
+from crashfuse.reporting import rating_tables
 from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import coverage_table
-from crashfuse.reporting.report import learning_curve_report, study_report
-from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
+from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING, learning_curve_report
+from crashfuse.reporting.report.study import study_report
 from crashfuse.reporting.result_tables import gains_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
@@ -31,7 +31,7 @@ from crashfuse.ui.kit.files import choose_report, download_report, download_tabl
 from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
-from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.text import A_REPEAT, DRAWS, TTZV, plain
 
 _NUMBER, _PAST, _BANDS = "Number of tests", "Past results", "Bands"
 _TABS = ["Ratings", _BANDS, _NUMBER, _PAST]
@@ -153,7 +153,7 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
     if clicked or chosen is not None:
         open_page("compare")
     if study.repeats(outcome.view.display.window_ms):
-        st.caption(glossary.REPEAT)
+        st.caption(A_REPEAT)
 
 
 def _show_bands(outcome: _Outcome) -> None:
@@ -171,15 +171,13 @@ def _show_bands(outcome: _Outcome) -> None:
         st.subheader(f"How sure the ratings are, {results.window_label(outcome.view.display.window_ms)}")
         alt = f"Rating of each test, {left_out}, by approach, with the interval of single draws"
         show("draws", alt, "ratings of draws")
-        st.caption(
-            f"Marks: rating of the expected pulse. Lines: {glossary.DRAWS} Grey: where a repeat of the test would rate."
-        )
+        st.caption(f"Marks: rating of the expected pulse. Lines: {DRAWS} Grey: where a repeat of the test would rate.")
     with right:
         st.subheader("What bands of each level hold")
         alt = f"Share of the time up to TTZV inside bands of each level, each test {left_out}"
         show("calibration", alt, "coverage by level")
         st.caption("Above the dotted line a band is too wide, below it too narrow.")
-    st.subheader("What the 95 % band is worth", help=glossary.TTZV)
+    st.subheader("What the 95 % band is worth", help=TTZV)
     show_table(coverage_table(study.coverage), "coverage")
     st.caption(f"Left-out tests inside the band; of {len(study.folds)} no more can be promised.")
 

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import plotly.graph_objects as go
@@ -13,18 +14,22 @@ import streamlit as st
 from crashfuse.approaches.displacement_domain.events import CaeEvents, cae_events
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import CrashfuseError
+from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.reporting.cae_events import events_sentences, events_table
 from crashfuse.reporting.figures import ONE_PROCESS, Draw
 from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.displacement import missing_force
+from crashfuse.reporting.result_tables import archive_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
-from crashfuse.ui.kit import address
+from crashfuse.ui.certify.entry import show_wrong
+from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import HASHED, View
-from crashfuse.ui.kit.computation import fit_request, jobs, study_request
+from crashfuse.ui.kit.computation import fit_request, jobs, learn_vehicles, study_request
+from crashfuse.ui.kit.editing import can_be_edited, show_last_change, show_refused, use_archive
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes
 from crashfuse.ui.kit.frame import choose_settings
@@ -41,8 +46,9 @@ from crashfuse.ui.kit.progress import (
 )
 from crashfuse.ui.kit.results import show_table, window_label
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.past_vehicles import show_past_vehicles
+from crashfuse.vehicle_archive import LEAST_VEHICLES, VehicleArchive, load_archive
 
+_PAST = "past vehicles"  # widget key
 _ON_ALL, _NETWORKS, _MEND = "Train on all tests", "Networks", "What to mend"
 _STAGES = {
     "lf_tcn": (
@@ -275,3 +281,87 @@ def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str
         with column:
             st.markdown(f"**{title}**")
             show(partial(plot, figure, approaches=[name]), figure, alt, meaning.format(**states[name]))
+
+
+def show_past_vehicles(view: View) -> None:
+    """Show the archive that teaches the campaign; let it be taken out, another be put in, or one be learned."""
+    prior, editable, state = view.campaign.prior, can_be_edited(view.folder), st.session_state
+    wanted = f"past vehicles of {view.name}"  # once in use, or being learned: it is not folded under the mouse
+    state[wanted] = state.get(wanted, False) or prior is not None or bool(state.get(_PAST))
+    with st.expander("Past vehicles", icon=":material/inventory_2:", expanded=state[wanted]):
+        show_refused()
+        if prior is not None:
+            st.markdown(plain(prior.sentence))
+            path = view.folder / ARCHIVE
+            _show_archive(_archive(path, campaigns.stamp(path)), "archive in use")
+        else:
+            st.markdown(
+                "No archive is in use. Past vehicles teach a campaign before its tests do, most with few tests."
+            )
+        if editable:
+            with st.container(horizontal=True, vertical_alignment="center"):
+                if prior is not None:
+                    st.button("Use none", icon=":material/close:", on_click=use_archive, args=(view, None))
+                show_last_change(view)
+            _offer_upload(view)
+        else:
+            st.caption(
+                ":material/lock: The folder of this campaign is not written to. An archive can be put into a copy: "
+                "*Save a copy to edit* on the page Data, or `crashfuse sample DIR`."
+            )
+        _learn_archive(view, editable=editable)
+
+
+def _offer_upload(view: View) -> None:
+    # another widget once it is in use: what was uploaded is then no longer shown
+    key = f"archive file {view.campaign.fingerprint[:8]}"
+
+    def take() -> None:
+        if (file := st.session_state[key]) is not None:
+            use_archive(view, file.getvalue())
+
+    st.file_uploader("Use an archive from a file", type=Path(ARCHIVE).suffix[1:], key=key, on_change=take)
+
+
+def _learn_archive(view: View, *, editable: bool) -> None:
+    st.markdown("**Learn an archive** from three or more campaigns with four tests or more each.")
+    known, state = list(campaigns.open_campaigns()), st.session_state
+    if not {*state.get(_PAST, [])} <= {*known}:  # an upload was closed
+        state[_PAST] = [name for name in state[_PAST] if name in known]
+    chosen = st.multiselect(
+        "Campaigns to learn from", known, key=_PAST, format_func=campaigns.label, persist_state="session",
+        help="Of vehicles with like CAE models. If this campaign is among them, it is taken out where it is judged.",
+    )  # fmt: skip
+    if len(chosen) < LEAST_VEHICLES:
+        st.caption(f":material/info: Choose {LEAST_VEHICLES} or more; {len(known)} are open.")
+        show_link("data", "Open another campaign")
+        return
+    try:
+        request = learn_vehicles([campaigns.folder_of(name) for name in chosen], chosen_config().seed)
+    except DataError as error:
+        show_wrong(error)
+        return
+    invitation = "Five vehicles take some 20 minutes on two cores; what is finished is kept."
+    archive = result_or_none(request, invitation=invitation, button="Learn an archive")
+    if archive is None:
+        return
+    with st.container(horizontal=True):
+        download_bytes(ARCHIVE, lambda: archive.content)
+        if editable:
+            st.button(
+                "Use it for this campaign", icon=":material/check:",
+                on_click=lambda: use_archive(view, archive.content),
+                help=f"It is put into the campaign's folder, as {ARCHIVE}.",
+            )  # fmt: skip
+    _show_archive(archive, "archive learned")
+
+
+def _show_archive(archive: VehicleArchive, key: str) -> None:
+    st.markdown(plain(archive.sentence))
+    with st.expander("Its record, vehicle by vehicle", icon=":material/table:"):
+        show_table(archive_table(archive.record), key)
+
+
+@st.cache_resource(max_entries=4, show_spinner=False)
+def _archive(path: Path, stamp: tuple[int, ...]) -> VehicleArchive:  # noqa: ARG001 - part of the key
+    return load_archive(path)

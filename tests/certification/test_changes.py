@@ -24,7 +24,7 @@ from crashfuse.reporting.certification_facts import exceptions, facts, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import SHOWN, changes_table
 from crashfuse.reporting.plots.display import DEFAULT
-from crashfuse.reporting.report import certification_report
+from crashfuse.reporting.report.certification import certification_report
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from crashfuse import cli
-from crashfuse.files.locks import sole_writer
+from crashfuse.files.atomic import sole_writer
 from tests.conftest import Capture
 
 WEIGHTS = ["--front-weight-lb", "2000", "--rear-weight-lb", "1600"]

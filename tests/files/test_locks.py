@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from crashfuse.errors import DataError
-from crashfuse.files.locks import NAME, locked, sole_writer
+from crashfuse.files.atomic import NAME, locked, sole_writer
 
 _HOLD = (
     "import sys\n"
     "from pathlib import Path\n"
-    "from crashfuse.files.locks import sole_writer\n"
+    "from crashfuse.files.atomic import sole_writer\n"
     "with sole_writer(Path(sys.argv[1])):\n"
     "    print('held', flush=True)\n"
     "    sys.stdin.read()\n"
@@ -98,7 +98,7 @@ def test_where_files_cannot_be_locked_it_is_said(tmp_path: Path, monkeypatch: py
     def fail(*_: object, **__: object) -> None:
         raise OSError(37, "No locks available")
 
-    monkeypatch.setattr("crashfuse.files.locks.FileLock.acquire", fail)
+    monkeypatch.setattr("crashfuse.files.atomic.FileLock.acquire", fail)
     with pytest.raises(OSError, match="No locks"), sole_writer(tmp_path / "out"):
         pytest.fail("It was let in.")
     assert list(tmp_path.iterdir()) == []

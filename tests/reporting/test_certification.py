@@ -26,7 +26,7 @@ from crashfuse.reporting.evidence_facts import listed_conditions
 from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
-from crashfuse.reporting.report import certification_report
+from crashfuse.reporting.report.certification import certification_report
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, MPH

@@ -10,7 +10,7 @@ from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.past_results import comparison_means, described, left_out_in_words, studies_table
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.ratings import rating_differences
-from crashfuse.reporting.report import comparison_report
+from crashfuse.reporting.report.study import comparison_report
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig
 from tests.study.test_comparison import FIRST, study

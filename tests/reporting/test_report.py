@@ -16,7 +16,9 @@ from crashfuse.errors import UsageError
 from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
-from crashfuse.reporting.report import ReportOptions, prediction_report, study_report
+from crashfuse.reporting.report.page import ReportOptions
+from crashfuse.reporting.report.prediction import prediction_report
+from crashfuse.reporting.report.study import study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.left_out_account import worst_test

@@ -19,13 +19,15 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting import report
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.certification import record_figure, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion
 from crashfuse.reporting.plots.sweep import next_tests, sweep_figure
+from crashfuse.reporting.report.certification import certification_report
+from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
+from crashfuse.reporting.report.study import study_report
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
@@ -98,17 +100,13 @@ def certification(campaign: Campaign) -> Certification:
 
 
 REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
-    "prediction": lambda campaign, display: report.prediction_report(
-        campaign, [estimate(campaign.tests[0])], CONFIG, display
-    ),
-    "study": lambda campaign, display: report.study_report(study(campaign), display),
-    "sweep": lambda campaign, display: report.sweep_report(
-        SpeedSweep(campaign, tuple(sweeps(campaign)), CONFIG), display
-    ),
-    "next test": lambda campaign, display: report.next_test_report(
+    "prediction": lambda campaign, display: prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG, display),
+    "study": lambda campaign, display: study_report(study(campaign), display),
+    "sweep": lambda campaign, display: sweep_report(SpeedSweep(campaign, tuple(sweeps(campaign)), CONFIG), display),
+    "next test": lambda campaign, display: next_test_report(
         NextTests(campaign, ConditionRange.of(campaign.tests), tuple(ranked(campaign)), CONFIG), display
     ),
-    "certification": lambda campaign, display: report.certification_report(certification(campaign), display),
+    "certification": lambda campaign, display: certification_report(certification(campaign), display),
 }
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "motion": lambda campaign, display: motion(

@@ -20,7 +20,7 @@ from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import SHOWN, changes_table, csv_as_given, matrix_table
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
-from crashfuse.reporting.report import certification_report
+from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.verdicts import Verdicts, certify
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong

@@ -18,8 +18,7 @@ from crashfuse.campaign_folder.load import ARCHIVE, read_folder
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
-from crashfuse.files.atomic import write_atomically
-from crashfuse.files.locks import sole_writer
+from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.reporting.plots.display import Display
 from crashfuse.ui.kit import visitors
 from crashfuse.ui.kit.visitors import logged_in, note_in_log, visitor

@@ -17,8 +17,7 @@ from crashfuse.reporting.figure_files import figure_files, figures_of, missing_f
 from crashfuse.reporting.figures import LEFT_OUT, RUN, Further
 from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.report import ReportForm, ReportOptions
-from crashfuse.reporting.report.page import REPORT_FORMS
+from crashfuse.reporting.report.page import REPORT_FORMS, ReportForm, ReportOptions
 from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate

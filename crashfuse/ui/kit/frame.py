@@ -18,7 +18,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import default_folder
-from crashfuse.reporting import glossary
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, telling_test
 from crashfuse.study.facts import campaign_facts
@@ -30,7 +29,7 @@ from crashfuse.ui.kit.figures import load_early
 from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
-from crashfuse.ui.kit.text import chosen_units, plain
+from crashfuse.ui.kit.text import LF, TIME_DOMAIN, chosen_units, plain
 from crashfuse.wording import SYSTEMS, counted, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
@@ -45,7 +44,7 @@ def choose_settings() -> tuple[StudyConfig, str]:
         "Approaches", APPROACHES, selection_mode="multi", format_func=LABELS.__getitem__,
         key="approaches", persist_state="session",
     )  # fmt: skip
-    st.caption(f"{glossary.LF} {glossary.TIME_DOMAIN}")
+    st.caption(f"{LF} {TIME_DOMAIN}")
     left, right = st.columns(2, gap="large")
     left.radio(
         "Settings", PRESETS, format_func={"fast": "Fast", "paper": "Paper"}.__getitem__, key="preset",

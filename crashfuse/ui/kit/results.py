@@ -14,7 +14,6 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting import glossary
 from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
 from crashfuse.reporting.plots.display import Display
@@ -30,7 +29,7 @@ from crashfuse.study.next_test import NextTest
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.navigation import component
-from crashfuse.ui.kit.text import advice_on_page, as_read, chosen_units, plain
+from crashfuse.ui.kit.text import METRICS, PULSE_SHAPE, advice_on_page, as_read, chosen_units, plain
 from crashfuse.wording import UnitSystem
 
 _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| %| of \d+)?|–|)( \[.*\]| \(.*\))?")
@@ -260,7 +259,7 @@ def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) ->
     missed = " Coloured: the test lies outside." if missed_by(columns) else ""
     remark = f"Values: the middle of what tests show. Brackets: 95 of 100 lie inside.{missed}"
     main, _ = metrics_tables(columns, view.campaign, view.display)
-    show_table(main, "metrics", remark, [glossary.METRICS[name] for name in MAIN_METRICS])
+    show_table(main, "metrics", remark, [METRICS[name] for name in MAIN_METRICS])
 
 
 def show_details(
@@ -273,7 +272,7 @@ def show_details(
     """Show, folded, what few readers need; notes already ``said`` on the page are left out."""
     with st.expander("More: equivalent pulses, loading, rebound; notes; fits", icon=":material/notes:"):
         show_table(metrics_tables(columns, view.campaign, view.display)[1], "more metrics")
-        st.caption(glossary.PULSE_SHAPE)
+        st.caption(PULSE_SHAPE)
         main, more = metric_remarks(columns)
         st.caption("  \n".join(map(plain, [*main, *more, *remarks])))
         makers = {note: names for note, names in notes_by_makers(estimates).items() if note not in said}

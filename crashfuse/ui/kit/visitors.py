@@ -23,8 +23,7 @@ import streamlit as st
 
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.execution.cache import default_folder
-from crashfuse.files.atomic import write_atomically
-from crashfuse.files.locks import sole_writer
+from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.ui.kit.navigation import pages
 from crashfuse.ui.kit.text import plain
 
