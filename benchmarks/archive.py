@@ -8,6 +8,7 @@ intervals and how wide these are with the archive as a share of those without.
 """
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from crashfuse.signals.metrics import metric_values
 from crashfuse.study.archive_learning import SIZES, learn_archive
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import learning_curve
+from crashfuse.wording import number, signed
 
 _CONFIG = StudyConfig(approaches=("fused",), windows_ms=(60.0,))
 _TESTS = 10
@@ -79,7 +81,15 @@ def main() -> None:
     if given.data is not None:
         names = {"sister": "sisters", "any": "of any kind"}
         written = table.assign(campaign=table.pop("kind").map(names)).rename(columns={"n_tests": "learned from"})
-        write(written[["campaign", "learned from", *columns, "lowest change"]], given.data / "archive.csv")
+        written = written[["campaign", "learned from", *columns, "lowest change"]]
+        digits = {
+            name: partial(number, form=".3f") for name in ("rating", "rating without", "inside", "inside without")
+        }
+        shown = {**digits, "width": partial(number, form=".2f"), "lowest change": partial(signed, digits=3)}
+        write(
+            written.assign(**{name: written[name].map(form) for name, form in shown.items()}),
+            given.data / "archive.csv",
+        )
 
 
 if __name__ == "__main__":
