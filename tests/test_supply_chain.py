@@ -195,16 +195,8 @@ def test_the_wheel_holds_the_package_and_the_dashboard_and_nothing_else(installe
     package = {f"crashfuse/{name}" for name in _files(ROOT / "crashfuse")}
     pages = {f"crashfuse/dashboard/pages/{name}" for name in _files(ROOT / "pages")}
     own = {"crashfuse/dashboard/app.py", "crashfuse/dashboard/.streamlit/config.toml"}
-    assert {Path(name).suffix for name in package} == {
-        ".py",
-        ".pyi",
-        ".typed",
-        ".j2",
-        ".css",
-        ".html",
-        ".js",
-        ".safetensors",
-    }
+    endings = {".py", ".pyi", ".typed", ".j2", ".css", ".html", ".js", ".safetensors", ".toml"}
+    assert {Path(name).suffix for name in package} == endings
     assert len(package) > 100
     assert len(pages) >= 5
     assert {name for name in _files(installed) if name.startswith("crashfuse/")} == package | pages | own

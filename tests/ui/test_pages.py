@@ -339,7 +339,7 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert "Mean rating " in session.words
     session.app.button_group(key="ways").set_value("With all tests at about its speed").run()
     assert means.equals(session.tables[0])
-    assert "Where no test of about the same speed was left" in session.words  # as the figure has it
+    assert "Without tests of about the same speed" in session.words  # as the figure has it
     session.app.selectbox(key="window").select(20.0).run()
     assert "This is over 0–60 ms." in session.words
     session.open_tab("study", "Bands")
