@@ -18,6 +18,7 @@ LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)
 """Nominal levels at which the coverage of bands is checked."""
 
 STRIDE = 10  # samples of the study grid: a CFC 60 pulse contains no finer detail
+JUDGED = slice(round(0.06 / (STRIDE * DT_S)))  # the rated time in thinned samples: later errors decide nothing
 CHECK_STRIDE = 5  # samples between those that are checked: at 0.4 ms the motion differs by less than draws do
 WIDENINGS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
 LEAST_CHECKED = 3  # tests; with fewer, too little is left to learn from

@@ -8,7 +8,7 @@ import numpy as np
 
 from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
-from crashfuse.approaches.calibration import STRIDE, WIDENINGS, Calibration, Coverage
+from crashfuse.approaches.calibration import JUDGED, STRIDE, WIDENINGS, Calibration, Coverage
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.mixture import COMPONENTS, AboutFused, Component, HeldOut, Pool, Scores, Tests, mixed, spread
@@ -20,11 +20,11 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, speed
 
-_JUDGED = slice(round(0.06 / (STRIDE * DT_S)))  # the rated time in thinned samples: later errors do not affect weights
 _N_DRAWS = 400
+_PAST_COUNT = 2  # a vehicle of an archive, given by two errors, counts as four left-out tests
 _WIDENINGS = (0.6, 0.7, 0.8, 0.9, *WIDENINGS)
 
 
@@ -80,7 +80,7 @@ class Fused(AboutFused):
         learned_from = alone + [left_out for left_out in apart if len(groups[left_out.number]) > 1]
         measured = self._tests.measured_mps2
         scores = [
-            Scores.of(measured[number, ::STRIDE][_JUDGED], [part.draws[:, _JUDGED] for part in components])
+            Scores.of(measured[number, ::STRIDE][JUDGED], [part.draws[:, JUDGED] for part in components])
             for number, components, _ in learned_from
         ]
         self.pool_.fit(scores)
@@ -116,7 +116,7 @@ class Fused(AboutFused):
         return mixed(components, self._weights([part.draws for part in components]), _N_DRAWS, self.seed)
 
     def _weights(self, thinned_draws: Sequence[FloatArray]) -> FloatArray:
-        return self.pool_.weights(np.array([spread(draws[:, _JUDGED]) for draws in thinned_draws]))
+        return self.pool_.weights(np.array([spread(draws[:, JUDGED]) for draws in thinned_draws]))
 
     def predict(self, condition: Condition) -> Prediction:
         """Average the predictions at a condition, and mix their draws."""
@@ -169,7 +169,7 @@ class Fused(AboutFused):
     def usual_errors(self) -> Mapping[str, FloatArray]:
         """Those of past vehicles, if they teach this one."""
         taught = self.pretrained_.prior_
-        return {} if taught is None else taught.errors
+        return {} if taught is None else {name: np.tile(found, _PAST_COUNT) for name, found in taught.errors.items()}
 
     def learned(self) -> FittedState:
         """Fitted states of the approaches, and the weights."""

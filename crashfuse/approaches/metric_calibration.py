@@ -32,7 +32,6 @@ _USUAL_SCALES = {
 # Crashes at one condition do not crush alike, however sure the draws beside a test are. The share is that of the best
 # log score of 2,254 unseen crashes of 24 random vehicles.
 _REPEATABILITY = dict.fromkeys(("max_crush", "esw", "centroid_time"), 0.015)  # of the value
-_PAST_COUNT = 2  # a vehicle of an archive, given by two errors, counts as four left-out tests
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
 _LATEST_MS = dict.fromkeys(("peak_time", "step_time", "centroid_time"), float(GRID_S[-1]) * 1e3)
@@ -127,7 +126,7 @@ def metric_errors(
     left_out: Mapping[str, Prediction], campaign: Campaign, usual: Mapping[str, FloatArray] = {}
 ) -> Errors:
     """Standardised errors of all metrics: those that past vehicles teach, then of left-out tests, in their order."""
-    taught = {name: np.tile(usual[name], _PAST_COUNT) if name in usual else np.empty(0) for name in METRIC_LABELS}
+    taught = {name: usual.get(name, np.empty(0)) for name in METRIC_LABELS}
     if not left_out:
         return taught
     tests = [campaign.test(test_id) for test_id in left_out]

@@ -274,7 +274,7 @@ class Pretrained(BandedApproach):
         self.prior_ = prior
         means = np.array([self._without(number, [number])(1.0)[0] for number in range(len(self._vectors))])
         off = np.abs(means - self._measured) / self._vectors[:, :1]
-        return float(off[:, : 6 * N_TIMES // 10].mean())
+        return float(off[:, bands.JUDGED].mean())
 
     def _without(self, number: int, out: Sequence[int]) -> HeldOutPredictor:
         others = self._read(np.delete(np.arange(len(self._vectors)), out))

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from crashfuse.approaches.calibration import JUDGED
 from crashfuse.approaches.pretrained import FACTORS, N_TIMES, Forecast, PretrainedNetwork, shipped_network, unit
 from crashfuse.approaches.threads import single_thread
 from crashfuse.execution.progress import SILENT, Watch
@@ -54,7 +55,7 @@ def losses(network: PretrainedNetwork, vehicles: Sequence[Tensor], known: Tensor
         forecast = network(measured, cae, conditions, known)
     one = unit(conditions[..., :1])
     weights = torch.ones(N_TIMES, device=cae.device)
-    weights[round(0.6 * N_TIMES) :] = _LATE
+    weights[JUDGED.stop :] = _LATE
     weights /= weights.mean()
     unknown = (~known).float() / (~known).sum()
 

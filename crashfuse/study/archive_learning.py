@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.calibration import STRIDE, predicted
+from crashfuse.approaches.calibration import JUDGED, STRIDE, predicted
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.fused import Fused
@@ -40,7 +40,7 @@ from crashfuse.execution.process import one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.tensors import Arrays
 from crashfuse.signals.metrics import METRIC_LABELS, metric_values
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.learning_curve import subsets
 from crashfuse.study.running import workers_at
@@ -53,7 +53,6 @@ SIZES = (1, 2, 3, 4, 6)
 _OF_ERRORS = (2, 4)  # those that usual errors are learned from
 _LEAST_TESTS, _MOST_TESTS = 4, 14  # of a vehicle, and that the network is tuned to
 _WINDOW_MS = 60.0
-_JUDGED = slice(round(_WINDOW_MS / 1e3 / (STRIDE * DT_S)))
 _DRAWS = 100
 _COUNT = 10.0  # left-out tests that all those of a vehicle count as, as they are predicted from the same ones
 _PARTS, _NETWORKS = "archive parts", "archive networks"  # kinds of cache entries
@@ -127,7 +126,7 @@ class _Part:
             raw = tests.raw(network.model_.pulse(test.condition).accel_mps2, test.condition.speed_mps)
             by_network = np.asarray(network.predict(test.condition).draws_mps2)
             drawn = [*(part.draws for part in components), by_network[:, ::STRIDE], raw.draws[:, ::STRIDE]]
-            return Scores.of(test.pulse.accel_mps2[::STRIDE][_JUDGED], [draws[:, _JUDGED] for draws in drawn])
+            return Scores.of(test.pulse.accel_mps2[::STRIDE][JUDGED], [draws[:, JUDGED] for draws in drawn])
 
         pairs = zip(self.held_out, self.components(), strict=True)
         return [(score(networks[0], *pair), score(networks[1], *pair)) for pair in pairs]

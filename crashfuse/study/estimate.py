@@ -113,14 +113,14 @@ class Fit:
         cache = cache or Cache()
         with blamed_on(approach):
             learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)
-            left_out = learned.left_out(campaign)
+            left_out, usual = learned.left_out(campaign), learned.usual_errors
 
         def judge() -> tuple[Errors, Errors]:
-            errors = metric_errors(left_out, campaign, learned.usual_errors)
+            errors = metric_errors(left_out, campaign, usual)
             return errors, errors
 
         def restore(entry: Entry) -> Errors:
-            return {name: numbers(entry, name, None) for name in METRIC_LABELS}
+            return {name: numbers(entry, name, len(left_out) + len(usual.get(name, ()))) for name in METRIC_LABELS}
 
         key = {**settings(learned), "campaign": campaign.fingerprint, "code": code_digest(__name__)}
         errors = cache.get_or_compute(_JUDGED, key, judge, restore, watch)
