@@ -4,11 +4,9 @@ It holds no pulse. For each of its vehicles it also knows what all others teach,
 """
 
 import hashlib
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,21 +17,11 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.tensors import Arrays, read_tensors, tensor_bytes
-from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import read_out, signed
 
 LEAST_VEHICLES = 3
-PARTS = "0–20, 20–40 and 40–60 ms"
-"""The parts of a crash in which CAE models are compared."""
-_PARTS_S = (0.0, 0.02, 0.04, 0.06)
-
-# What the CAE models of simulated vehicles (benchmarks/many_vehicles.py) get wrong on average in each part, in impact
-# speeds per second: its mean and deviation between vehicles, and the deviation between tests of one vehicle.
-_USUAL_MEAN: FloatArray = np.array([-1.1, -1.6, -0.5])
-_BETWEEN: FloatArray = np.array([1.8, 3.4, 3.6])
-_WITHIN: FloatArray = np.array([0.9, 2.4, 3.2])
 _FEW = 4  # tests: with more, archives change little
-_CHOSEN = math.log(20.0)  # odds before the tests
 _AGAIN = "learn it again with crashfuse learn-archive"
 
 
@@ -45,7 +33,7 @@ class Prior:
     network: Arrays  # weights of the pre-trained network that were tuned to them, by name
     logits: FloatArray  # prior mean of the fused weights, as :data:`crashfuse.approaches.mixture.PRIOR`
     errors: Mapping[str, FloatArray]  # standardised, by metric: mean minus and plus deviation, for each vehicle
-    differences: FloatArray  # of each CAE model, shape (n_vehicles, 3), see :func:`differences`
+    bias: FloatArray  # mean of their CAE models' errors over crush, as much of it as carries over, shape (6, 60)
     helps: bool = True  # whether these, each left out, were predicted better with the others, on average
     taken_out: str = ""  # the vehicle that is to be judged, if it was in the archive
 
@@ -62,7 +50,7 @@ class Prior:
         """All arrays by name."""
         weights = {f"network {name}": weight for name, weight in sorted(self.network.items())}
         errors = {f"error {name}": errors for name, errors in self.errors.items()}
-        return {**weights, **errors, "logits": self.logits, "differences": self.differences}
+        return {**weights, **errors, "logits": self.logits, "bias": self.bias}
 
     @property
     def sentence(self) -> str:
@@ -73,37 +61,10 @@ class Prior:
             sentence = f"The archive of {names} is not used: left out, they were not predicted better with it."
         return sentence + (f" {self.taken_out}, which this is, was taken out of it." if self.taken_out else "")
 
-    def likeness(self, found: FloatArray) -> float:
-        """Log odds that a vehicle is of the archive's kind, not of any, by :func:`differences` of its tests, (n, 3).
-
-        Both kinds are normal in each part of a crash. The deviation between the archive's vehicles is shrunk as if
-        one more had deviated as vehicles of any kind do. Before its tests a vehicle is taken for one of the archive's
-        kind: its maker chose the archive.
-        """
-        n, mean = len(self.differences), self.differences.mean(axis=0)
-        spread = (_BETWEEN**2 + ((self.differences - mean) ** 2).sum(axis=0)) / n
-        within = _WITHIN**2 / len(found)
-        alike = _log_normal(found.mean(axis=0) - mean, spread * (1 + 1 / n) + within)
-        of_any = _log_normal(found.mean(axis=0) - _USUAL_MEAN, _BETWEEN**2 + within)
-        return _CHOSEN + alike - of_any
-
-
-def _log_normal(off: FloatArray, variance: FloatArray) -> float:
-    return float(-0.5 * (off**2 / variance + np.log(variance)).sum())
-
-
-def differences(measured_mps2: FloatArray, cae_mps2: FloatArray, speeds_mps: FloatArray) -> FloatArray:
-    """Mean error of a CAE model in each part of a crash, shape (n, 3), in impact speeds per second; pulses by rows."""
-    step_s = 1250 * DT_S / measured_mps2.shape[1]
-    ends = np.round(np.array(_PARTS_S) / step_s).astype(int)
-    off = (measured_mps2 - cae_mps2) / speeds_mps[:, None]
-    return np.array([off[:, begin:end].mean(axis=1) for begin, end in pairwise(ends)]).T
-
-
-def in_parts(off: FloatArray) -> str:
-    """Mean :func:`differences` in words: by how many percent of the impact speed more a test loses in each part."""
-    lost = -100 * off.mean(axis=0) * np.diff(_PARTS_S)
-    return f"{read_out([f'{share:.1f}'.replace('-', '−') for share in lost])} %"
+    @property
+    def of_bias(self) -> "Prior":
+        """What they teach of the bias alone."""
+        return replace(self, network={}, logits=np.zeros((4, 5)), errors={}, taken_out="")
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,8 +159,6 @@ def _prior(number: int, vehicles: tuple[str, ...], arrays: Arrays, helps: object
         kind: {name.removeprefix(kind): array for name, array in mine.items() if name.startswith(kind)}
         for kind in ("network ", "error ")
     }
-    if mine["differences"].shape != (len(vehicles), len(_PARTS_S) - 1):
-        raise ValueError("vehicles whose CAE models are not described")
-    if mine["logits"].shape != (4, 5):
+    if mine["logits"].shape != (4, 5) or mine["bias"].shape != (6, 60):
         raise ValueError("weights of other approaches")
-    return Prior(vehicles, parts["network "], mine["logits"], parts["error "], mine["differences"], bool(helps))
+    return Prior(vehicles, parts["network "], mine["logits"], parts["error "], mine["bias"], bool(helps))

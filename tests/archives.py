@@ -26,4 +26,4 @@ def made_archive(*campaigns: Campaign) -> VehicleArchive:
 
 def _prior(names: list[str]) -> Prior:
     errors = {"peak": np.array([-1.0, 1.0] * len(names))}
-    return Prior(tuple(names), {}, PRIOR, errors, np.full((len(names), 3), -1.0))
+    return Prior(tuple(names), {}, PRIOR, errors, np.full((6, 60), -1.0))

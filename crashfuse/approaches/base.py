@@ -16,6 +16,7 @@ from crashfuse.execution.cache import Entry
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
 from crashfuse.units import G
+from crashfuse.vehicle_archive import Prior
 
 WHOLE_SHARE, WHOLE_S = 0.9, 0.06  # of tests that lie inside the band of whole pulses, and until when
 _LEAST_WIDTH_MPS2 = 0.5 * G  # at contact all draws agree, to less than a sensor does
@@ -132,9 +133,8 @@ class Approach(ABC):
         solid is reserved for approaches that learn from tests.
     preference : int
         Among approaches that the tests cannot separate, the lowest number is recommended.
-    learns_from_tests, trains_networks, learns_from_archive : bool
-        Whether :meth:`fit` uses tests, whether :meth:`prepare` trains networks, which takes long, and whether it uses
-        what past vehicles teach, ``campaign.prior``.
+    learns_from_tests, trains_networks : bool
+        Whether :meth:`fit` uses tests, and whether :meth:`prepare` trains networks, which takes long.
     made_of : tuple of Approach classes
         The approaches that it mixes, if any; the first note of a prediction then states the weights.
     """
@@ -149,7 +149,6 @@ class Approach(ABC):
     preference: ClassVar[int]
     learns_from_tests: ClassVar[bool] = True
     trains_networks: ClassVar[bool] = False
-    learns_from_archive: ClassVar[bool] = False
     made_of: ClassVar[tuple[type["Approach"], ...]] = ()
 
     _thinning: tuple[str, ...] = ()
@@ -158,6 +157,11 @@ class Approach(ABC):
     def create(cls, settings: Settings) -> Self:  # noqa: ARG003 - most others need it
         """Create an unfitted approach from the settings that apply to it."""
         return cls()
+
+    @classmethod
+    def taught_by(cls, prior: Prior | None) -> Prior | None:  # noqa: ARG003 - most do not
+        """What :meth:`fit` uses of what past vehicles teach, ``campaign.prior``."""
+        return None
 
     def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
         """Compute and cache everything that no test's pulse affects; all fits to these CAE runs share it.

@@ -50,7 +50,7 @@ def is_cached(approach: Approach, campaign: Campaign, cache: Cache) -> bool:
 
 def _taught(approach: Approach, campaign: Campaign) -> Campaign:
     """The campaign with what it may learn from: fits that past vehicles do not change are those without an archive."""
-    return campaign if approach.learns_from_archive else replace(campaign, prior=None)
+    return replace(campaign, prior=approach.taught_by(campaign.prior))
 
 
 def _key(approach: Approach, campaign: Campaign) -> dict[str, object]:

@@ -21,6 +21,7 @@ from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.vehicle_archive import Prior
 from crashfuse.wording import Sentence, speed
 
 _N_DRAWS = 400
@@ -36,8 +37,6 @@ class Fused(AboutFused):
     test, with either sign. It always uses the fast forms, as the paper has no fused approach.
     """
 
-    learns_from_archive = True
-
     def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
         self.seed = seed
         self._wanted = device
@@ -47,6 +46,11 @@ class Fused(AboutFused):
     def create(cls, settings: Settings) -> Self:
         """Create it, the same under every preset."""
         return cls(seed=settings.seed, device=settings.device, cache=settings.cache)
+
+    @classmethod
+    def taught_by(cls, prior: Prior | None) -> Prior | None:
+        """It learns all of it."""
+        return prior
 
     def _unfitted(self) -> tuple[TimeDomain, DisplacementDomain, Pretrained]:
         settings = Settings(seed=self.seed, device=self._wanted, cache=self.cache)
@@ -71,7 +75,8 @@ class Fused(AboutFused):
         time_domain, displacement_domain, pretrained = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
         self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
-        self.pretrained_, _ = fitted(pretrained, campaign, self.cache, watch)
+        taught = replace(campaign, prior=self.displacement_domain_.accepted(campaign.prior))
+        self.pretrained_, _ = fitted(pretrained, taught, self.cache, watch)
         campaign = self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
         groups = bands.speed_groups(campaign)

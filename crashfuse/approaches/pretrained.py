@@ -32,7 +32,7 @@ from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray, in_full
-from crashfuse.vehicle_archive import PARTS, Prior, differences, in_parts
+from crashfuse.vehicle_archive import Prior
 
 N_TIMES = N_SAMPLES // bands.STRIDE
 FACTORS = 8  # functions of time along which a test's errors hang together
@@ -213,11 +213,15 @@ class Pretrained(BandedApproach):
     description = "a network, trained once on simulated vehicles, that reads the tests of this one."
     colour = "#8C564B"
     preference = 35
-    learns_from_archive = True
 
     def __init__(self, *, seed: int = 0, cache: Cache | None = None) -> None:
         self.seed = seed
         self.cache = cache
+
+    @classmethod
+    def taught_by(cls, prior: Prior | None) -> Prior | None:
+        """It learns the weights of its inputs and outputs."""
+        return prior
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
@@ -248,25 +252,13 @@ class Pretrained(BandedApproach):
         return campaign
 
     def _choose(self, prior: Prior | None) -> Prior | None:
-        """What past vehicles teach, if the CAE model errs as theirs do, and left-out tests come out no worse by it."""
+        """What past vehicles teach, if left-out tests come out no worse by it."""
         self.archive_ = ""
-        if prior is None:
-            return None
-        off = differences(self._measured, self._cae, self._vectors[:, 0])
-        vehicles = f"{len(prior.vehicles)} past vehicles"
-        beside = (
-            f"tests lose {in_parts(off)} of the impact speed more than the CAE model in {PARTS}, those of the past "
-            f"vehicles {in_parts(prior.differences)}"
-        )
-        if not prior.helps:
-            self.archive_ = prior.sentence
-        elif prior.likeness(off) <= 0:
-            self.archive_ = f"The archive of {vehicles} is not used, as this one is of another kind: {beside}."
-        elif len(off) >= bands.LEAST_CHECKED and self._left_out_error(prior) > self._left_out_error(None):
-            self.archive_ = f"The archive of {vehicles} is not used: with it left-out tests are predicted worse."
-        else:
-            self.archive_ = f"Taught by an archive of {vehicles} of a like kind: {beside}."
+        if prior is None or len(self._vectors) < bands.LEAST_CHECKED:
             return prior
+        if self._left_out_error(prior) <= self._left_out_error(None):
+            return prior
+        self.archive_ = "The archive's network is not used: with it left-out tests are predicted worse."
         return None
 
     def _left_out_error(self, prior: Prior | None) -> float:

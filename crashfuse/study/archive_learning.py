@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 import pandas as pd
 
-from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.calibration import JUDGED, STRIDE, predicted
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
@@ -44,7 +44,7 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.learning_curve import subsets
 from crashfuse.study.running import workers_at
-from crashfuse.vehicle_archive import LEAST_VEHICLES, PastVehicle, Prior, VehicleArchive, differences
+from crashfuse.vehicle_archive import LEAST_VEHICLES, PastVehicle, Prior, VehicleArchive
 from crashfuse.wording import read_out
 
 SIZES = (1, 2, 3, 4, 6)
@@ -59,16 +59,9 @@ _PARTS, _NETWORKS = "archive parts", "archive networks"  # kinds of cache entrie
 
 R = TypeVar("R")
 T = TypeVar("T")
+A = TypeVar("A", bound=Approach)
 _Chosen = tuple[str, ...]  # ids of the tests that are learned from
 _Members = tuple[int, ...]  # numbers of vehicles of the archive
-
-
-@dataclass(frozen=True, eq=False)
-class _LikeAny(Prior):
-    """What vehicles teach one of a like kind: whether it is one is not asked while they are learned from."""
-
-    def likeness(self, found: FloatArray) -> float:  # noqa: ARG002 - see above
-        return np.inf
 
 
 @dataclass(frozen=True)
@@ -91,45 +84,51 @@ class _Part:
 
     def components(self) -> list[list[Component]]:
         """Time and displacement domain at each left-out test, on every tenth sample; kept in the cache."""
-        few = replace(self.few, prior=None)
+        by_approach = [self._pulses(kind) for kind in (TimeDomain, DisplacementDomain)]
+        return [[Component(rows[0], rows[1:]) for rows in of_test] for of_test in zip(*by_approach, strict=True)]
 
+    def _fitted(self, kind: type[A]) -> A:
+        approach = kind.create(Settings(seed=self.seed, cache=self.cache))
+        return fitted(approach, self.few, self.cache, self.watch)[0]
+
+    def _pulses(self, kind: type[Approach]) -> FloatArray:
         def predict() -> tuple[FloatArray, Entry]:
-            settings, approaches = Settings(seed=self.seed, cache=self.cache), (TimeDomain, DisplacementDomain)
-            fits = [fitted(kind.create(settings), few, self.cache, self.watch)[0] for kind in approaches]
-            predictions = [fit.predict(test.condition) for test in self.held_out for fit in fits]
+            predictions = [self._fitted(kind).predict(test.condition) for test in self.held_out]
             rows = [
                 np.vstack([prediction.accel_mps2, prediction.draws_mps2[:_DRAWS]])[:, ::STRIDE]
                 for prediction in predictions
                 if prediction.draws_mps2 is not None
             ]
-            pulses = np.array(rows).reshape(len(self.held_out), len(fits), 1 + _DRAWS, -1)
-            return pulses, {"pulses": pulses}
+            return np.array(rows), {"pulses": np.array(rows)}
 
-        digests = [test.digest for test in self.held_out]
-        key = {"campaign": few.fingerprint, "held_out": digests, "seed": self.seed, "code": code_digest(__name__)}
-        pulses = self.cache.get_or_compute(
-            _PARTS, key, predict, lambda entry: numbers(entry, "pulses", *[None] * 4), self.watch
+        learned_from = replace(self.few, prior=kind.taught_by(self.few.prior)).fingerprint
+        key = {"campaign": learned_from, "approach": kind.name, "seed": self.seed, "code": code_digest(__name__)}
+        key["held_out"] = [test.digest for test in self.held_out]
+        return self.cache.get_or_compute(
+            _PARTS, key, predict, lambda entry: numbers(entry, "pulses", *[None] * 3), self.watch
         )
-        return [[Component(rows[0], rows[1:]) for rows in of_test] for of_test in pulses]
 
     def is_predicted(self) -> list[bool]:
         """Fill the cache with the components: a worker need not send them."""
         return [bool(self.components())]
 
     def scores(self) -> list[tuple[Scores, Scores]]:
-        """Scores of the components at each left-out test: with the tuned network, and with the shipped one."""
-        few = self.few, replace(self.few, prior=None)
-        networks = [Pretrained(seed=self.seed, cache=self.cache).fit(campaign) for campaign in few]
-        tests = Tests.of(self.few, networks[0].model_)
+        """Scores of the components at each left-out test: with what past vehicles teach, and without."""
+        without = replace(self, campaign=replace(self.campaign, prior=None))
+        return list(zip(self._scores(), without._scores(), strict=True))
 
-        def score(network: Pretrained, test: CrashTest, components: Sequence[Component]) -> Scores:
+    def _scores(self) -> list[Scores]:
+        taught = replace(self.few, prior=self._fitted(DisplacementDomain).accepted(self.few.prior))
+        network = Pretrained(seed=self.seed, cache=self.cache).fit(taught)
+        tests = Tests.of(self.few, network.model_)
+
+        def score(test: CrashTest, components: Sequence[Component]) -> Scores:
             raw = tests.raw(network.model_.pulse(test.condition).accel_mps2, test.condition.speed_mps)
             by_network = np.asarray(network.predict(test.condition).draws_mps2)
             drawn = [*(part.draws for part in components), by_network[:, ::STRIDE], raw.draws[:, ::STRIDE]]
             return Scores.of(test.pulse.accel_mps2[::STRIDE][JUDGED], [draws[:, JUDGED] for draws in drawn])
 
-        pairs = zip(self.held_out, self.components(), strict=True)
-        return [(score(networks[0], *pair), score(networks[1], *pair)) for pair in pairs]
+        return [score(*pair) for pair in zip(self.held_out, self.components(), strict=True)]
 
     @cached_property
     def fused(self) -> Fused:
@@ -217,6 +216,11 @@ class _Run:
         results = self.each(partial(_done, work=work, seed=self.seed), campaign, chosen, f"{campaign.name}: {step}")
         return [row for rows in results for row in rows]
 
+    def bias(self, campaign: Campaign) -> FloatArray:
+        """What the vehicle teaches of the bias, learned from all of its tests."""
+        domain = DisplacementDomain.create(Settings(seed=self.seed, cache=self.cache))
+        return fitted(domain, campaign, self.cache, self.watch)[0].to_teach()
+
     def prepared(self, campaign: Campaign) -> Vehicle:
         """Predict a vehicle's tests by both approaches from a few others; its tests as the network reads them."""
         settings = Settings(seed=self.seed, cache=self.cache)
@@ -235,7 +239,7 @@ class _Learning:
     """What is learned from vehicles once their parts and networks are known."""
 
     campaigns: Sequence[Campaign]
-    vehicles: Sequence[Vehicle]
+    biases: FloatArray  # what each teaches of the bias, shape (n_vehicles, 6, 60)
     networks: Mapping[_Members, Arrays]
     run: _Run
 
@@ -245,9 +249,8 @@ class _Learning:
     def prior(self, members: _Members) -> Prior:
         """What these vehicles teach."""
         names = tuple(self.campaigns[member].name for member in members)
-        vehicles = [self.vehicles[member] for member in members]
-        off = np.array([differences(v.measured, v.cae, v.conditions[:, 0]).mean(axis=0) for v in vehicles])
-        others = {member: _LikeAny(names, self.networks[_less(members, member)], PRIOR, {}, off) for member in members}
+        bias = carried_over(self.biases[list(members)])
+        others = {member: self._others(_less(members, member)) for member in members}
         scores = [self._each(_Part.scores, member, others[member], *SIZES) for member in members]
         taught = [score for pairs in scores for score, _ in pairs]
         logits = Pool(strength=STRENGTH * _COUNT * len(members) / len(taught)).fit(taught).logits_
@@ -260,7 +263,11 @@ class _Learning:
         errors = [pd.DataFrame(self._each(_Part.errors, *pair, *_OF_ERRORS)) for pair in weighed]
         ends = pd.concat([of_one.mean() + side * of_one.std(ddof=0) for of_one in errors for side in (-1, 1)], axis=1)
         usual_errors = {str(name): row.to_numpy() for name, row in ends.dropna().iterrows()}
-        return Prior(names, self.networks[members], logits, usual_errors, off, helps=bool(np.mean(gains) > 0))
+        return Prior(names, self.networks[members], logits, usual_errors, bias, helps=bool(np.mean(gains) > 0))
+
+    def _others(self, members: _Members) -> Prior:
+        names = tuple(self.campaigns[member].name for member in members)
+        return Prior(names, self.networks[members], PRIOR, {}, carried_over(self.biases[list(members)]))
 
     def record(self, number: int, prior: Prior) -> Iterator[dict[str, object]]:
         """How a vehicle is predicted with what the others teach, and without, by number of tests."""
@@ -275,6 +282,20 @@ class _Learning:
             for column, table in (("inside", with_archive), ("inside_without", without)):
                 row[column] = float(np.nanmean(table.filter(like="inside ").to_numpy(dtype=float)))
             yield row | {"width": float(np.exp(np.nanmean(np.log(widths))))}
+
+
+def carried_over(biases: FloatArray) -> FloatArray:
+    """The mean of what n vehicles teach of the bias, shape (6, 60), as much of it as carries over to another one.
+
+    With ρ, the correlation between two of them, that is nρ / (1 + (n - 1)ρ). Of a single one it is half.
+    """
+    shares = []
+    for of_all in (biases[:, :-1], biases[:, -1:]):  # the bias, and what is taken out of humps
+        pairs = list(combinations(of_all, 2))
+        size = sum(float(np.sum(one**2 + other**2)) / 2 for one, other in pairs)
+        rho = max(sum(float(np.sum(one * other)) for one, other in pairs) / size, 0.0) if size else 0.5
+        shares += [len(biases) * rho / (1 + (len(biases) - 1) * rho)] * of_all.shape[1]
+    return np.asarray(np.array(shares)[:, None] * biases.mean(axis=0))
 
 
 def _crps(pool: Pool, scores: Scores) -> float:
@@ -305,7 +326,8 @@ def learn_archive(
     wanted = sorted({everyone, *without, *(_less(members, member) for members in without for member in members)})
     work = partial(_tuned, vehicles=vehicles, seed=seed)
     weights = run.each(work, campaigns[0], wanted, "Tuning of the pre-trained network")
-    learning = _Learning(campaigns, vehicles, dict(zip(wanted, weights, strict=True)), run)
+    biases = np.array([run.bias(campaign) for campaign in campaigns])
+    learning = _Learning(campaigns, biases, dict(zip(wanted, weights, strict=True)), run)
     whole, *priors = (learning.prior(members) for members in (everyone, *without))
     rows = [row for number, prior in enumerate(priors) for row in learning.record(number, prior)]
     return VehicleArchive(tuple(map(_past, campaigns)), whole, tuple(priors), pd.DataFrame(rows), seed)

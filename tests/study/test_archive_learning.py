@@ -11,7 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import Pulse
-from crashfuse.study.archive_learning import learn_archive
+from crashfuse.study.archive_learning import carried_over, learn_archive
 from crashfuse.vehicle_archive import VehicleArchive
 
 pytestmark = pytest.mark.usefixtures("quick_networks")
@@ -63,3 +63,14 @@ def test_what_cannot_be_learned_from_is_refused(vehicles: list[Campaign]) -> Non
         learn_archive([vehicles[0], vehicles[1].without(["T1"]), vehicles[2]])
     with pytest.raises(UsageError, match="'A' and 'Z', share their name, tests or CAE runs"):
         learn_archive([*vehicles, replace(vehicles[0], name="Z")])
+
+
+@pytest.mark.parametrize(
+    ("biases", "share"),
+    [([1.0], 0.5), ([1.0, 1.0, 1.0], 1.0), ([1.0, -1.0], 0.0), ([3.0, 1.0], 2 * 0.6 / 1.6)],
+    ids=["one", "equal", "opposite", "alike"],
+)
+def test_as_much_of_a_mean_bias_carries_over_as_vehicles_share(biases: list[float], share: float) -> None:
+    """Of a constant bias with mean 1, 1, 0 and 2; ρ of 3 and 1 is 3 / ((9 + 1) / 2) = 0.6."""
+    of_all = np.array(biases)[:, None, None] * np.ones((6, 60))
+    np.testing.assert_allclose(carried_over(of_all), share * np.mean(biases))

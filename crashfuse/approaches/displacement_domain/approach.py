@@ -22,7 +22,7 @@ from crashfuse.approaches.displacement_domain.bias import (
     uniform_points,
 )  # fmt: skip
 from crashfuse.approaches.displacement_domain.dynamics import integrate
-from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.approaches.displacement_domain.hierarchical_bias import PAST_CRUSH_M, PAST_SPEEDS_MPS, HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
 from crashfuse.approaches.neighbours import nearness
@@ -37,6 +37,7 @@ from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
+from crashfuse.vehicle_archive import Prior
 
 _LEAST_POINTS = 8  # bias points of a test, however many tests there are
 FINER = 8  # refinement of the CAE grid over that of a bias: the CAE curve may turn sharply where the vehicle stops
@@ -45,6 +46,7 @@ _SHARES = np.linspace(0.0, 1.0, 101)  # shares of the impact speed at which velo
 _CHECK_DRAWS = 200  # for each test used to check the band
 _CARRIED = np.linspace(0.0, 1.0, 5)  # shares of the mean bias that left-out speeds are predicted with
 _JUDGED = slice(round(WHOLE_S / (bands.CHECK_STRIDE * DT_S)))  # the rated time, as the check of the band samples it
+_CERTAIN = np.log(1000.0)  # log odds; higher ones are not stated
 _NEARLY_ALL = 0.95  # of a correction; less is stated
 
 
@@ -134,6 +136,9 @@ class DisplacementDomain(BandedApproach):
     colour = "#D55E00"
     preference = 20
 
+    bias_: HierarchicalBias | Table4Bias
+    points_: tuple[BiasPoints, ...]
+
     def __init__(self, config: DisplacementConfig | None = None, *, seed: int = 0, cache: Cache | None = None) -> None:
         self.config = DisplacementConfig.fast() if config is None else config
         self.seed = seed
@@ -159,9 +164,49 @@ class DisplacementDomain(BandedApproach):
         with one_thread():
             self.rebound_ = Rebound().fit(unloadings)
             self.bias_.fit(self.points_, watch)
+            self._learn_from(campaign.prior, watch)
             self.calibration_ = self._calibrate(campaign, watch)
         self._seconds = time.perf_counter() - start
         return self
+
+    def _learn_from(self, prior: Prior | None, watch: Watch) -> None:
+        """Take past vehicles' bias as prior mean if the tests are more probable with it."""
+        self.archive_, self.taught_ = "", False
+        if prior is None or isinstance(self.bias_, Table4Bias):
+            return
+        if not prior.helps:
+            self.archive_ = prior.sentence
+            return
+        taught = HierarchicalBias(seed=self.seed, taught=prior.bias).fit(self.points_, watch)
+        odds = taught.log_evidence - self.bias_.log_evidence
+        times = f"{np.exp(abs(odds)):.3g} times" if abs(odds) < _CERTAIN else "over 1000 times"
+        vehicles = f"{len(prior.vehicles)} past vehicles"
+        mean = "the mean error of their CAE models over crush"
+        if odds > 0:
+            self.bias_, self.taught_ = taught, True
+            self.archive_ = (
+                f"Taught by an archive of {vehicles} of a like kind: the tests are {times} as probable with {mean}."
+            )
+        else:
+            unlike = f"the tests are {times} as probable without {mean}"
+            self.archive_ = f"The archive of {vehicles} is not used, as this one is of another kind: {unlike}."
+
+    @classmethod
+    def taught_by(cls, prior: Prior | None) -> Prior | None:
+        """It learns the bias from past vehicles."""
+        return None if prior is None else prior.of_bias
+
+    def accepted(self, prior: Prior | None) -> Prior | None:
+        """What past vehicles teach, if this one is of their kind by its bias."""
+        return prior if self.taught_ else None
+
+    def to_teach(self) -> FloatArray:
+        """What this vehicle's bias teaches the next one, see :class:`HierarchicalBias`; shape (6, 60)."""
+        self._require("calibration_")
+        weights = np.mean([view.condition.vector[1:] for view in self._views], axis=0)
+        conditions = [Condition.of_vector([float(speed), *weights.tolist()]) for speed in PAST_SPEEDS_MPS]
+        points = [self._crushing(condition, PAST_CRUSH_M) for condition in conditions]
+        return cast(HierarchicalBias, self.bias_).to_teach(points)
 
     def _seen(self, campaign: Campaign) -> Campaign:
         return campaign if self.config.bias == "table 4" else self._thinned(campaign)
@@ -173,7 +218,7 @@ class DisplacementDomain(BandedApproach):
         self._speeds_mps = np.array([test.condition.speed_mps for test in campaign.tests])
         pairs = list(zip(campaign.tests, self._views, strict=True))
         by_table_4 = self.config.bias == "table 4"
-        self.bias_: HierarchicalBias | Table4Bias = (
+        self.bias_ = (
             Table4Bias(self.config.restarts, seed=self.seed) if by_table_4 else HierarchicalBias(seed=self.seed)
         )
         self._most_points = self.config.points_each(len(campaign.tests))
@@ -184,13 +229,17 @@ class DisplacementDomain(BandedApproach):
         """Hyperparameters of bias and rebound, and the check of the band."""
         self._require("calibration_")
         parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned(), **self._learned_band()}
-        return FittedState.of({"seconds": self._seconds, "decay": self.decay_}, {}, **parts)
+        values = {"seconds": self._seconds, "decay": self.decay_, "archive": self.archive_, "taught": self.taught_}
+        return FittedState.of(values, {}, **parts)
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore the hyperparameters, and condition on the tests again."""
         unloadings = self._begin(self._seen(campaign))
         with one_thread():
             self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
+            self.archive_, self.taught_ = str(learned.values["archive"]), bool(learned.values["taught"])
+            if self.taught_ and campaign.prior is not None:
+                self.bias_ = HierarchicalBias(seed=self.seed, taught=campaign.prior.bias)
             self.bias_.restore(self.points_, learned.part("bias"))
         self._restore_band(learned)
         self._seconds, self.decay_ = learned.values["seconds"], learned.values["decay"]
@@ -218,7 +267,8 @@ class DisplacementDomain(BandedApproach):
         with one_thread():
             bias = self._sample(view, self.bias_, self.config.n_draws, rng).widened(widening, share)
             pulses = self._simulate(view, bias, self.rebound_, rng, widening)
-        notes = (*self.model_.notes(condition), *self._thinning, *self.bias_.notes)
+        archive = (self.archive_,) if self.archive_ else ()
+        notes = (*archive, *self.model_.notes(condition), *self._thinning, *self.bias_.notes)
         if share < _NEARLY_ALL:
             part = f"{100 * share:.0f} % of its correction"
             notes += (f"The displacement domain makes {part}: the whole was worse at speeds without tests.",)

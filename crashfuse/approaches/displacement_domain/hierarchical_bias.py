@@ -3,9 +3,11 @@
 import copy
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import ClassVar, Self
 
 import numpy as np
+from scipy.interpolate import RectBivariateSpline
 from scipy.special import stdtrit
 
 from crashfuse.approaches.base import FittedState, student_draws
@@ -51,6 +53,10 @@ GROWTH_UNIT_M = 0.5
 
 _LEAST_FREEDOM = 3
 
+PAST_SPEEDS_MPS, PAST_CRUSH_M = np.arange(5.0, 18.0, 3.0), np.arange(60) * 0.02
+"""Impact speeds and crush at which past vehicles tell their bias to the next one."""
+_TAUGHT = {"shared", "by speed", "ratio"}  # parts of it; a vehicle's humps are its CAE model's, so their share is told
+
 
 def bias_parts(factor_columns: Iterable[tuple[str, int]]) -> tuple[Part, ...]:
     """All parts of the bias, with one for each of these factors, given by name and column."""
@@ -84,13 +90,16 @@ class HierarchicalBias:
 
     A factor adds a function of displacement for each of its values, if the tests, each predicted from the others, are
     more probable with it: ``densities_`` are their log densities for every set of factors compared.
+
+    The prior mean is zero, or what past vehicles ``taught``, shape (6, 60): the mean bias without its humps at five
+    impact speeds over crush, then the mean η over crush.
     """
 
     end_share: ClassVar[float] = 0.25
     """Share of the impact speed below which a vehicle counts as stopping: 6 % of its energy is left."""
 
-    def __init__(self, *, seed: int = 0) -> None:
-        self.seed = seed
+    def __init__(self, *, seed: int = 0, taught: FloatArray | None = None) -> None:
+        self.seed, self.taught = seed, taught
 
     def fit(self, tests: Sequence[BiasPoints], watch: Watch = SILENT) -> Self:
         """Fit to the bias of each test."""
@@ -130,7 +139,29 @@ class HierarchicalBias:
         self._levels = _levels([test.condition for test in tests])
         self.tests_ = len(tests)
         rows = np.concatenate([self._rows(test, number) for number, test in enumerate(tests)])
-        return rows, np.concatenate([test.bias_mps2 for test in tests])
+        return rows, np.concatenate([test.bias_mps2 for test in tests]) - self._expected(rows)
+
+    def _expected(self, rows: FloatArray) -> FloatArray:
+        """The prior mean at rows."""
+        if self.taught is None:
+            return np.zeros(len(rows))
+        *bias, humps = self.taught
+        over_crush = RectBivariateSpline(PAST_SPEEDS_MPS, PAST_CRUSH_M, np.array(bias), kx=1, ky=1)
+        by_humps = rows[:, _HUMPS] * np.interp(rows[:, _S], PAST_CRUSH_M, humps)
+        return np.asarray(rows[:, _CRUSHING] * over_crush.ev(rows[:, _V0], rows[:, _S]) + by_humps)
+
+    @property
+    def log_evidence(self) -> float:
+        """Log density of the tests' bias in m/s²."""
+        process = self.process_
+        return process.log_marginal_likelihood_ - len(process.x_) * float(np.log(process.output_scale_))
+
+    def to_teach(self, points: Sequence[BiasPoints]) -> FloatArray:
+        """What this vehicle teaches the next one, shape (6, 60), given points at the speeds and crush it is told at."""
+        bias = [np.sum([part.mean_mps2 for part in self.parts(at) if part.name in _TAUGHT], axis=0) for at in points]
+        a_hump = CaeForce(np.full_like(PAST_CRUSH_M, FORCE_UNIT), np.zeros_like(PAST_CRUSH_M))
+        shares = [part.mean_mps2 for part in self.parts(replace(points[0], cae=a_hump)) if part.name == "humps"]
+        return np.array([*bias, *shares])
 
     def without(self, *numbers: int) -> Self:
         """The same as if the tests with these numbers had not been run."""
@@ -188,7 +219,9 @@ class HierarchicalBias:
         moving = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)
         stopping = self._rows(BiasPoints(condition, crush, stop.speed_share, hump), crushing=False)
-        mean, covariance = self.process_.posterior(np.vstack([moving, stopping]))
+        rows = np.vstack([moving, stopping])
+        mean, covariance = self.process_.posterior(rows)
+        mean += self._expected(rows)
         functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
         return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 
@@ -196,7 +229,7 @@ class HierarchicalBias:
         """Mean and covariance of new tests' bias before their stop, one after the other, without specific parts."""
         x = np.concatenate([self._rows(test) for test in tests])
         mean, covariance = self.process_.posterior(x)
-        return mean, covariance - self.process_.prior_of({"own"}, x)
+        return mean + self._expected(x), covariance - self.process_.prior_of({"own"}, x)
 
     def parts(self, test: BiasPoints) -> tuple[BiasPart, ...]:
         """The bias of a new test before its stop by parts, then their total."""
@@ -204,8 +237,12 @@ class HierarchicalBias:
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
         mean, covariance = self.process_.posterior(x)
-        moments.append((mean, np.sqrt(np.maximum(np.diag(covariance), 0.0))))
-        names = (*(part.name for part in over_displacement), "total")
+        names = [part.name for part in over_displacement]
+        if self.taught is not None:
+            names.append("past vehicles")
+            moments.append((self._expected(x), np.zeros(len(x))))
+        moments.append((mean + self._expected(x), np.sqrt(np.maximum(np.diag(covariance), 0.0))))
+        names.append("total")
         reach = _reach(self.freedom_)
         return tuple(
             BiasPart(name, mean, mean - reach * std, mean + reach * std)

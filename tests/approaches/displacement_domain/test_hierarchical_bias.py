@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.displacement_domain.bias import BiasPoints, CaeForce, CaeStop
-from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.approaches.displacement_domain.hierarchical_bias import PAST_CRUSH_M, PAST_SPEEDS_MPS, HierarchicalBias
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 
@@ -214,3 +214,38 @@ def test_tests_to_come_narrow_the_band_and_leave_the_mean() -> None:
     assert twice.tests_ == 6
     assert (twice.half_widths(targets, [])[0] < more.half_widths(targets, [])[0]).all()
     assert model.process_.x_.shape[0] == 4 * S.size
+
+
+def over_crush(bias_mps2: FloatArray) -> FloatArray:
+    """A bias at :data:`S` as past vehicles teach it: the same at all speeds, no share of humps."""
+    return np.vstack([np.tile(np.interp(PAST_CRUSH_M, S, bias_mps2), (5, 1)), 0 * PAST_CRUSH_M])
+
+
+def test_a_taught_bias_is_the_prior_mean() -> None:
+    """Taken off the tests before anything is learned, added to all that is predicted: tests like it are probable."""
+    speeds, mean = (6.0, 9.0, 14.0), np.interp(S, PAST_CRUSH_M, np.interp(PAST_CRUSH_M, S, 2 * shared(S)))
+    rest = {v: 0.2 * v * np.cos(4 * S) for v in speeds}
+    tests = [BiasPoints(condition(v), S, SHARE, force(v), rest[v] + mean) for v in speeds]
+    taught, alone = HierarchicalBias(taught=over_crush(mean)).fit(tests), fit(rest)
+    assert taught.log_evidence == pytest.approx(alone.log_evidence)
+    assert taught.log_evidence > HierarchicalBias().fit(tests).log_evidence
+    moments = [model.common([moving(condition(8.0))]) for model in (taught, alone)]
+    for ours, theirs in zip(*moments, strict=True):
+        np.testing.assert_allclose(ours, theirs + (mean if ours.ndim == 1 else 0), atol=1e-6)
+    np.testing.assert_allclose(mean_and_width(taught, 8.0)[0], mean_and_width(alone, 8.0)[0] + mean, atol=1e-6)
+    *parts, total = taught.parts(moving(condition(8.0)))
+    assert parts[-1].name == "past vehicles"
+    np.testing.assert_allclose(sum(part.mean_mps2 for part in parts), total.mean_mps2, atol=1e-6)
+
+
+def test_what_one_vehicle_teaches_is_what_its_tests_show() -> None:
+    """At each speed over crush without its humps; and half of the humps, if its tests show half of them."""
+    speeds = PAST_SPEEDS_MPS.tolist()
+    humps = {v: force(v).accel_mps2 - force(v).trend_mps2 for v in speeds}
+    model = fit({v: shared(S) - 0.5 * humps[v] for v in speeds})
+    forces = [CaeForce(*(np.interp(PAST_CRUSH_M, S, curve) for curve in force(v))) for v in speeds]
+    at = [BiasPoints(condition(v), PAST_CRUSH_M, np.ones(60), cae) for v, cae in zip(speeds, forces, strict=True)]
+    *bias, share = model.to_teach(at)
+    tested = slice(1, 23)
+    np.testing.assert_allclose(np.array(bias)[:, tested], shared(PAST_CRUSH_M)[None, tested].repeat(5, 0), atol=8)
+    np.testing.assert_allclose(share[tested] / 98.0665, -0.5, atol=0.2)
