@@ -60,9 +60,12 @@ def main() -> None:
     parser.add_argument("--archive", type=int, nargs="*", default=[9101, 9102, 9103, 9104], help="their seeds")
     parser.add_argument("--judged", type=int, nargs="*", default=[9109, 9110, 9111], help="seeds of the others")
     parser.add_argument("--data", type=Path, help="folder of archive.csv")
+    parser.add_argument("--out", type=Path, help="file of the archive")
     given = parser.parse_args()
     archive = learn_archive([_campaign(given.kind, seed) for seed in given.archive])
     print(archive.sentence)
+    if given.out is not None:
+        archive.save(given.out)
     parts = []
     for kind in ("sister", "any"):
         for seed in given.judged:

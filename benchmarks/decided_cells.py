@@ -4,7 +4,8 @@ Vehicles are drawn at random (``benchmarks/vehicles.py``), sisters of the sample
 to 11 tests. At 40 unseen crashes of each, limits at 0.9 to 1.1 of the value of a metric count as decided where the
 probability of staying below is 0.95 and more, or 0.05 and less. Printed: the share of decided limits, that of somebody
 who knows the vehicle and only not how a single test of it scatters (24 repeats at three speeds), the share of decided
-ones that the crash contradicts, how many intervals hold, and their width beside what errors ask for.
+ones that the crash contradicts, how many intervals hold, and their width beside what errors ask for. With ``--tests 4
+--archive FILE`` vehicles have four tests, and an archive of ``benchmarks/archive.py`` teaches them.
 """
 
 import argparse
@@ -18,6 +19,7 @@ from crashfuse.approaches.metric_calibration import metric_distributions
 from crashfuse.execution.cache import Cache
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
+from crashfuse.vehicle_archive import VehicleArchive, load_archive
 
 _METRICS = ("peak", "sm25", "olc", "max_crush", "t0", "mean", "vpi")
 _LIMITS = np.linspace(0.9, 1.1, 21)
@@ -25,10 +27,12 @@ _UNSEEN, _REPEATS = 40, 8
 _SURE = 1.645  # standard deviations of the one-sided 95 %
 
 
-def _cells(kind: str, seed: int) -> pd.DataFrame:
+def _cells(kind: str, seed: int, n_tests: int | None, archive: VehicleArchive | None) -> pd.DataFrame:
     """One row an unseen crash and metric."""
-    n_tests = int(np.random.default_rng([seed, 5]).integers(8, 12))
+    n_tests = n_tests or int(np.random.default_rng([seed, 5]).integers(8, 12))
     campaign, new = random_campaign(seed, n_tests, kind)
+    if archive is not None:
+        campaign = campaign.with_archive(archive)
     unseen, world = new[:_UNSEEN], KINDS[kind](seed)
     by_speed = sorted((test.condition for test in unseen), key=lambda condition: condition.speed_mps)
     repeats = [
@@ -69,8 +73,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
     parser.add_argument("--sister", type=int, nargs="*", default=[*range(8201, 8209)], help="their seeds")
     parser.add_argument("--any", type=int, nargs="*", default=[*range(8101, 8115)], help="seeds of those of any kind")
+    parser.add_argument("--tests", type=int, help="of each vehicle, instead of 8 to 11")
+    parser.add_argument("--archive", type=load_archive, help="file of the archive that teaches them")
     given = parser.parse_args()
-    cells = pd.concat(_cells(kind, seed) for kind in ("sister", "any") for seed in getattr(given, kind))
+    cells = pd.concat(
+        _cells(kind, seed, given.tests, given.archive) for kind in ("sister", "any") for seed in getattr(given, kind)
+    )
     cells["square"] = cells.pop("error") ** 2
     for by in (["kind", "metric"], ["kind"]):
         table = cells.groupby(by, sort=False).mean(numeric_only=True)
