@@ -15,6 +15,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.vehicle_archive import PastVehicle, Prior, VehicleArchive, load_archive
 from tests.conftest import not_none
 
@@ -93,6 +94,23 @@ def test_what_is_taught_is_part_of_a_campaigns_fingerprint(campaign: Campaign) -
     taught = replace(campaign, prior=prior("a", "b"))
     assert len({c.fingerprint for c in (campaign, taught, replace(campaign, prior=prior("a", "b", shift=0.5)))}) == 3
     assert taught.without(["T1"]).prior is taught.prior
+
+
+@pytest.mark.usefixtures("quick_networks")
+def test_the_displacement_domain_is_taught_alone(campaign: Campaign, tmp_path: Path) -> None:
+    """Within the mixture it is not: beside it or alone, the mixture predicts the same; what is restored, too."""
+    errs = DisplacementDomain(cache=Cache(tmp_path)).fit(campaign).to_teach()
+    few, condition = campaign.without(["T3", "T4"]), campaign.test("T3").condition
+    taught = replace(few, prior=prior("a", "b", "c", bias=errs))
+    names = ("displacement_domain", "fused")
+    domain, fused = (Fit.of(taught, name, cache=Cache(tmp_path)) for name in names)
+    again, _ = (Fit.of(taught, name, cache=Cache(tmp_path)) for name in names)
+    together = [estimate.prediction.accel_mps2 for estimate in estimates_at([domain, fused], condition)]
+    np.testing.assert_array_equal(together[1], fused.estimate(condition).prediction.accel_mps2)
+    np.testing.assert_array_equal(together[0], again.estimate(condition).prediction.accel_mps2)
+    without = Fit.of(few, "displacement_domain", cache=Cache(tmp_path)).estimate(condition).prediction.accel_mps2
+    measured = campaign.test("T3").pulse.accel_mps2[: len(without)]
+    assert 0.1 < np.abs(together[0] - measured).mean() < np.abs(without - measured).mean()
 
 
 @pytest.mark.usefixtures("quick_networks")

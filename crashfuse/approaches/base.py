@@ -151,6 +151,7 @@ class Approach(ABC):
     trains_networks: ClassVar[bool] = False
     made_of: ClassVar[tuple[type["Approach"], ...]] = ()
 
+    taught_: bool = False  # whether past vehicles teach this fit
     _thinning: tuple[str, ...] = ()
 
     @classmethod

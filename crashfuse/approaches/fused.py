@@ -74,9 +74,14 @@ class Fused(AboutFused):
         """Fit the approaches, and learn the weights from their predictions of left-out tests."""
         time_domain, displacement_domain, pretrained = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
-        self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
-        taught = replace(campaign, prior=self.displacement_domain_.accepted(campaign.prior))
-        self.pretrained_, _ = fitted(pretrained, taught, self.cache, watch)
+        # Taught both, displacement domain and network would err together: the network alone is (docs/decisions.md).
+        untaught = replace(campaign, prior=None)
+        self.displacement_domain_, _ = fitted(displacement_domain, untaught, self.cache, watch)
+        is_alike, self.archive_ = False, ""
+        if campaign.prior is not None:
+            taught, self.archive_ = self.displacement_domain_.taught_bias(campaign.prior, watch)
+            is_alike = taught is not None
+        self.pretrained_, _ = fitted(pretrained, campaign if is_alike else untaught, self.cache, watch)
         campaign = self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
         groups = bands.speed_groups(campaign)
@@ -142,9 +147,9 @@ class Fused(AboutFused):
         weights = self._weights([part.draws[:, ::STRIDE] for part in components])
         mixture = mixed(components, weights, _N_DRAWS, self.seed)
         others = [note for prediction in predictions for note in prediction.notes]
-        notes = dict.fromkeys((self._reason(condition, weights), *self._thinning, *others))
+        notes = dict.fromkeys((self._reason(condition, weights), self.archive_, *self._thinning, *others))
         near = nearness(speed_mps, self._tests.speeds_mps)
-        return Prediction(condition, mixture.mean, mixture.widened(self._widening(near)), tuple(notes))
+        return Prediction(condition, mixture.mean, mixture.widened(self._widening(near)), tuple(filter(None, notes)))
 
     def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """Predictions of the approaches for left-out tests, mixed with the learned weights."""
@@ -181,7 +186,9 @@ class Fused(AboutFused):
         self._require("calibration_")
         names = ("time", "displacement", "pretrained")
         states = {name: part.learned() for name, part in zip(names, self._learning, strict=True)}
-        return FittedState.of({}, {"logits": self.pool_.logits_}, **states, band=self.calibration_.learned())
+        return FittedState.of(
+            {"archive": self.archive_}, {"logits": self.pool_.logits_}, **states, band=self.calibration_.learned()
+        )
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore the approaches and the weights."""
@@ -189,6 +196,7 @@ class Fused(AboutFused):
         self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
         self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"))
         self.pretrained_ = pretrained.restore(campaign, learned.part("pretrained"))
+        self.archive_ = str(learned.values["archive"])
         self._begin(campaign)
         self.pool_.logits_ = learned.arrays["logits"]
         self.calibration_ = Calibration.restored(learned.part("band"))

@@ -24,7 +24,7 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting import predicted
 from crashfuse.reporting.planning import SpeedSweep, next_test
-from crashfuse.reporting.plots.sweep import BEST
+from crashfuse.reporting.plots.conditions import BEST
 from crashfuse.reporting.result_tables import next_tests_table
 from crashfuse.reporting.results import write_pulses
 from crashfuse.reporting.training_progress import watching

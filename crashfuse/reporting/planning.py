@@ -16,8 +16,8 @@ from crashfuse.errors import UsageError, one_of, printable, require_a, require_n
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.notebook import card
+from crashfuse.reporting.plots.conditions import BEST, next_tests, sweep_figure
 from crashfuse.reporting.plots.display import Display, DisplayOptions
-from crashfuse.reporting.plots.sweep import BEST, next_tests, sweep_figure
 from crashfuse.reporting.predicted import check_factors, fits_of
 from crashfuse.reporting.result_tables import next_tests_table, sweep_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS

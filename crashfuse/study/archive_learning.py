@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 import pandas as pd
 
-from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.calibration import JUDGED, STRIDE, predicted
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
@@ -59,7 +59,6 @@ _PARTS, _NETWORKS = "archive parts", "archive networks"  # kinds of cache entrie
 
 R = TypeVar("R")
 T = TypeVar("T")
-A = TypeVar("A", bound=Approach)
 _Chosen = tuple[str, ...]  # ids of the tests that are learned from
 _Members = tuple[int, ...]  # numbers of vehicles of the archive
 
@@ -84,51 +83,45 @@ class _Part:
 
     def components(self) -> list[list[Component]]:
         """Time and displacement domain at each left-out test, on every tenth sample; kept in the cache."""
-        by_approach = [self._pulses(kind) for kind in (TimeDomain, DisplacementDomain)]
-        return [[Component(rows[0], rows[1:]) for rows in of_test] for of_test in zip(*by_approach, strict=True)]
+        few = replace(self.few, prior=None)
 
-    def _fitted(self, kind: type[A]) -> A:
-        approach = kind.create(Settings(seed=self.seed, cache=self.cache))
-        return fitted(approach, self.few, self.cache, self.watch)[0]
-
-    def _pulses(self, kind: type[Approach]) -> FloatArray:
         def predict() -> tuple[FloatArray, Entry]:
-            predictions = [self._fitted(kind).predict(test.condition) for test in self.held_out]
+            settings, approaches = Settings(seed=self.seed, cache=self.cache), (TimeDomain, DisplacementDomain)
+            fits = [fitted(kind.create(settings), few, self.cache, self.watch)[0] for kind in approaches]
+            predictions = [fit.predict(test.condition) for test in self.held_out for fit in fits]
             rows = [
                 np.vstack([prediction.accel_mps2, prediction.draws_mps2[:_DRAWS]])[:, ::STRIDE]
                 for prediction in predictions
                 if prediction.draws_mps2 is not None
             ]
-            return np.array(rows), {"pulses": np.array(rows)}
+            pulses = np.array(rows).reshape(len(self.held_out), len(fits), 1 + _DRAWS, -1)
+            return pulses, {"pulses": pulses}
 
-        learned_from = replace(self.few, prior=kind.taught_by(self.few.prior)).fingerprint
-        key = {"campaign": learned_from, "approach": kind.name, "seed": self.seed, "code": code_digest(__name__)}
-        key["held_out"] = [test.digest for test in self.held_out]
-        return self.cache.get_or_compute(
-            _PARTS, key, predict, lambda entry: numbers(entry, "pulses", *[None] * 3), self.watch
+        digests = [test.digest for test in self.held_out]
+        key = {"campaign": few.fingerprint, "held_out": digests, "seed": self.seed, "code": code_digest(__name__)}
+        pulses = self.cache.get_or_compute(
+            _PARTS, key, predict, lambda entry: numbers(entry, "pulses", *[None] * 4), self.watch
         )
+        return [[Component(rows[0], rows[1:]) for rows in of_test] for of_test in pulses]
 
     def is_predicted(self) -> list[bool]:
         """Fill the cache with the components: a worker need not send them."""
         return [bool(self.components())]
 
     def scores(self) -> list[tuple[Scores, Scores]]:
-        """Scores of the components at each left-out test: with what past vehicles teach, and without."""
-        without = replace(self, campaign=replace(self.campaign, prior=None))
-        return list(zip(self._scores(), without._scores(), strict=True))
+        """Scores of the components at each left-out test: with the tuned network, and with the shipped one."""
+        few = self.few, replace(self.few, prior=None)
+        networks = [Pretrained(seed=self.seed, cache=self.cache).fit(campaign) for campaign in few]
+        tests = Tests.of(self.few, networks[0].model_)
 
-    def _scores(self) -> list[Scores]:
-        taught = replace(self.few, prior=self._fitted(DisplacementDomain).accepted(self.few.prior))
-        network = Pretrained(seed=self.seed, cache=self.cache).fit(taught)
-        tests = Tests.of(self.few, network.model_)
-
-        def score(test: CrashTest, components: Sequence[Component]) -> Scores:
+        def score(network: Pretrained, test: CrashTest, components: Sequence[Component]) -> Scores:
             raw = tests.raw(network.model_.pulse(test.condition).accel_mps2, test.condition.speed_mps)
             by_network = np.asarray(network.predict(test.condition).draws_mps2)
             drawn = [*(part.draws for part in components), by_network[:, ::STRIDE], raw.draws[:, ::STRIDE]]
             return Scores.of(test.pulse.accel_mps2[::STRIDE][JUDGED], [draws[:, JUDGED] for draws in drawn])
 
-        return [score(*pair) for pair in zip(self.held_out, self.components(), strict=True)]
+        pairs = zip(self.held_out, self.components(), strict=True)
+        return [(score(networks[0], *pair), score(networks[1], *pair)) for pair in pairs]
 
     @cached_property
     def fused(self) -> Fused:

@@ -21,8 +21,8 @@ from crashfuse.reporting.certification_tables import csv_as_given
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.planning import NextTests
+from crashfuse.reporting.plots.conditions import BEST
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.sweep import BEST
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.side_by_side import by_one, cautions, column_names, predictions_table, side_by_side

@@ -21,10 +21,9 @@ from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.certification import record_figure, validated_domain, verdict_matrix
-from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.reporting.plots.conditions import condition_space, next_tests, sweep_figure
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion
-from crashfuse.reporting.plots.sweep import next_tests, sweep_figure
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report

@@ -12,7 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import NotFittedError, UsageError
-from crashfuse.reporting.plots.sweep import next_tests
+from crashfuse.reporting.plots.conditions import next_tests
 from crashfuse.reporting.result_tables import next_tests_table
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.next_test import ConditionRange, NextTest, rank_next_tests

@@ -164,41 +164,33 @@ class DisplacementDomain(BandedApproach):
         with one_thread():
             self.rebound_ = Rebound().fit(unloadings)
             self.bias_.fit(self.points_, watch)
-            self._learn_from(campaign.prior, watch)
+            self.archive_, self.taught_ = "", False
+            if campaign.prior is not None and isinstance(self.bias_, HierarchicalBias):
+                taught, self.archive_ = self.taught_bias(campaign.prior, watch)
+                self.bias_, self.taught_ = taught or self.bias_, taught is not None
             self.calibration_ = self._calibrate(campaign, watch)
         self._seconds = time.perf_counter() - start
         return self
 
-    def _learn_from(self, prior: Prior | None, watch: Watch) -> None:
-        """Take past vehicles' bias as prior mean if the tests are more probable with it."""
-        self.archive_, self.taught_ = "", False
-        if prior is None or isinstance(self.bias_, Table4Bias):
-            return
+    def taught_bias(self, prior: Prior, watch: Watch = SILENT) -> tuple[HierarchicalBias | None, str]:
+        """The bias model with past vehicles' mean, if the tests are more probable with it; and that in words."""
+        self._require("points_")
         if not prior.helps:
-            self.archive_ = prior.sentence
-            return
+            return None, prior.sentence
         taught = HierarchicalBias(seed=self.seed, taught=prior.bias).fit(self.points_, watch)
-        odds = taught.log_evidence - self.bias_.log_evidence
+        odds = taught.log_evidence - cast(HierarchicalBias, self.bias_).log_evidence
         times = f"{np.exp(abs(odds)):.3g} times" if abs(odds) < _CERTAIN else "over 1000 times"
-        vehicles = f"{len(prior.vehicles)} past vehicles"
-        mean = "the mean error of their CAE models over crush"
+        vehicles, mean = f"{len(prior.vehicles)} past vehicles", "the mean error of their CAE models over crush"
         if odds > 0:
-            self.bias_, self.taught_ = taught, True
-            self.archive_ = (
-                f"Taught by an archive of {vehicles} of a like kind: the tests are {times} as probable with {mean}."
-            )
-        else:
-            unlike = f"the tests are {times} as probable without {mean}"
-            self.archive_ = f"The archive of {vehicles} is not used, as this one is of another kind: {unlike}."
+            alike = f"the tests are {times} as probable with {mean}"
+            return taught, f"Taught by an archive of {vehicles} of a like kind: {alike}."
+        unlike = f"the tests are {times} as probable without {mean}"
+        return None, f"The archive of {vehicles} is not used, as this one is of another kind: {unlike}."
 
     @classmethod
     def taught_by(cls, prior: Prior | None) -> Prior | None:
         """It learns the bias from past vehicles."""
         return None if prior is None else prior.of_bias
-
-    def accepted(self, prior: Prior | None) -> Prior | None:
-        """What past vehicles teach, if this one is of their kind by its bias."""
-        return prior if self.taught_ else None
 
     def to_teach(self) -> FloatArray:
         """What this vehicle's bias teaches the next one, see :class:`HierarchicalBias`; shape (6, 60)."""

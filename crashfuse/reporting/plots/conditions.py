@@ -1,16 +1,23 @@
-"""Figure of the condition space: where the CAE runs and the tests lie, and which tests are outside."""
+"""Figures over conditions: where CAE runs and tests lie, metrics over speed, and what next tests would tell."""
 
 from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
 
+from crashfuse.approaches.registry import LABELS
 from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import marks_of_runs, points_figure
+from crashfuse.reporting.plots.curves import Curve, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import CURSOR, MEASURED_COLOUR
+from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
+from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.study.next_test import NextTest
+from crashfuse.study.sweep import Sweep, uncovered_speeds
+from crashfuse.units import MPH
 
 _MAX_RUNS = 600  # more points only fill the same cloud, and browsers draw each one separately
 _LABEL = np.array([0.07, 0.08])  # size of a test's label, as a fraction of the axis
@@ -95,3 +102,101 @@ def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
         chosen.append(max(room, key=lambda side: min(room[side], 1.2)))  # beyond this distance the first side wins
         taken.append(place + _SIDES[chosen[-1]])
     return chosen
+
+
+def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, display: Display = DEFAULT) -> go.Figure:
+    """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points."""
+    figure = points_figure(460, display.title("Impact speed", "mph"))
+    readings = {sweep.approach: list(map(display.metric, sweep.over_speed(metric))) for sweep in sweeps}
+    speeds = sweeps[0].speeds_mps
+    curves = {name: _curve(display.speeds(speeds), metrics) for name, metrics in readings.items()}
+    draw_curves(figure, curves, mode="lines+markers", marker={"size": 4}, connectgaps=False)
+    for name, metrics in readings.items():
+        figure.update_traces(
+            customdata=[[display.speed(v0), m.text_with_unit] for v0, m in zip(speeds.tolist(), metrics, strict=True)],
+            hovertemplate=f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>",
+            selector={"legendgroup": name, "mode": "lines+markers"},
+        )
+    _points(figure, campaign, metric, display)
+    speeds = np.concatenate([speeds, [test.condition.speed_mps for test in campaign.tests]])
+    margin = 0.02 * np.ptp(speeds) + 0.1 * MPH
+    low, high = float(speeds.min() - margin), float(speeds.max() + margin)
+    _mark_speeds(figure, campaign, low, high, display)
+    figure.update_xaxes(range=[display.speeds(low), display.speeds(high)])
+    figure.update_yaxes(title=display.heading(campaign.metric_headings[metric]))
+    return figure
+
+
+def _curve(speeds: FloatArray, metrics: Sequence[Metric]) -> Curve:
+    value, lower, upper = np.array([(m.value, m.lower, m.upper) for m in metrics], dtype=np.float64).T
+    return Curve(speeds, value, (speeds, lower, upper) if np.isfinite(lower).any() else None)
+
+
+def _points(figure: go.Figure, campaign: Campaign, metric: str, display: Display) -> None:
+    measured = ((test, own) for test in campaign.tests for own in campaign.metrics_of(test) if own.name == metric)
+    found = [(test, display.metric(own)) for test, own in measured]
+    figure.add_scatter(
+        x=[display.speeds(test.condition.speed_mps) for test, _ in found],
+        y=[own.value for _, own in found],
+        name="Tests (each with its own weights)",
+        mode="markers",
+        marker={"color": MEASURED_COLOUR, "size": 9},
+        customdata=[[test.id, display.condition(test.condition), own.text_with_unit] for test, own in found],
+        hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}<br>%{customdata[2]}<extra></extra>",
+    )
+
+
+def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps: float, display: Display) -> None:
+    for number, (start, end) in enumerate(uncovered_speeds(campaign.cae, low_mps, high_mps)):
+        figure.add_shape(
+            type="rect", xref="x", yref="y domain", x0=display.speeds(start), x1=display.speeds(end), y0=0, y1=1,
+            layer="below", fillcolor="#EEF0F3", line_width=0, name="No CAE runs: extrapolation", showlegend=number == 0,
+            legendgroup="extrapolation",
+        )  # fmt: skip
+    for test in campaign.tests:
+        speed = display.speeds(test.condition.speed_mps)
+        figure.add_shape(
+            type="line", xref="x", yref="y domain", x0=speed, x1=speed, y0=0, y1=0.03,
+            line_color=MEASURED_COLOUR, line_width=1.5,
+        )  # fmt: skip
+
+
+BEST = 5
+
+
+def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
+    """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run."""
+    figure, colour = points_figure(420, display.title("Impact speed", "mph")), COLOURS["displacement_domain"]
+    by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
+    weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
+    wide, units = 1 / display.units.in_si("g"), display.units
+    sizes = [11 if rank <= BEST else 7 for rank, _ in by_speed]
+    symbols = ["circle-open" if c.extrapolation else "circle" for _, c in by_speed]
+    figure.add_scatter(
+        x=[display.speeds(c.condition.speed_mps) for _, c in by_speed],
+        y=[100 * c.gain for _, c in by_speed],
+        text=[f"{rank}" if rank <= BEST else "" for rank, _ in by_speed],
+        customdata=[
+            [*w, c.before_mps2 * wide, c.after_mps2 * wide] for w, (_, c) in zip(weights, by_speed, strict=True)
+        ],
+        name="Candidates, the best numbered", line_color=colour, line_width=2,
+        mode="lines+markers+text" if all(own == weights[0] for own in weights) else "markers+text",
+        textposition="top center", cliponaxis=False, textfont_size=14,
+        marker_color=colour, marker_size=sizes, marker_symbol=symbols, marker_line_width=1.5,
+        hovertemplate=f"%{{x:.1f}} {units.speed}, front %{{customdata[0]:.0f}} {units.weight}, "
+        f"rear %{{customdata[1]:.0f}} {units.weight}<br>band ± %{{customdata[2]:.2f}} {units.acceleration} now, "
+        f"± %{{customdata[3]:.2f}} {units.acceleration} with this test (− %{{y:.1f}} %)<extra></extra>",
+    )  # fmt: skip
+    figure.add_scatter(
+        x=[display.speeds(test.condition.speed_mps) for test in tests], y=[0.0] * len(tests),
+        text=[test.id for test in tests], name="Tests that were run", mode="markers",
+        marker_color=MEASURED_COLOUR, marker_symbol="line-ns-open", marker_size=16, marker_line_width=2,
+        hovertemplate=f"%{{text}}, %{{x:.1f}} {units.speed}<extra></extra>",
+    )  # fmt: skip
+    if any(test.extrapolation for test in ranked):
+        figure.add_scatter(
+            x=[None], y=[None], name="Outside the CAE runs", mode="markers",
+            marker_color=colour, marker_symbol="circle-open", marker_size=9, marker_line_width=1.5,
+        )  # fmt: skip
+    figure.update_yaxes(title="Band shrinks by (%)", rangemode="tozero")
+    return figure
