@@ -59,7 +59,7 @@ from .signals.rating import Rating as Rating
 from .signals.rating import rate_iso18571 as rate_iso18571
 from .signals.rating_explanation import RatingExplanation as RatingExplanation
 from .signals.rating_explanation import explain_rating as explain_rating
-from .signals.rating_sentences import rating_sentences as rating_sentences
+from .signals.rating_explanation import rating_sentences as rating_sentences
 from .study.archive_learning import learn_archive as learn_archive
 from .study.config import StudyConfig as StudyConfig
 from .study.estimate import Estimate as Estimate

@@ -13,7 +13,7 @@ from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.certification.criteria import Costs
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.signals.rating_sentences import rating_sentences
+from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts

@@ -9,8 +9,7 @@ import pandas as pd
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.rating import graded
-from crashfuse.signals.rating_explanation import RatingExplanation
-from crashfuse.signals.rating_sentences import rating_sentences
+from crashfuse.signals.rating_explanation import RatingExplanation, rating_sentences
 from crashfuse.study.study import Study
 from crashfuse.units import MS, G
 from crashfuse.wording import difference, signed

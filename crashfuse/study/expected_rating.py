@@ -11,7 +11,7 @@ from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import require_number
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import grade, rate_windows
-from crashfuse.signals.rating_sentences import rating_range
+from crashfuse.signals.rating_explanation import rating_range
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.rating_distribution import RatingDistribution, agreement
 from crashfuse.units import MPH

@@ -27,7 +27,7 @@ from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import rate_windows
-from crashfuse.signals.rating_sentences import rating_range
+from crashfuse.signals.rating_explanation import rating_range
 from crashfuse.units import G
 from crashfuse.wording import Sentence, acceleration, read_out, speed
 

@@ -17,7 +17,7 @@ from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.reporting.rating_tables import REPEAT, excursions_table, humps_table
 from crashfuse.reporting.report.study import study_report
 from crashfuse.signals.rating import WEIGHTS
-from crashfuse.signals.rating_sentences import rating_sentences
+from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import window_facts
 from crashfuse.study.left_out_account import Account, account

@@ -20,7 +20,7 @@ from crashfuse.reporting.plots.ratings import rating_differences
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, best, mean_values, rating_table
 from crashfuse.reporting.report.page import ReportOptions, details, render, render_in_frame, repeats_table
-from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
+from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.facts import window_facts
 from crashfuse.study.left_out_account import worst_test
