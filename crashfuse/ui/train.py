@@ -299,7 +299,7 @@ def show_past_vehicles(view: View) -> None:
                 show_last_change(view)
             _offer_upload(view)
         else:
-            st.caption(":material/lock: This folder is not written to. Use a copy: *Save a copy to edit* on Data.")
+            st.caption(":material/lock: Put one into a copy: *Save a copy to edit* on Data, or `crashfuse sample DIR`.")
         _learn_archive(view, editable=editable)
 
 
