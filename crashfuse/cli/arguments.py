@@ -63,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
     _add_out(study, "folder for the results; of several studies each has a folder in it")
     study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
     _add_model_options(study, several=True)
-    _add_windows(study)
+    _add_windows(study, _window, "; ttzv: to each test's zero velocity, too")
     help_ = "default: both; with --held-out or --preset paper: test"
     study.add_argument("--leave-out", choices=("test", "speed-group", "both"), help=help_)
     _add_report(study)
@@ -233,8 +233,13 @@ def _add_out(parser: argparse.ArgumentParser, what: str = "folder for the result
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help=what)
 
 
-def _add_windows(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--windows-ms", nargs="+", type=number, metavar="W", help="over 0 to W ms (default: 20 40 60)")
+def _add_windows(parser: argparse.ArgumentParser, window: Callable[[str], object] = number, also: str = "") -> None:
+    usual = "over 0 to W ms (default: 20 40 60)"
+    parser.add_argument("--windows-ms", nargs="+", type=window, metavar="W", help=usual + also)
+
+
+def _window(text: str) -> float | str:
+    return text if text == "ttzv" else number(text)
 
 
 def _add_factor(parser: argparse.ArgumentParser, what: str) -> None:

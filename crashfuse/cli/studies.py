@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -109,7 +109,8 @@ def _plan(campaign: Campaign, given: Mapping[str, Any], held_out: Sequence[str],
         differing.append("the campaign's data")
     if differing:
         raise UsageError(f"{resumed} was begun with other settings: {', '.join(differing)}; leave out --resume.")
-    return StudyPlan(campaign, record.config, record.held_out)
+    config = replace(record.config, to_ttzv=asked.to_ttzv or record.config.to_ttzv)  # of which nothing is computed
+    return StudyPlan(campaign, config, record.held_out)
 
 
 def _named(campaigns: Sequence[Path]) -> dict[str, Path]:

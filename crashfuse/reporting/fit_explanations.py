@@ -61,9 +61,7 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     if len(densities := state.get("left_out_log_density", {})) > 1:
         compared = ", ".join(f"{name} {_whole(value)}" for name, value in densities.items())
         used = " and ".join(state["factors"]) or "none"
-        sentences.append(
-            f"Factors: {used}. Log predictive density of tests left out in turn (higher is better): {compared}."
-        )
+        sentences.append(f"Factors: {used}. Log predictive density of left-out tests (higher is better): {compared}.")
     if errors := state.get("left_out_rmse"):
         sentences.append(
             f"Fine-tuning: {state['members']} networks of {state['weights']:,} weights; {state['penalty']:g} of the "

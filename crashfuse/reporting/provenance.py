@@ -14,7 +14,7 @@ from crashfuse.certification.criteria import Costs
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_explanation import rating_sentences
-from crashfuse.study.config import StudyConfig
+from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts
 from crashfuse.study.learning_curve import LearningCurve
@@ -161,7 +161,7 @@ def _archive(campaign: Campaign) -> list[str]:
 
 
 def _windows(config: StudyConfig) -> list[str]:
-    return ["--windows-ms", *(f"{window:g}" for window in config.windows_ms)]
+    return ["--windows-ms", *(f"{window:g}" for window in config.windows_ms), *[TO_TTZV] * config.to_ttzv]
 
 
 def study_record(study: Study) -> dict[str, object]:

@@ -30,9 +30,10 @@ _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
 
 def scores_table(study: Study) -> pd.DataFrame:
     """One row per held-out test, approach and window: overall rating, its four parts, its grade, what it rests on."""
-    basis = study.campaign.rating_basis
+    basis, to_ttzv = study.campaign.rating_basis, study.config.to_ttzv
     return pd.DataFrame(
         {"held_out": fold.held_out, "approach": approach, "window_ms": window, **asdict(rating), "basis": basis}
+        | ({"ttzv_ms": fold.ttzv_ms, "overall_to_ttzv": fold.overall_to_ttzv(approach)} if to_ttzv else {})
         for fold in study.folds
         for approach, ratings in fold.ratings.items()
         for window, rating in ratings.items()

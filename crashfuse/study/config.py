@@ -18,6 +18,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import DT_S
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
+TO_TTZV = "ttzv"  # a window that ends with each test's time of zero velocity
 LeaveOut = Literal["test", "speed group", "both"]
 
 _SLOWEST_S = 1e-3  # longest sampling step of a record, which its last sample covers
@@ -32,10 +33,12 @@ class StudyConfig:
     preset, device
         As in :class:`crashfuse.approaches.settings.Settings`.
     windows_ms : tuple of float
-        Ratings are computed over [0, w) for each w, in ms.
+        Ratings are computed over [0, w) for each w, in ms. Of ``ttzv`` among them comes ``to_ttzv``.
     leave_out : {"test", "speed group", "both"}
         Leave each test out alone, or with all tests at about its speed: then no similar test remains, and the rating
         measures extrapolation to a new speed. "both" runs both studies. Hyphens count as spaces.
+    to_ttzv : bool
+        Tables also have ratings up to each test's time of zero velocity, from which nothing is learned or recommended.
     """
 
     approaches: tuple[str, ...] = APPROACHES
@@ -44,6 +47,7 @@ class StudyConfig:
     windows_ms: tuple[float, ...] = WINDOWS_MS
     leave_out: LeaveOut = "test"
     device: Device = "auto"
+    to_ttzv: bool = False
 
     def __post_init__(self) -> None:
         approaches, way = several(self.approaches), self.leave_out
@@ -59,6 +63,9 @@ class StudyConfig:
         if not (isinstance(self.seed, Integral) and 0 <= self.seed < 2**32):
             raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {self.seed}.")
         windows = several(self.windows_ms)
+        if TO_TTZV in windows:
+            object.__setattr__(self, "to_ttzv", True)
+            windows = tuple(window for window in windows if window != TO_TTZV) or WINDOWS_MS
         if not windows:
             raise UsageError("Name at least one rating window.")
         for window in windows:

@@ -266,7 +266,8 @@ def _joined(
 
 def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:
     """Key of all that determines the fold of a test; the config is one of ``split_configs``."""
-    return campaign.fingerprint, replace(config, leave_out="test"), config.left_out(campaign, test_id), test_id
+    settings = replace(config, leave_out="test", to_ttzv=False)
+    return campaign.fingerprint, settings, config.left_out(campaign, test_id), test_id
 
 
 def workers_at(scheduler: str | None, processes: int | None) -> AbstractContextManager[Workers]:

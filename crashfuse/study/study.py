@@ -16,11 +16,12 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
-from crashfuse.signals.rating import Ratings, rate_many, rate_windows
+from crashfuse.signals.rating import SHORTEST_WINDOW_S, Ratings, rate_many, rate_windows
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
+from crashfuse.units import MS
 
 _RATED_DRAWS = 100
 
@@ -59,6 +60,20 @@ class Fold:
     def held_out(self) -> str:
         """Id of the held-out test."""
         return self.test.id
+
+    @cached_property
+    def ttzv_ms(self) -> float | None:
+        """The test's time of zero velocity, if over 10 ms and in its record; the predictions know nothing of it."""
+        stop_s = float(self.test.pulse.kinematics(self.test.condition.speed_mps).t0_s)
+        return round(stop_s / MS, 1) if SHORTEST_WINDOW_S <= stop_s <= self.test.recorded_s else None
+
+    @cached_property
+    def _to_ttzv(self) -> dict[str, Ratings]:
+        return Fold.of(self.test, self.estimates, [] if self.ttzv_ms is None else [self.ttzv_ms]).ratings
+
+    def overall_to_ttzv(self, approach: str) -> float:
+        """Overall rating of an approach up to :attr:`ttzv_ms`, for tables alone; NaN if that is not known."""
+        return np.nan if self.ttzv_ms is None else self._to_ttzv[approach][self.ttzv_ms].overall
 
     @property
     def with_band(self) -> tuple[str, ...]:

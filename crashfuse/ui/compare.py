@@ -39,10 +39,7 @@ from crashfuse.wording import difference, joined
 _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"
 _MOTION, _RESIDUALS = "Motion", "Residuals"
-_CORRIDORS_HELP = (
-    "ISO/TS 18571: 1 inside the inner corridor about the test, 0 outside the outer one. Half widths: 5 % and 50 % of "
-    "the largest acceleration in the rated window."
-)
+_CORRIDORS_HELP = "1 inside the inner corridor, 0 outside the outer: ± 5 %, ± 50 % of the test's largest acceleration."
 _CURVES = {
     "Over displacement": (
         "displacement",
@@ -113,9 +110,8 @@ def show_headline(comparison: Comparison) -> None:
         )
     if (advice := comparison.advice) is None:
         return
-    overall = {
-        name: ratings[comparison.view.display.window_ms].overall for name, ratings in comparison.fold.ratings.items()
-    }
+    window_ms = comparison.view.display.window_ms
+    overall = {name: ratings[window_ms].overall for name, ratings in comparison.fold.ratings.items()}
     rated = overall[advice.approach]
     missed = advice.expected is not None and advice.expected.is_missed_by(rated)
     repeat = comparison.repeat
@@ -198,10 +194,8 @@ def show_why(comparison: Comparison) -> None:
         if test_account.disappoints or (test_account.departure is not None and test_account.departure.apart):
             results.show_account(test_account.sentences[1:], missed=test_account.disappoints)
     alt = f"Test {test.id} and its prediction by {LABELS[approach]}: corridors, shifted, warped, and their slopes"
-    show_cached_figure(
-        partial(draw, "rating", approaches=[approach]), alt, "rated curves", approach, comparison.key,
-        name=f"rating of {LABELS[approach]}",
-    )  # fmt: skip
+    curves, name = partial(draw, "rating", approaches=[approach]), f"rating of {LABELS[approach]}"
+    show_cached_figure(curves, alt, "rated curves", approach, comparison.key, name=name)
     with st.expander("Humps, and stretches outside the corridor", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")
         st.caption(HUMPS)
@@ -219,17 +213,17 @@ def show_ratings(comparison: Comparison) -> None:
     campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.view.display.window_ms
     terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {A_REPEAT}"
     st.subheader("Rating by approach and window", help=terms)
-    draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
-    rated = dict(fold.ratings)
-    others = comparison.subject.predictions()
-    added = dict(prediction.curve(comparison.view.display) for prediction in others)
-    for name, estimate in added.items():
-        fold_of = Fold.of(comparison.view.held_out, [estimate], comparison.config.windows_ms)
-        rated[name] = fold_of.ratings[estimate.approach]
-        if fold_of.with_band:
-            draws[name] = fold_of.rating_interval(estimate.approach, window_ms)
+    added = dict(prediction.curve(comparison.view.display) for prediction in comparison.subject.predictions())
+    by_name = {name: (fold, name) for name in fold.ratings} | {
+        name: (Fold.of(fold.test, [estimate], comparison.config.windows_ms), estimate.approach)
+        for name, estimate in added.items()
+    }
+    rated = {name: own.ratings[approach] for name, (own, approach) in by_name.items()}
+    draws = {n: own.rating_interval(a, window_ms) for n, (own, a) in by_name.items() if a in own.with_band}
+    ending = by_name if comparison.config.to_ttzv and fold.ttzv_ms is not None else {}
+    to_ttzv = {name: own.overall_to_ttzv(approach) for name, (own, approach) in ending.items()}
     repeats = comparison.study.repeatability.get(comparison.view.held_out.id, {})
-    show_table(results.ratings_table(rated, window_ms, repeats, draws), "ratings")
+    show_table(results.ratings_table(rated, window_ms, repeats, draws, to_ttzv), "ratings")
     st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
     if "lf_tcn" in comparison.config.approaches:
         st.caption(LF)

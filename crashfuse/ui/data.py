@@ -99,39 +99,28 @@ def show_tests(view: View) -> None:
         )  # fmt: skip
     editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
-    show_cached_figure(
-        lambda: campaign.plot(held_out=test.id, cfc=cfc, display=display),
-        f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed",
-        ("tests", campaign.fingerprint, test.id, cfc, display),
-        name=f"tests {choice}",
-    )
+    alt = f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed"
+    draw, key = partial(campaign.plot, held_out=test.id, cfc=cfc, display=display), (test.id, cfc, display)
+    show_cached_figure(draw, alt, "tests", campaign.fingerprint, key, name=f"tests {choice}")
     reading = "as they are in the files"
     if campaign.channel_filter_class is not None:
         reading = f"filtered to CFC {campaign.channel_filter_class:g}, as campaign.toml asks"
     if cfc is None:
-        st.caption(
-            f"Pulses were read {reading}. Dark: slow, bright: fast; dashes and marks tell repeats apart. A click in "
-            "the legend hides a test, a double click shows it alone."
-        )
+        st.caption(f"Read {reading}. Dark: slow; bright: fast; dashes, marks: repeats. Click a name to hide its test.")
         return
     accel = test.pulse.accel_mps2
     pulses = accel, cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
     peaks = [abs(pulse * display.accel_scale).max() for pulse in pulses]
-    st.caption(
-        f"Thick: filtered to {choice}; thin: as read, {reading}. The filter takes the peak of {plain(test.id)} from "
-        f"{peaks[0]:.1f} to {peaks[1]:.1f} {display.unit}."
-    )
+    became = f"The peak of {plain(test.id)} goes from {peaks[0]:.1f} to {peaks[1]:.1f} {display.unit}."
+    st.caption(f"Thick: filtered to {choice}; thin: as read, {reading}. {became}")
 
 
 def show_conditions(view: View) -> None:
     """Show where tests and CAE runs lie, and how the CAE model rates before any correction."""
     campaign = view.campaign
-    show_cached_figure(
-        lambda: campaign.plot("conditions", held_out=view.held_out.id, display=view.display),
-        "Speed against front and rear weight of CAE runs and tests",
-        ("conditions", campaign.fingerprint, view.held_out.id, view.display.system),
-        name="conditions",
-    )
+    draw = partial(campaign.plot, "conditions", held_out=view.held_out.id, display=view.display)
+    alt, key = "Speed against front and rear weight of CAE runs and tests", (view.held_out.id, view.display.system)
+    show_cached_figure(draw, alt, "conditions", campaign.fingerprint, key, name="conditions")
     st.markdown(f"**The tests, and the ratings of their paired CAE runs** ({campaign.rating_basis})")
     show_table(results.conditions_table(campaign, view.display), "conditions")
     if not (about := about_table(campaign)).empty:
@@ -139,23 +128,20 @@ def show_conditions(view: View) -> None:
         show_table(about, "about")
     if not (walls := wall_table(campaign)).empty:
         st.markdown("**The force of the barrier beside mass and pulse**")
-        show_cached_figure(
-            lambda: campaign.plot("wall", display=view.display),
-            "Force of the barrier over time; dotted: mass times deceleration",
-            ("wall", campaign.fingerprint, view.display), name="wall",
-        )  # fmt: skip
+        draw, alt = (
+            partial(campaign.plot, "wall", display=view.display),
+            "Force of the barrier; dotted: mass times deceleration",
+        )
+        show_cached_figure(draw, alt, "wall", campaign.fingerprint, view.display, name="wall")
         show_table(walls, "walls")
 
 
 def show_library(view: View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
-    show_cached_figure(
-        lambda: campaign.plot("cae", display=view.display),
-        "Pulses of the CAE model over time: the middle 90 % of all runs, and paired runs",
-        ("library", campaign.fingerprint, view.display),
-        name="CAE runs",
-    )
+    alt = "Pulses of the CAE model over time: the middle 90 % of all runs, and paired runs"
+    draw = partial(campaign.plot, "cae", display=view.display)
+    show_cached_figure(draw, alt, "library", campaign.fingerprint, view.display, name="CAE runs")
     lines = "Lines are the runs" if _paired(campaign) else "No run was"
     st.caption(f"Band: the middle 90 % of all CAE runs. {lines} made at a test's own condition.")
     st.markdown("**Quality of the CAE runs**")
@@ -185,8 +171,7 @@ def show_open_forms() -> None:
         st.text_input(
             "A folder or file on this computer", key="folder",
             placeholder="a campaign, tests or CAE runs: the whole path",
-            help="On the computer that crashfuse runs on. What is no campaign is imported: you see what was recognised "
-            "before anything is added.",
+            help="On the computer that crashfuse runs on. What is no campaign is imported, once you have seen it.",
         )  # fmt: skip
         st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
     if folders := campaigns.recent_folders():
@@ -201,8 +186,7 @@ def show_open_forms() -> None:
         st.file_uploader(
             "Or upload files", accept_multiple_files=True,
             key=f"files {st.session_state.get(_ROUND, 0)}",
-            help=f"A campaign, or files to import: {all_formats()}. They go to the computer that crashfuse runs on, no "
-            "further, and are deleted when it ends. A larger campaign: open its folder.",
+            help=f"A campaign, or files to import: {all_formats()}. They go to crashfuse alone, which deletes them.",
         )  # fmt: skip
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
     if problems := st.session_state.get(REFUSED):
@@ -210,9 +194,7 @@ def show_open_forms() -> None:
     import_step.show_unfinished()
     with st.expander("What does a campaign folder look like?", icon=":material/help:"):
         st.html(_LAYOUT)
-        st.caption(
-            "The end of a column's name is its unit: `_mph`, `_kph`, `_mps`, `_lb`, `_kg`, `_ms`, `_s`, `_g`, `_mps2`."
-        )
+        st.caption("Names of columns end in units: `_mph`, `_kph`, `_mps`, `_lb`, `_kg`, `_ms`, `_s`, `_g`, `_mps2`.")
 
 
 def _attempt(open_it: Callable[[], str | Source]) -> None:

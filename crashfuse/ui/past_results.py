@@ -1,5 +1,7 @@
 """Past results on the page Study: studies, predictions, certifications; two compared."""
 
+from functools import partial
+
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -161,12 +163,9 @@ def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in compared.sentences(window, way)))
     show_table(comparison_means(compared, window, way), "compared means")
     if compared.over(window, way)["held_out"].nunique() > 1:
-        show_cached_figure(
-            lambda: rating_differences(compared, window, way),
-            "Rating of each test by approach, second study minus first",
-            (first.id, second.id, window, way),
-            name=f"studies compared {first.id} {second.id} {way} 0-{window:g}ms",
-        )
+        draw, alt = partial(rating_differences, compared, window, way), "Ratings by test, second study minus first"
+        name = f"studies compared {first.id} {second.id} {way} 0-{window:g}ms"
+        show_cached_figure(draw, alt, first.id, second.id, window, way, name=name)
 
     def show_files() -> None:
         with st.container(horizontal=True):

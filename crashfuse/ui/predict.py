@@ -284,11 +284,9 @@ def show_over_speed(answer: Answer) -> None:
     )  # fmt: skip
     approaches = answer.subject.approach, BASELINE
     shown = replace(sweep, sweeps=tuple(own for own in sweep.sweeps if own.approach in approaches))
-    show_figure(
-        shown.plot(metric, display=view.display),
-        alt=f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.subject.approach]}, tests as points",
-        name=f"{metric} over speed {condition.text.partition(' ')[2]}",
-    )
+    alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.subject.approach]}, tests as points"
+    name = f"{metric} over speed {condition.text.partition(' ')[2]}"
+    show_figure(shown.plot(metric, display=view.display), alt, name=name)
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
     for sentence in missing_over_speed(shown.sweeps, metric):
         st.caption(plain(sentence))
@@ -317,10 +315,8 @@ def show_next_test(answer: Answer) -> None:
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
-    show_figure(
-        candidates.plot(display=display), alt="How much each candidate would narrow the band",
-        name=f"next test {over.low.text} to {over.high.text}",
-    )  # fmt: skip
+    alt, name = "How much each candidate would narrow the band", f"next test {over.low.text} to {over.high.text}"
+    show_figure(candidates.plot(display=display), alt, name=name)
     st.caption(NEXT_TEST_MEANING)
     if answer.subject.approach != DisplacementDomain.name:
         st.caption(f"By the displacement domain: {LABELS[answer.subject.approach]} cannot rank tests.")

@@ -222,14 +222,11 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
     alt = "Mean rating, width of the band, decided verdicts over the number of tests"
     show_figure(whole.plot(display=view.display), alt, name="learning curve")
-    st.caption(
-        f"{LEARNING_CURVE_MEANING} Points: means with standard errors; shaded: the central 80 % of single ratings. "
-        f"{campaign.rating_basis}."
-    )
+    st.caption(f"{LEARNING_CURVE_MEANING} Points: means ± standard error; shaded: 80 %. {campaign.rating_basis}.")
     if not (steps := gains_table(curve, cost)).empty:
-        st.markdown("**What further tests gained**")
-        show_table(steps, "gains")
-        st.caption(ONE_MORE_MEANING)
+        with st.expander("What further tests gained", icon=":material/table:"):
+            show_table(steps, "gains")
+            st.caption(ONE_MORE_MEANING)
 
     def show_files() -> None:
         with st.container(horizontal=True):

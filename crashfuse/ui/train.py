@@ -80,8 +80,7 @@ _FIGURES = {
     "Bias by speed": (
         "bias",
         "Bias of the CAE model in each test over displacement, coloured by speed",
-        "What has to be added to the CAE model to get each test. The displacement domain is fitted to all but {test}. "
-        "The steep ends are at zero velocity.",
+        "What has to be added to the CAE model to get each test; fitted to all but {test}. Steep ends: at TTZV.",
     ),
     "Parts of the bias": (
         "bias parts",
@@ -93,8 +92,7 @@ _FIGURES = {
     "Integration check": (
         "integration",
         "Displacement over time, integrated and recovered from a(s), and their difference",
-        "Lines: integrated twice over time. Circles: recovered from a(s) (the paper's Eq. 29). Where they agree, the "
-        "conversion is lossless.",
+        "Lines: integrated twice over time. Circles: recovered from a(s) (Eq. 29), without loss if they agree.",
     ),
 }
 """The library's name, the alternative text, and what to see."""
@@ -125,10 +123,8 @@ def show_form(view: View) -> None:
         with suppress(CrashfuseError):  # starting the job shows it
             ready = ready or (fitted is None and not trouble and fit.in_cache())
         if ready:
-            st.markdown(
-                f":material/check_circle: Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs. "
-                "Predict answers any condition at once."
-            )
+            learned = f"Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs."
+            st.markdown(f":material/check_circle: {learned} Predict answers any condition at once.")
             show_link("predict", "Predict a new condition")
         else:
             _offer(fitted, _ON_ALL, fit.start, trouble)
@@ -199,7 +195,7 @@ def show_diagnostics(view: View) -> None:
     stop_with_a_single_test(campaign)
     with st.container(horizontal=True, vertical_alignment="center"):
         choice = choose("Diagnostics", [_NETWORKS, *_FIGURES, _MEND], key="diagnostics")
-        st.markdown("of what was learned without", width="content")
+        st.markdown("learned without", width="content")
         address.put(key, test)
         st.selectbox(
             "Held-out test", campaign.test_ids, key=key, width=120, label_visibility="collapsed",
@@ -295,9 +291,7 @@ def show_past_vehicles(view: View) -> None:
             path = view.folder / ARCHIVE
             _show_archive(_archive(path, campaigns.stamp(path)), "archive in use")
         else:
-            st.markdown(
-                "No archive is in use. Past vehicles teach a campaign before its tests do, most with few tests."
-            )
+            st.markdown("No archive is in use. Past vehicles teach a campaign before its tests do.")
         if editable:
             with st.container(horizontal=True, vertical_alignment="center"):
                 if prior is not None:
@@ -305,10 +299,7 @@ def show_past_vehicles(view: View) -> None:
                 show_last_change(view)
             _offer_upload(view)
         else:
-            st.caption(
-                ":material/lock: The folder of this campaign is not written to. An archive can be put into a copy: "
-                "*Save a copy to edit* on the page Data, or `crashfuse sample DIR`."
-            )
+            st.caption(":material/lock: Put one into a copy: *Save a copy to edit* on Data, or `crashfuse sample DIR`.")
         _learn_archive(view, editable=editable)
 
 

@@ -2,19 +2,29 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
+from crashfuse.execution.cache import Cache
 from crashfuse.reporting import rating_tables as tables
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.provenance import study_record
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.history import PastResult
+from crashfuse.study.recommendation import recommend
 from crashfuse.study.repeatability import Repeatability
+from crashfuse.study.running import run_study
 from crashfuse.study.study import Fold, Study
+from tests.conftest import not_none
 from tests.signals.test_rating_explanation import TEST, bump, pulse
 
 
@@ -59,6 +69,48 @@ def study(campaign: Campaign) -> Study:
         ]
         folds.append(Fold.of(test, own, config.windows_ms))
     return Study(campaign, config, tuple(folds))
+
+
+def test_ratings_to_zero_velocity_end_where_the_test_stops_and_advise_nothing(campaign: Campaign) -> None:
+    """A column of tables alone: recommendation, coverage, draws and what a past result keeps are as without it."""
+    usual = study(campaign)
+    asked = replace(usual, config=StudyConfig(usual.config.approaches, windows_ms=(20.0, 60.0, "ttzv")))  # type: ignore[arg-type]
+    assert asked.config == replace(usual.config, to_ttzv=True)
+    for fold in asked.folds:
+        stop_ms = not_none(fold.ttzv_ms)
+        assert stop_ms == pytest.approx(
+            float(fold.test.pulse.kinematics(fold.test.condition.speed_mps).t0_s) * 1e3, abs=0.1
+        )
+        whole = rate_windows(fold.test.pulse, Pulse(GRID_S, fold.estimate("cae").prediction.accel_mps2), [stop_ms])
+        assert fold.overall_to_ttzv("cae") == whole[stop_ms].overall
+    rows = tables.mean_values(asked)
+    assert rows.drop(columns=tables.TO_TTZV).equals(tables.mean_values(usual))
+    assert rows.loc["cae", tables.TO_TTZV] == np.mean([fold.overall_to_ttzv("cae") for fold in asked.folds])
+    columns = ["ttzv_ms", "overall_to_ttzv"]
+    assert asked.scores.drop(columns=columns).equals(usual.scores)
+    assert recommend(asked).sentences == recommend(usual).sentences
+    assert PastResult.of_study(asked).id == PastResult.of_study(usual).id
+    slow = campaign.tests[0]
+    endless = Fold.of(replace(slow, recorded_s=0.02), usual.folds[0].estimates, (20.0,))
+    assert endless.ttzv_ms is None
+    assert np.isnan(endless.overall_to_ttzv("cae"))
+
+
+def test_a_prediction_learns_nothing_of_the_time_at_which_its_test_stops(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The estimates of a study that rates to it are the same to the bit, made while nobody may ask for it."""
+    config = StudyConfig(("cae", "displacement_domain"), windows_ms=(60.0,))
+    with monkeypatch.context() as patch:
+        patch.setattr(Fold, "ttzv_ms", property(lambda _: pytest.fail("it was asked for before the tables")))
+        asked = run_study(campaign, replace(config, to_ttzv=True), held_out=["T1"], cache=Cache(tmp_path))
+        advice, record = recommend(asked), study_record(asked)
+    usual = run_study(campaign, config, held_out=["T1"])
+    assert advice == recommend(usual)
+    assert record["recommendation"] == study_record(usual)["recommendation"]
+    for one, other in zip(asked.folds[0].estimates, usual.folds[0].estimates, strict=True):
+        np.testing.assert_array_equal(one.prediction.accel_mps2, other.prediction.accel_mps2)
+        assert one.metrics == other.metrics
 
 
 def test_a_table_has_a_row_for_each_test_and_approach_and_the_mean_at_its_foot(campaign: Campaign) -> None:

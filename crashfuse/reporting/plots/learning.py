@@ -143,7 +143,7 @@ def _label_axes(figure: go.Figure, n: int, lower: dict[str, str]) -> None:
         panel = {**look, "domain": [end - share + 0.02, end - 0.08], "title": label, "rangemode": "tozero"}
         figure.update_layout({f"yaxis{axis[1:]}": panel, "xaxis": {"anchor": axis}})
     if lower:
-        figure.update_layout(yaxis_domain=[0.4, 1.0], height=640 + 120 * (len(lower) - 1))
+        figure.update_layout(yaxis_domain=[0.4, 1.0], height=520 + 100 * (len(lower) - 1))
     figure.add_vline(
         x=n, line_color=CURSOR, line_width=1, line_dash="dot", annotation_text=f"all {n} tests",
         annotation_position="top right",

@@ -21,7 +21,8 @@ from crashfuse.study.repeatability import Repeatability
 from crashfuse.units import MS
 from crashfuse.wording import difference
 
-_ROW_PX, _NAMES_PX, _BELOW_PX = 31, 52, 8  # of a heat map: a row, the names of its columns above, the margin below
+_FEW = 3  # approaches with room for their scores
+_ROW_PX, _NAMES_PX, _BELOW_PX = 29, 52, 8  # of a heat map: a row, the names of its columns above, the margin below
 
 
 def rating_heatmap(
@@ -131,11 +132,12 @@ def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
         scores = [getattr(rating, part) for part in WEIGHTS]
         figure.add_bar(
             x=parts, y=scores, name=LABELS[name], marker_color=COLOURS[name],
-            text=[f"{score:.2f}" for score in scores], textposition="outside", textangle=0, textfont_size=11,
+            text=[f"{score:.2f}" for score in scores], textposition="outside", textfont_size=11,
+            textangle=-90 if len(ratings) > _FEW else 0,  # beside each other they would overlap
             constraintext="none", cliponaxis=False, hovertemplate="%{y:.3f}",
         )  # fmt: skip
     figure.update_layout(barmode="group", bargap=0.25, margin_b=36)  # without a title below
-    figure.update_yaxes(title="Score", range=[0, 1.2], tickvals=[0, 0.2, 0.4, 0.6, 0.8, 1])
+    figure.update_yaxes(title="Score", range=[0, 1.4], tickvals=[0, 0.2, 0.4, 0.6, 0.8, 1])
     return figure
 
 
@@ -143,7 +145,7 @@ def rated_curves(
     explanation: RatingExplanation, approach: str, display: Display = DEFAULT, further: Mapping[str, Prediction] = {}
 ) -> go.Figure:
     """Stack what the four scores compare over one time axis, with corridors, and humps numbered."""
-    figure = new_figure(height=570 + canvas.room_for_names([TEST, approach, *further]))
+    figure = new_figure(height=555 + canvas.room_for_names([TEST, approach, *further]))
     curves, scale = explanation.compared, display.accel_scale
     add_corridors(figure, Pulse(curves.time_s, curves.reference), display)
     grid_ms = GRID_S / MS

@@ -1,5 +1,7 @@
 """The tab Answer: skip, run, would miss or cannot say, with reasons, caveats and what-ifs."""
 
+from functools import partial
+
 import pandas as pd
 import streamlit as st
 
@@ -97,10 +99,11 @@ def _choose(cell: str) -> None:
 def _show_matrix(judgement: Judgement) -> None:
     n = len(judgement.certification.matrix.ids)
     with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
-        show_clickable(
-            lambda: judgement.verdicts.plot(display=judgement.display), "Verdicts by planned test and criterion",
-            _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts",
-        )  # fmt: skip
+        draw, alt = (
+            partial(judgement.verdicts.plot, display=judgement.display),
+            "Verdicts by planned test and criterion",
+        )
+        show_clickable(draw, alt, _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts")
     told = "Probability that a test there meets the criterion. Click a cell for its reason."
     st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict.")
 

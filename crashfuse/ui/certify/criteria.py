@@ -74,7 +74,8 @@ def choose_criteria(view: View) -> Criteria | None:
             Field("Name", help="Yours to choose; else the metric’s."),
         ]
 
-    edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5), fields)
+    with st.container(gap="xsmall"):
+        edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5), fields)
 
     def start(rows: list[dict[str, Any]]) -> None:
         state["criteria"] = [_text(row) for row in rows]

@@ -37,13 +37,16 @@ def edit_rows(key: str, widths: Sequence[float], fields: Callable[[list[str]], S
     if texts != state[key]:
         number += 1
         state[written] = list(state[key]), number
+    labelled = set[int]()  # places whose label stands above a field
     for row, text in enumerate(state[key]):
         parts = text.split(SEPARATOR)
         columns = st.columns([*widths, 0.5], vertical_alignment="bottom", gap="small")
         for place, (column, field) in enumerate(zip(columns, fields(parts), strict=False)):
             if field is not None:
+                widget, is_first = f"{key} {number} {row} {place}", place not in labelled
                 with column:
-                    _edit(key, row, place, field, parts[place], f"{key} {number} {row} {place}")
+                    _edit(key, row, place, field, parts[place], widget, is_first=is_first)
+                labelled.add(place)
         remaining = [*state[key][:row], *state[key][row + 1 :]]
         columns[-1].button(
             "", icon=":material/close:", help=f"Remove row {row + 1}", key=f"remove {key} {number} {row}",
@@ -51,12 +54,12 @@ def edit_rows(key: str, widths: Sequence[float], fields: Callable[[list[str]], S
         )  # fmt: skip
 
 
-def _edit(key: str, row: int, place: int, field: Field, text: str, widget: str) -> None:
+def _edit(key: str, row: int, place: int, field: Field, text: str, widget: str, *, is_first: bool) -> None:
     state, keep = st.session_state, partial(_keep, key, row, place, field)
     widget = f"{widget} {field.factor} {field.label}"
-    label = f"{field.label}, row {row + 1}" if row else field.label  # which is read out
+    label = field.label if is_first else f"{field.label}, row {row + 1}"  # which is read out
     look: dict[str, Any] = {"key": widget, "on_change": lambda: keep(state[widget])}
-    look |= {"label_visibility": "collapsed"} if row else {"help": field.help}
+    look |= {"help": field.help} if is_first else {"label_visibility": "collapsed"}
     if field.factor is not None:
         state.setdefault(widget, float(f"{float(text) * field.factor:.6g}") if text else None)
         st.number_input(label, value=None, step=1.0, format="%.6g", **look)

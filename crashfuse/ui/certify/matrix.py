@@ -52,19 +52,17 @@ def choose_matrix(view: View) -> Matrix | None:
         matrix = matrix_asked(view)
     except CrashfuseError as error:
         wrong = error
-    left, right = st.columns([3, 5], vertical_alignment="bottom")
-    with left:
-        st.caption("Planned tests from")
+    with st.container(horizontal=True, vertical_alignment="center"):
+        st.markdown("Planned tests from", width="content")
         source = choose("Planned tests from", _sources(view), key="matrix")
-    with right:
-        if source == _UPLOAD:
-            campaign = view.campaign
-            columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
-            label, key = f"Upload {_FILE}, with the columns {columns}", f"matrix file {campaign.fingerprint[:8]}"
-            try:
-                choose_kept(label, _FILE, "uploaded", key, partial(_checked, campaign=campaign))
-            except CrashfuseError as error:
-                wrong = error
+    if source == _UPLOAD:
+        campaign = view.campaign
+        columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
+        label, key = f"Upload {_FILE}, with the columns {columns}", f"matrix file {campaign.fingerprint[:8]}"
+        try:
+            choose_kept(label, _FILE, "uploaded", key, partial(_checked, campaign=campaign))
+        except CrashfuseError as error:
+            wrong = error
     if source == _TYPED:
         _edit(view)
     elif matrix is not None:
@@ -172,7 +170,7 @@ def _edit(view: View) -> None:
         ]
         return [Field("Id"), *numbers, None, *factors]
 
-    with st.container(height=420 if len(state["planned"]) > _FEW_ROWS else "content", border=False):
+    with st.container(height=420 if len(state["planned"]) > _FEW_ROWS else "content", border=False, gap="xsmall"):
         edit_rows("planned", (2, 2, 2, 2, 0.01, *[2] * len(campaign.factors)), fields)
     if len(state["planned"]) < _MOST_ROWS:
         st.button("Add a planned test", icon=":material/add:", on_click=_add, args=(view,))

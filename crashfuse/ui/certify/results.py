@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import streamlit as st
 
@@ -97,9 +98,8 @@ class Judgement:
 
     def show_figure(self, name: str, alt: str, file: str) -> None:
         """Show a figure of the verdicts."""
-        show_cached_figure(
-            lambda: self.verdicts.plot(name, display=self.display), alt, name, self.key, self.display, name=file
-        )
+        draw = partial(self.verdicts.plot, name, display=self.display)
+        show_cached_figure(draw, alt, name, self.key, self.display, name=file)
 
 
 def show_record(judgement: Judgement) -> None:
@@ -112,7 +112,8 @@ def show_record(judgement: Judgement) -> None:
             show_table(SHOWN["record"](certification, judgement.display), "counts")
         name, alt, meaning = _RECORD[choose("Figure", list(_RECORD), key="record")]
         st.caption(meaning)
-        with st.container(height="content" if len(certification.criteria.items) < _MANY else _MANY_PX, border=False):
+        is_long = name == "record" and len(certification.criteria.items) >= _MANY
+        with st.container(height=_MANY_PX if is_long else "content", border=False):
             judgement.show_figure(name, alt, "track_record" if name == "record" else name)
     with st.expander("Earlier verdicts", icon=":material/history:", expanded=certification.since is not None):
         _choose_earlier(certification)

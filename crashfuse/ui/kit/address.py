@@ -89,6 +89,7 @@ CHOICES: dict[str, Choice] = {
     "device": Choice(str, "auto", DEVICES),
     # how it is shown
     "window": Choice(window_of, WINDOWS_MS[-1], (), ("data", "train", "compare", "study", "predict")),
+    "to_ttzv": Choice(bool, False, pages=("data", "train", "compare", "study")),
     "system": Choice(options=tuple(SYSTEMS)),
     "unit": Choice(str, "g", ("g", "m/s²"), ("data", "train", "compare", "study", "predict", "certify")),
     "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "train", "compare", "predict")),
@@ -269,6 +270,7 @@ def chosen_config() -> StudyConfig:
         windows_ms=tuple(sorted(windows)),
         leave_out=state.get("leave_out", "test"),
         device=state.get("device", "auto"),
+        to_ttzv=bool(state.get("to_ttzv")),
     )
 
 

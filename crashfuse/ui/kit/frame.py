@@ -29,7 +29,7 @@ from crashfuse.ui.kit.figures import load_early
 from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
-from crashfuse.ui.kit.text import LF, TIME_DOMAIN, chosen_units, plain
+from crashfuse.ui.kit.text import LF, TIME_DOMAIN, TO_TTZV_HELP, chosen_units, plain
 from crashfuse.wording import SYSTEMS, counted, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
@@ -140,19 +140,21 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
     if page == "compare":  # the page Train has it among its settings
         choose_left_out(page)
     if address.acts("window", page) and not adding:
-        _choose_window()
+        _choose_window(page)
     _choose_units(page)
     display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration", SYSTEMS[state["system"]])
     return View(campaign, name, tests[state["test"]], display)
 
 
-def _choose_window() -> None:
+def _choose_window(page: str) -> None:
     shown = float(st.session_state["window"])
     st.selectbox(
         "Rated time window", sorted({*WINDOWS_MS, shown}), format_func=lambda ms: f"0–{ms:g} ms", key="window",
         accept_new_options=True, on_change=_take_window, args=(shown,), persist_state="session",
         help="Type any from 10 to 100 ms.",
     )  # fmt: skip
+    if page in ("compare", "study"):
+        st.checkbox("Also to zero velocity (TTZV)", key="to_ttzv", persist_state="session", help=TO_TTZV_HELP)
 
 
 def _take_window(before: float) -> None:
@@ -332,12 +334,10 @@ class _AnswerLine:
             meaning = "A test there would meet all criteria at once."
         self._link("certify", f"**{plain(told)}**", meaning, "certify")
         for fact in campaign_facts(view.campaign):
-            label, key, test = plain(fact.label), f"{fact.code} {fact.label}", fact.values.get("test")
+            label, key, test = plain(fact.label), f"{fact.code} {fact.label}", str(fact.values.get("test"))
             if fact.code == "test.stands_apart":
-                at = view.display.words(speed(view.campaign.test(str(test)).condition.speed_mps, form=".0f"))
-                self._link(
-                    key, f":orange[{label} at {at}]", fact.sentence, "compare", test=str(test), compare_tab="Why"
-                )
+                at = view.display.words(speed(view.campaign.test(test).condition.speed_mps, form=".0f"))
+                self._link(key, f":orange[{label} at {at}]", fact.sentence, "compare", test=test, compare_tab="Why")
             elif fact.code == "campaign.archive":
                 self._link(key, label, fact.sentence, "train", train_tab="Train")
             elif tab := _TAB_OF.get(fact.code):

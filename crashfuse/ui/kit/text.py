@@ -17,6 +17,7 @@ _INSIDE = r"(?:[^()]|\([^()]*\))*"  # of parentheses: a channel's name may have 
 _OPTION = re.compile(rf" \({_INSIDE}--{_INSIDE}\)")
 
 TTZV = "Time of zero velocity (TTZV), from contact: crush is largest, rebound begins. The paper's t0."
+TO_TTZV_HELP = "A column in the tables of ratings. Nothing is learned from it or recommended by it."
 METRICS = {
     "peak": "Largest deceleration.",
     "peak_time": "From contact to the largest deceleration.",
@@ -36,20 +37,14 @@ PULSE_SHAPE = (
 )
 LF = "LF TCN: low-fidelity (LF) network, trained on CAE runs only."
 TIME_DOMAIN = "Time domain: multi-fidelity (MF) network, the LF network fine-tuned on tests."
-A_REPEAT = (
-    "A repeat: rating of a second test at the same condition, estimated from the scatter of the tests. A prediction "
-    "that rates as high is as good as a test."
-)
+A_REPEAT = "A repeat: what a second test at this condition would rate, estimated from the scatter of the tests."
 DRAWS = "95 % of the ratings of single pulses drawn from the band, which oscillate more and so rate lower."
 RATING_PARTS = (
     "Overall = 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. Corridor: share of the curve near the test. "
     "Phase: how little it is moved in time. Magnitude: closeness once moved and warped. Slope: closeness of slopes "
     "once moved."
 )
-HUMPS = (
-    "A hump rises above its valleys by a tenth of the largest acceleration. Dynamic time warping finds it in the other "
-    "curve."
-)
+HUMPS = "Humps rise above their valleys by a tenth of the largest acceleration; time warping pairs them."
 
 
 def plain(text: object) -> str:
