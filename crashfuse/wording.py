@@ -167,7 +167,6 @@ class Sentence(str):
 
 
 def _filled(template: str, values: Iterable[str]) -> str:
-    """The template with values in its places; those without a place are left out."""
     first, *others = template.split("{}")
     return first + "".join(f"{value}{text}" for value, text in zip(islice(values, len(others)), others, strict=True))
 

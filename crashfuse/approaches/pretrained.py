@@ -185,7 +185,6 @@ def _steps(accel_mps2: Tensor, cae_mps2: Tensor, speeds_mps: Tensor) -> Tensor:
 
 
 def _motion(accel_mps2: Tensor, speeds_mps: Tensor) -> Tensor:
-    """Acceleration, velocity and displacement (Eqs. 11 and 13), and waves of displacement, by steps."""
     velocity = speeds_mps + _integral(accel_mps2)
     displacement = _integral(velocity)
     scaled = torch.stack([accel_mps2 / unit(speeds_mps), velocity / speeds_mps, displacement / _CRUSH_M], -2)
@@ -333,7 +332,6 @@ def _widened(pulses: FloatArray, factor: float) -> FloatArray:
 
 @functools.lru_cache(maxsize=8)
 def _network(prior: Prior | None) -> PretrainedNetwork:
-    """The network, with the weights that past vehicles tuned."""
     network = shipped_network()
     if prior is not None:
         tuned = {name: torch.from_numpy(np.array(weight, np.float32)) for name, weight in prior.network.items()}

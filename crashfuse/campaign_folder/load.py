@@ -312,7 +312,6 @@ def _root(members: Sequence[Member], name: str) -> PurePosixPath:
 
 
 def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Problem]) -> dict[Member, PurePosixPath]:
-    """The target of each member; pulses beside the tables stay there for now."""
     targets: dict[Member, PurePosixPath] = {}
     for member in members:
         ending = member.path.suffix.lower()

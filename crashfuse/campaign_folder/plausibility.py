@@ -343,7 +343,6 @@ def _odd(differences: FloatArray, limit: float) -> list[tuple[int, float]]:
 
 
 def _onsets(accel: FloatArray, speeds: FloatArray) -> FloatArray:
-    """When each pulse has taken its share of the impact speed, in s."""
     early = accel[:, : GRID_S.size // 2]
     gone = np.cumsum(early, axis=1, dtype=np.float64) * -DT_S >= _ONSET * speeds[:, None]
     return np.where(gone.any(axis=1), GRID_S[gone.argmax(axis=1)], GRID_S[early.shape[1]])

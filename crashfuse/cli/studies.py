@@ -44,8 +44,6 @@ _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with a
 
 @dataclass(frozen=True)
 class _Run:
-    """One validated study of the command, and its output folder."""
-
     name: str
     out: Path
     plan: StudyPlan

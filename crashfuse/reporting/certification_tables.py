@@ -140,7 +140,6 @@ def _limit_columns(criterion: Criterion) -> dict[str, object]:
 
 
 def _numbers_of(rows: Iterable[object], columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """A table whose numbers are numbers also where all are unknown."""
     table = pd.DataFrame(list(rows), columns=columns)
     return table.astype({name: float for name in table if str(name).removeprefix("earlier_") in _NUMBERS})
 

@@ -147,7 +147,6 @@ def _separation(motion: Kinematics) -> tuple[FloatArray, npt.NDArray[np.int_]]:
 
 
 def _last_sample(accel: FloatArray) -> npt.NDArray[np.int_]:
-    """Before the zeros with which a cut record was padded."""
     size = accel.shape[-1]
     last = size - 1 - (accel[..., ::-1] != 0).argmax(axis=-1)
     broken_off = np.abs(np.take_along_axis(accel, last[..., None], axis=-1)[..., 0]) > _BROKEN_OFF_MPS2

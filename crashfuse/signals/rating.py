@@ -279,7 +279,6 @@ def _correlations(
 
 
 def _sums(values: FloatArray, start: npt.NDArray[np.int_], stop: npt.NDArray[np.int_]) -> FloatArray:
-    """Sum ``values[..., start:stop]`` for all pairs of bounds at once."""
     running = np.zeros((*values.shape[:-1], values.shape[-1] + 1))
     np.cumsum(values, axis=-1, out=running[..., 1:])
     return np.asarray(running.take(stop, axis=-1) - running.take(start, axis=-1))

@@ -172,7 +172,6 @@ def _band(raw: _Signal) -> tuple[_Signal, FloatArray]:
 
 
 def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
-    """Samples that repeat a value: at the extreme of the record, or elsewhere."""
     accel, same = raw.accel, _SAME * raw.peak
     ends = np.flatnonzero(np.diff(np.r_[False, np.abs(np.diff(accel)) <= same, False])).reshape(-1, 2)
     ends = ends[(ends[:, 0] > 0) & (ends[:, 1] < accel.size - 1) & (ends[:, 1] > raw.first) & (ends[:, 0] < raw.last)]

@@ -105,7 +105,6 @@ class _Part:
         return [[Component(rows[0], rows[1:]) for rows in of_test] for of_test in pulses]
 
     def is_predicted(self) -> list[bool]:
-        """Fill the cache with the components: a worker need not send them."""
         return [bool(self.components())]
 
     def scores(self) -> list[tuple[Scores, Scores]]:
@@ -137,7 +136,6 @@ class _Part:
             yield test, prediction, drawn_metrics(prediction, occupant), floats
 
     def errors(self) -> list[dict[str, float]]:
-        """Standardised errors of the metrics of each left-out test."""
         return [
             {name: standardised_error(drawn[name], measured[name], name) for name in METRIC_LABELS}
             for _, _, drawn, measured in self.predictions()
@@ -183,8 +181,6 @@ def _tuned(
 
 @dataclass(frozen=True)
 class _Run:
-    """Computes tasks on all cores, in order."""
-
     seed: int
     cache: Cache
     watch: Watch
@@ -204,13 +200,11 @@ class _Run:
         return [done[task] for task in tasks]
 
     def by_part(self, work: Callable[[_Part], list[R]], campaign: Campaign, sizes: Sequence[int], step: str) -> list[R]:
-        """Results of all even choices of so many tests, one after the other."""
         chosen = [part.chosen for part in subsets(campaign, 0, 0) if len(part.chosen) in sizes]
         results = self.each(partial(_done, work=work, seed=self.seed), campaign, chosen, f"{campaign.name}: {step}")
         return [row for rows in results for row in rows]
 
     def bias(self, campaign: Campaign) -> FloatArray:
-        """What the vehicle teaches of the bias, learned from all of its tests."""
         domain = DisplacementDomain.create(Settings(seed=self.seed, cache=self.cache))
         return fitted(domain, campaign, self.cache, self.watch)[0].to_teach()
 
@@ -229,8 +223,6 @@ class _Run:
 
 @dataclass(frozen=True, eq=False)
 class _Learning:
-    """What is learned from vehicles once their parts and networks are known."""
-
     campaigns: Sequence[Campaign]
     biases: FloatArray  # what each teaches of the bias, shape (n_vehicles, 6, 60)
     networks: Mapping[_Members, Arrays]
@@ -240,7 +232,6 @@ class _Learning:
         return self.run.by_part(work, replace(self.campaigns[member], prior=prior), sizes, "predicted with the others")
 
     def prior(self, members: _Members) -> Prior:
-        """What these vehicles teach."""
         names = tuple(self.campaigns[member].name for member in members)
         bias = carried_over(self.biases[list(members)])
         others = {member: self._others(_less(members, member)) for member in members}

@@ -142,7 +142,6 @@ class Fit:
 
     @cached_property
     def _fitted_mps2(self) -> dict[str, FloatArray]:
-        """What the fit predicts for the tests that stand apart, from which it learned."""
         tests = [self.campaign.test(found.test) for found in departures(self.campaign) if found.test in self.left_out]
         with blamed_on(self.approach.name), one_thread():
             return {test.id: self.approach.predict(test.condition).accel_mps2 for test in tests}

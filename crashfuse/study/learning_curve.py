@@ -87,7 +87,6 @@ def subsets(campaign: Campaign, repeats: int, seed: int) -> tuple[Subset, ...]:
 
 
 def _evenly(n: int, size: int) -> Iterator[tuple[int, ...]]:
-    """Places of the tests of each even choice in the order of speed."""
     # A test is left out by a share 1 - size / n of all places within the parts, so this many leave out each of them.
     choices = max(_LEAST, math.ceil(n / (n - size)))
     for number in range(choices):

@@ -145,7 +145,6 @@ def repeats_of(test: CrashTest, campaign: Campaign) -> tuple[CrashTest, ...]:
 
 
 def _lack(test: CrashTest, pulses_mps2: FloatArray) -> FloatArray:
-    """What the ratings of pulses against a test lack to 1."""
     rated = rate_many(test.pulse.accel_mps2[: pulses_mps2.shape[1]], pulses_mps2, dt_s=DT_S)
     return np.maximum([1 - rating.overall for rating in rated], _LEAST_LACK)
 

@@ -192,7 +192,6 @@ def _fitted(approach: type[Approach]) -> Approach:
 
 
 def _same(one: Prediction, other: Prediction) -> bool:
-    """To the bit: pulse, draws and notes."""
     draws = [b"" if each.draws_mps2 is None else each.draws_mps2.tobytes() for each in (one, other)]
     return one.accel_mps2.tobytes() == other.accel_mps2.tobytes() and draws[0] == draws[1] and one.notes == other.notes
 

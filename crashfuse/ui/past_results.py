@@ -61,7 +61,6 @@ def show(view: View, row: DeltaGenerator) -> None:
 
 
 def _listed(campaign: Campaign) -> list[PastResult | Earlier]:
-    """What this machine has of a campaign, the latest first, but for others' uploads."""
     hidden, is_restricted = uploaded_data(), bool(campaigns.roots())
     studies = [
         result

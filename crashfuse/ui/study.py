@@ -87,8 +87,6 @@ def _show_headline(outcome: "_Outcome") -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Outcome:
-    """A study of all tests, and how the reader wants to see it."""
-
     view: View
     config: StudyConfig  # the settings that were chosen
     study: Study  # while networks train, of fewer approaches than the settings ask for

@@ -142,7 +142,6 @@ class HierarchicalBias:
         return rows, np.concatenate([test.bias_mps2 for test in tests]) - self._expected(rows)
 
     def _expected(self, rows: FloatArray) -> FloatArray:
-        """The prior mean at rows."""
         if self.taught is None:
             return np.zeros(len(rows))
         *bias, humps = self.taught
@@ -296,7 +295,6 @@ def _freedom(n_tests: int) -> int:
 
 
 def _reach(freedom: int) -> float:
-    """Half the width of the 95 % band in standard deviations."""
     return float(stdtrit(freedom, 0.975))
 
 

@@ -164,7 +164,6 @@ class Rebound:
 
 
 def _with(extra: FloatArray, pulses_mps2: FloatArray, since: _SinceStop) -> FloatArray:
-    """Add corrections at the times after zero velocity, one row for each pulse."""
     added = _at(extra, since.after_s / _STEP_S)
     added *= _unit(_at(pulses_mps2, since.place))
     samples = pulses_mps2[:, since.samples]

@@ -119,7 +119,6 @@ class _Run:
         self.curve = torch.zeros(shape, dtype=torch.float64, device=network.device)
 
     def step(self, number: int) -> bool:
-        """Take a step; returns whether it ends an epoch."""
         network, objective = self.network, self._objective
         network.train()
         total, losses = objective.loss(network, number)
@@ -135,7 +134,6 @@ class _Run:
         return True
 
     def last_epoch(self) -> FloatArray:
-        """Each column of the curve for the last epoch, averaged over the members."""
         return np.asarray(self.curve[:, self._epoch].mean(dim=0).cpu())
 
 
@@ -322,7 +320,6 @@ class FineTuning:
 
 
 def _mixed(*numbers: int) -> int:
-    """Several numbers as one seed of 32 bits, as torch uses no more."""
     return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
 

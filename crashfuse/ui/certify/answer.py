@@ -141,7 +141,6 @@ def _show_reason(certification: Certification, display: Display) -> None:
 
 
 def _deciding(row: Planned, certification: Certification) -> str:
-    """The criterion whose reason is shown first: the least probable of those that decide."""
     words = {"would miss": "not met", "run": "open"}
     verdicts = certification.rows[row.id]
     deciding = [own for own in verdicts if own.word == words.get(row.word)] or verdicts

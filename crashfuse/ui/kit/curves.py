@@ -216,7 +216,6 @@ def _label(curve: str) -> str:
 
 
 def _add(subject: Subject) -> tuple[tuple[Further, ...], list[str]]:
-    """Let the user add curves; second is what is not there."""
     view, approach, pins, key = subject.view, subject.approach, pinned(), f"{subject.page}_also"
     campaign, settings = view.campaign, subject.names()
     pin_names = {f"{_PIN}{text}": prediction_name(approach, pin, view.display) for text, pin in pins.items()}
@@ -267,7 +266,6 @@ def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
 
 @st.cache_resource(max_entries=8, show_spinner=False, hash_funcs=HASHED)
 def _offered_runs(display: Display, campaign: Campaign) -> Mapping[str, str]:
-    """Labels of thousands of CAE runs, made once for all sessions."""
     runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
     return {(name := f"{RUN}{run}"): pulse_name(name, at, display) for run, at in runs}
 

@@ -193,7 +193,6 @@ def _choose_units(page: str) -> None:
 
 
 def _is_adding(page: str) -> bool:
-    """True if the page shows nothing of the campaign."""
     return page == "data" and bool(st.session_state["import"] or st.session_state["opening"])
 
 

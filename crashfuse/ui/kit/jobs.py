@@ -188,7 +188,6 @@ class Jobs:
 
 
 def _compute(job: Job[Any]) -> None:
-    """Run a job in a thread of its own, which can be left behind."""
     threading.Thread(target=job.run, name="crashfuse-jobs", daemon=True).start()
     job.watch_over()
 

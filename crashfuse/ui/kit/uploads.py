@@ -114,7 +114,6 @@ def running_import() -> Source | None:
 
 @st.cache_resource
 def _begun() -> dict[str, tuple[Source, dict[str, Any]]]:
-    """Imports in progress by key, with the fields filled in."""
     return {}
 
 
