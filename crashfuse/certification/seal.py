@@ -188,11 +188,8 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
             problems.append(Problem(name, "the file that was sealed", "no such file", _ASK))
         elif _sha256(path) != sha256:
             problems += _changes(name, read(path, "the file that was sealed"), lines)
-    there = sealed.rests_on if campaign is None else rests_on(campaign)
-    for name, sha256 in sealed.rests_on.items():
-        if there.get(name) != sha256 and not name.startswith("../"):
-            now = "another one" if name in there else "no such file"
-            problems.append(Problem(name, "the file that it rests on", now, _ASK))
+    if campaign is not None:
+        problems += _changes_below(campaign, sealed.rests_on)
     if (folder / REVIEW).exists():
         reviewer, signatures, _ = _signed(folder / REVIEW)
         sealed = sealed._replace(reviewer=key_name(reviewer))
@@ -201,6 +198,16 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
     if problems:
         raise DataError(shortened(problems))
     return sealed
+
+
+def _changes_below(campaign: Path, then: Mapping[str, str]) -> Iterator[Problem]:
+    """Files from elsewhere, such as the criteria, are looked for beside the campaign."""
+    elsewhere = {name: campaign.parent / Path(name).name for name in then if name.startswith("../")}
+    now = rests_on(campaign, *(path for path in elsewhere.values() if path.is_file()))
+    for name in sorted({*then, *now} - {name for name in elsewhere if name not in now}):
+        if now.get(name) != then.get(name):
+            found = "no such file" if name not in now else "another one" if name in then else "one that was added since"
+            yield Problem(name, "the file that it rests on", found, _ASK)
 
 
 @contextmanager

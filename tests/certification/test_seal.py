@@ -191,7 +191,7 @@ def test_a_review_is_signed_once_all_holds_and_one_key_for_both_is_told(
 
 
 def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, maker: Path, campaign_folder: Path) -> None:
-    """Each by its place; a changed one, and one that is gone, are named."""
+    """Each by its place; changed ones, those that are gone and those that came are named."""
     (campaign_folder / "archive.cfa").write_bytes(b"past vehicles")
     seal(sealed, private_key(maker), rests_on(campaign_folder), None)
     assert verify(sealed, campaign=campaign_folder)
@@ -200,11 +200,15 @@ def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, make
     (campaign_folder / "tests" / "T1.csv").unlink()
     found = {p.where: p.found for p in problems_of(lambda: verify(sealed, campaign=campaign_folder))}
     assert found == {"tests.csv": "another one", "tests/T1.csv": "no such file"}
-    (campaign_folder / "criteria.toml").write_text("")  # criteria from elsewhere are sealed, and not looked for
+    (campaign_folder / "criteria.toml").write_text("")  # those from elsewhere are looked for beside it
     other = sealed.parent / "criteria.toml"
     other.write_text("confidence = 0.9")
     seal(sealed, private_key(maker), rests_on(campaign_folder, other, None), None)
     assert {"criteria.toml", "../criteria.toml"} <= set(verify(sealed, campaign=campaign_folder).rests_on)
+    (campaign_folder.parent / "criteria.toml").write_text("other")
+    (campaign_folder / "notes.csv").write_text("test,note\n")
+    found = {p.where: p.found for p in problems_of(lambda: verify(sealed, campaign=campaign_folder))}
+    assert found == {"../criteria.toml": "another one", "notes.csv": "one that was added since"}
 
 
 def test_a_key_of_the_wrong_kind_is_refused_in_a_sentence(sealed: Path, maker: Path, tmp_path: Path) -> None:
