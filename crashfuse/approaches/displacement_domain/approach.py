@@ -177,7 +177,8 @@ class DisplacementDomain(BandedApproach):
         self._require("points_")
         if not prior.helps:
             return None, prior.sentence
-        taught = HierarchicalBias(seed=self.seed, taught=prior.bias).fit(self.points_, watch)
+        with one_thread():
+            taught = HierarchicalBias(seed=self.seed, taught=prior.bias).fit(self.points_, watch)
         odds = taught.log_evidence - cast(HierarchicalBias, self.bias_).log_evidence
         times = f"{np.exp(abs(odds)):.3g} times" if abs(odds) < _CERTAIN else "over 1000 times"
         vehicles, mean = f"{len(prior.vehicles)} past vehicles", "the mean error of their CAE models over crush"
