@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -200,12 +200,16 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
     return sealed
 
 
+def elsewhere(campaign: Path, names: Iterable[str]) -> dict[str, Path]:
+    """Where files that a seal has from elsewhere, such as the criteria, are looked for: beside the campaign."""
+    return {name: campaign.parent / Path(name).name for name in names if name.startswith("../")}
+
+
 def _changes_below(campaign: Path, then: Mapping[str, str]) -> Iterator[Problem]:
-    """Files from elsewhere, such as the criteria, are looked for beside the campaign."""
-    elsewhere = {name: campaign.parent / Path(name).name for name in then if name.startswith("../")}
-    now = rests_on(campaign, *(path for path in elsewhere.values() if path.is_file()))
-    for name in sorted({*then, *now} - {name for name in elsewhere if name not in now}):
-        if now.get(name) != then.get(name):
+    others = elsewhere(campaign, then)
+    now = rests_on(campaign, *filter(Path.is_file, others.values()))
+    for name in sorted({*then, *now}):
+        if now.get(name) != then.get(name) and (name in now or name not in others):
             found = "no such file" if name not in now else "another one" if name in then else "one that was added since"
             yield Problem(name, "the file that it rests on", found, _ASK)
 

@@ -77,7 +77,6 @@ def _stripped(source: bytes) -> tuple[str, tuple[str, ...]]:
 
 
 def _strip(node: ast.AST) -> Iterator[str]:
-    """Remove string statements (docstrings) from all blocks; yields the names imported there."""
     for field in ("body", "orelse", "finalbody", "handlers", "cases"):
         block = getattr(node, field, None)
         if not isinstance(block, list):  # a lambda's body, say

@@ -216,7 +216,6 @@ def _is_own(path: Path) -> bool:
 
 
 def _speed(record: Record, choices: Choices) -> float:
-    """About the one that the change of velocity tells, if the record states none."""
     if record.condition.speed_mps is not None:
         return record.condition.speed_mps
     channel = record.chosen(choices.channels)[0]

@@ -103,7 +103,6 @@ class _Reading(NamedTuple):
     occupant: str = ""
 
     def of(self, motion: Kinematics, occupant: OccupantModel) -> FloatArray:
-        """The metric of each pulse, in its unit."""
         values = self.function(motion, occupant) if self.occupant else self.function(motion)
         return np.asarray(values / self.in_si)
 

@@ -119,7 +119,6 @@ def repeatability(
 def _rated(
     test: CrashTest, repeats: Sequence[CrashTest], drawn: FloatArray, windows_ms: Sequence[float], n_tests: int
 ) -> FloatArray:
-    """Value, lower and upper by window, NaN where there is none, shape (n_windows, 3)."""
     unknown = _MODEL_SPREAD**2 + (_SPREAD_OF_A_TEST / n_tests) ** 2
     measured = np.array([other.pulse.accel_mps2 for other in repeats])
     rated = np.full((len(windows_ms), 3), np.nan)

@@ -78,7 +78,6 @@ def _condition_of(source: Source, records: Sequence[Record]) -> tuple[PartialCon
 def _choose(
     place: DeltaGenerator, label: str, options: Iterable[Any], grey: str | None, key: str, **look: Any,  # noqa: ANN401
 ) -> Any:  # noqa: ANN401 - one of the options  # fmt: skip
-    """In grey is what was found, or what is taken."""
     grey = grey or "to be found"
     return place.selectbox(label, list(options), index=None, placeholder=grey, key=key, persist_state="session", **look)
 

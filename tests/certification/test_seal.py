@@ -205,7 +205,7 @@ def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, make
     other.write_text("confidence = 0.9")
     seal(sealed, private_key(maker), rests_on(campaign_folder, other, None), None)
     assert {"criteria.toml", "../criteria.toml"} <= set(verify(sealed, campaign=campaign_folder).rests_on)
-    (campaign_folder.parent / "criteria.toml").write_text("other")
+    other.write_text("other")
     (campaign_folder / "notes.csv").write_text("test,note\n")
     found = {p.where: p.found for p in problems_of(lambda: verify(sealed, campaign=campaign_folder))}
     assert found == {"../criteria.toml": "another one", "notes.csv": "one that was added since"}

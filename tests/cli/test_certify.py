@@ -109,6 +109,7 @@ def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path
     made_archive().save(tmp_path / "past.cfa")
     assert certify(planned, out, "--seal", str(key), "--archive", str(tmp_path / "past.cfa")) == cli.DONE
     assert cli.main(["verify", str(out), "--key", f"{key}.pub", "--campaign", str(planned)]) == cli.DONE
+    assert "Not compared, as not beside the campaign: ../past.cfa." in capsys.readouterr().out
     record = json.loads((out / "certification.json").read_bytes())
     assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "credibility.csv", "report.html"}
     assert {"tests.csv", "criteria.toml", "cae_pulses.parquet", "../past.cfa"} <= set(record["seal"]["rests_on"])

@@ -110,7 +110,6 @@ class _Back(NamedTuple):
         return _Back(by_input, apart)
 
     def plus(self, fewer: "_Back") -> "_Back":
-        """The sum with derivatives at some of these lags."""
         every = fewer.apart // self.apart or 1
         self.by[:, self.by.shape[1] - 1 - (fewer.by.shape[1] - 1) * every :: every] += fewer.by
         return self

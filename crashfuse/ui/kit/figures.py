@@ -51,7 +51,6 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
 
 
 def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a figure
-    """The same with lists for arrays, packed or not, and None for no number."""
     if isinstance(part, Mapping) and "bdata" in part:
         part = unpacked(part)
     if isinstance(part, np.ndarray) and part.dtype.kind == "f" and part.size:

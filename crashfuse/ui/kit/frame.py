@@ -215,7 +215,6 @@ def _note(sentence: str, asked: str) -> None:
 
 
 def _turn_to_campaign() -> None:
-    """Begin with the campaign's defaults: a test's name may mean another condition there."""
     if st.session_state["campaign"] != st.session_state.pop(ASKED, ""):
         address.leave_campaign()
     forget()
@@ -321,7 +320,6 @@ class _AnswerLine:
         self._link("cae", counted(runs, "CAE run"), "On Data.", "data", data_tab="CAE model")
 
     def complete(self) -> None:
-        """Add the answer of Certify, and what has to be known of the campaign."""
         from crashfuse.ui.certify.results import last_verdicts  # whose figures and reports take a while
 
         view = self.view
