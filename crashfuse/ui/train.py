@@ -195,7 +195,7 @@ def show_diagnostics(view: View) -> None:
     stop_with_a_single_test(campaign)
     with st.container(horizontal=True, vertical_alignment="center"):
         choice = choose("Diagnostics", [_NETWORKS, *_FIGURES, _MEND], key="diagnostics")
-        st.markdown("learned without", width="content")
+        st.markdown("of what was learned without", width="content")
         address.put(key, test)
         st.selectbox(
             "Held-out test", campaign.test_ids, key=key, width=120, label_visibility="collapsed",
