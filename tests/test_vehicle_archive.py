@@ -102,9 +102,8 @@ def test_the_displacement_domain_is_taught_alone(campaign: Campaign, tmp_path: P
     errs = DisplacementDomain(cache=Cache(tmp_path)).fit(campaign).to_teach()
     few, condition = campaign.without(["T3", "T4"]), campaign.test("T3").condition
     taught = replace(few, prior=prior("a", "b", "c", bias=errs))
-    names = ("displacement_domain", "fused")
-    domain, fused = (Fit.of(taught, name, cache=Cache(tmp_path)) for name in names)
-    again, _ = (Fit.of(taught, name, cache=Cache(tmp_path)) for name in names)
+    names = ("displacement_domain", "fused", "displacement_domain")
+    domain, fused, again = (Fit.of(taught, name, cache=Cache(tmp_path)) for name in names)
     together = [estimate.prediction.accel_mps2 for estimate in estimates_at([domain, fused], condition)]
     np.testing.assert_array_equal(together[1], fused.estimate(condition).prediction.accel_mps2)
     np.testing.assert_array_equal(together[0], again.estimate(condition).prediction.accel_mps2)

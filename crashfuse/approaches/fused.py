@@ -77,11 +77,8 @@ class Fused(AboutFused):
         # Taught both, displacement domain and network would err together: the network alone is (docs/decisions.md).
         untaught = replace(campaign, prior=None)
         self.displacement_domain_, _ = fitted(displacement_domain, untaught, self.cache, watch)
-        is_alike, self.archive_ = False, ""
-        if campaign.prior is not None:
-            taught, self.archive_ = self.displacement_domain_.taught_bias(campaign.prior, watch)
-            is_alike = taught is not None
-        self.pretrained_, _ = fitted(pretrained, campaign if is_alike else untaught, self.cache, watch)
+        bias, self.archive_ = self.displacement_domain_.taught_bias(campaign.prior, watch)
+        self.pretrained_, _ = fitted(pretrained, untaught if bias is None else campaign, self.cache, watch)
         campaign = self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
         groups = bands.speed_groups(campaign)
@@ -186,9 +183,8 @@ class Fused(AboutFused):
         self._require("calibration_")
         names = ("time", "displacement", "pretrained")
         states = {name: part.learned() for name, part in zip(names, self._learning, strict=True)}
-        return FittedState.of(
-            {"archive": self.archive_}, {"logits": self.pool_.logits_}, **states, band=self.calibration_.learned()
-        )
+        values, arrays = {"archive": self.archive_}, {"logits": self.pool_.logits_}
+        return FittedState.of(values, arrays, **states, band=self.calibration_.learned())
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore the approaches and the weights."""

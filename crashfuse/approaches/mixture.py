@@ -165,6 +165,7 @@ def _apart(draws: FloatArray) -> float:
 
 
 def _between_all(draws: FloatArray) -> float:
+    """Sum of |x - x'| over all unordered pairs of draws, averaged over time."""
     n = len(draws)
     ranks: FloatArray = 2 * np.arange(n) - n + 1.0
     return float((ranks @ np.sort(draws, axis=0)).mean())

@@ -185,6 +185,7 @@ def _steps(accel_mps2: Tensor, cae_mps2: Tensor, speeds_mps: Tensor) -> Tensor:
 
 
 def _motion(accel_mps2: Tensor, speeds_mps: Tensor) -> Tensor:
+    """Acceleration, velocity and displacement (Eqs. 11 and 13), and waves of displacement, by steps."""
     velocity = speeds_mps + _integral(accel_mps2)
     displacement = _integral(velocity)
     scaled = torch.stack([accel_mps2 / unit(speeds_mps), velocity / speeds_mps, displacement / _CRUSH_M], -2)

@@ -302,6 +302,7 @@ def _at_odds(one: Criterion, other: Criterion, where: str) -> Problem | None:
 
 
 def _criterion(item: dict[str, Any], where: str, problems: list[Problem]) -> Criterion | None:
+    """One criterion, or None if it cannot be judged; its problems are appended."""
     before = len(problems)
 
     def wrong(expected: str, found: object, advice: str) -> None:

@@ -90,10 +90,10 @@ def verify(arguments: argparse.Namespace) -> None:
         print("Maker and reviewer have one key: this is no review by another.")
     if arguments.campaign is None:
         print(f"It rests on {len(sealed.rests_on)} files of the campaign, which --campaign compares.")
-    elif lacking := [
-        n for n, path in seal.elsewhere(arguments.campaign, sealed.rests_on).items() if not path.is_file()
-    ]:
-        print(f"Not compared, as not beside the campaign: {', '.join(map(printable, lacking))}.")
+    else:
+        elsewhere = seal.elsewhere(arguments.campaign, sealed.rests_on)
+        if lacking := [printable(name) for name, path in elsewhere.items() if not path.is_file()]:
+            print(f"Not compared, as not beside the campaign: {', '.join(lacking)}.")
     if others := {path.name for path in arguments.folder.iterdir()} - {FILE, seal.SEAL, seal.REVIEW, *sealed.files}:
         print(f"Not sealed: {', '.join(printable(name) for name in sorted(others))}.")
 

@@ -205,6 +205,7 @@ class _Part:
         return {*self.file.folders[state], *self._torn(state)}
 
     def _torn(self, state: _Folder) -> Collection[str]:
+        """Variables of a state that went into the next file."""
         variables = () if self.after is None else self.after.folders.get(state, ())
         return () if "time" in variables else variables
 

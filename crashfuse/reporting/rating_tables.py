@@ -91,7 +91,7 @@ TABLE_3 = {"lf_tcn": "LF_TCN", "time_domain": "MF_TCN"}  # the network before an
 TABLE_5 = {name: LABELS[name] for name in ("time_domain", "displacement_domain", "fused", "cae")}
 """What Table 5 compares, and our mixture."""
 MEAN = "Mean"
-TO_TTZV = "0–TTZV"  # the column of ratings up to each test's time of zero velocity
+TTZV_COLUMN = "0–TTZV"  # the column of ratings up to each test's time of zero velocity
 REPEAT = "A repeat"  # what a repeat of the test would rate: the last row of each test, where it is known
 
 
@@ -111,7 +111,7 @@ def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
             repeats = study.repeatability[fold.held_out]
             table[fold.held_out, REPEAT] = [repeats[w].value if w in repeats else np.nan for w in windows]
     if labels and len(study.folds) > 1:
-        means = mean_values(study).drop(columns=TO_TTZV, errors="ignore").rename(index=labels)
+        means = mean_values(study).drop(columns=TTZV_COLUMN, errors="ignore").rename(index=labels)
         table |= {(MEAN, label): means.loc[label].tolist() for label in labels.values()}
         if study.repeatability:
             table[MEAN, REPEAT] = means.loc[REPEAT].tolist() if REPEAT in means.index else [np.nan] * len(windows)
@@ -127,7 +127,7 @@ def mean_values(study: Study) -> pd.DataFrame:
         for name in study.config.approaches
     }
     for name, by_window in rows.items() if study.config.to_ttzv else ():
-        by_window[TO_TTZV] = float(np.mean([fold.overall_to_ttzv(name) for fold in study.folds]))
+        by_window[TTZV_COLUMN] = float(np.mean([fold.overall_to_ttzv(name) for fold in study.folds]))
     repeats = {label: mean for window, label in windows.items() if (mean := study.mean_repeat(window)) is not None}
     return pd.DataFrame.from_dict(rows | ({REPEAT: repeats} if repeats else {}), orient="index")
 

@@ -178,10 +178,7 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     made: dict[Hashable, tuple[Prediction, float]] = {}
 
     def predict(approach: Approach) -> tuple[Prediction, float]:
-        key = (
-            *settings(approach).values(),
-            approach.taught_,
-        )  # equal for approaches that predict the same, of one campaign
+        key = (*settings(approach).values(), approach.taught_)  # equal for approaches that predict the same
         if key not in made:
             parts = [predict(part) for part in approach.parts]
             start = time.perf_counter()

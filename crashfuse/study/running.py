@@ -153,6 +153,7 @@ def _tasks(wanted: Sequence[Wanted]) -> list[Task]:
 def _computed(
     campaign: Campaign, task: Task, cache: Cache, watch: Watch, *, config: StudyConfig
 ) -> list[tuple[Wanted, Estimate]]:
+    """Compute a task; what it finds is in the cache, too."""
     if task.repeated:
         repeatability(campaign, config.windows_ms, task.repeated, seed=config.seed, cache=cache, watch=watch)
         return []

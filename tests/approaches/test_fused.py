@@ -175,7 +175,8 @@ def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch:
         mean = np.array([test.pulse.accel_mps2[::10] for test in campaign.tests]) * rng.uniform(0.8, 1.2, (4, 1))
         return LeftOut(np.arange(4), mean, (mean[:, None] * rng.uniform(0.9, 1.1, (4, 20, 1))).astype(np.float32))
 
-    parts = [SimpleNamespace(left_out_=said(), left_out_groups_=said(), model_=model, prior_=None) for _ in range(3)]
+    known = {"model_": model, "prior_": None, "taught_bias": lambda *_: (None, "")}
+    parts = [SimpleNamespace(left_out_=said(), left_out_groups_=said(), **known) for _ in range(3)]
     taken = iter(parts)
     monkeypatch.setattr("crashfuse.approaches.fused.fitted", lambda *_: (next(taken), 0.0))
     monkeypatch.setattr("crashfuse.approaches.fused.bands.widening_far", lambda *_: 2.3)

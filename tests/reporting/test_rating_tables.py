@@ -84,8 +84,8 @@ def test_ratings_to_zero_velocity_end_where_the_test_stops_and_advise_nothing(ca
         whole = rate_windows(fold.test.pulse, Pulse(GRID_S, fold.estimate("cae").prediction.accel_mps2), [stop_ms])
         assert fold.overall_to_ttzv("cae") == whole[stop_ms].overall
     rows = tables.mean_values(asked)
-    assert rows.drop(columns=tables.TO_TTZV).equals(tables.mean_values(usual))
-    assert rows.loc["cae", tables.TO_TTZV] == np.mean([fold.overall_to_ttzv("cae") for fold in asked.folds])
+    assert rows.drop(columns=tables.TTZV_COLUMN).equals(tables.mean_values(usual))
+    assert rows.loc["cae", tables.TTZV_COLUMN] == np.mean([fold.overall_to_ttzv("cae") for fold in asked.folds])
     columns = ["ttzv_ms", "overall_to_ttzv"]
     assert asked.scores.drop(columns=columns).equals(usual.scores)
     assert recommend(asked).sentences == recommend(usual).sentences

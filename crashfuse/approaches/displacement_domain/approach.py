@@ -164,22 +164,22 @@ class DisplacementDomain(BandedApproach):
         with one_thread():
             self.rebound_ = Rebound().fit(unloadings)
             self.bias_.fit(self.points_, watch)
-            self.archive_, self.taught_ = "", False
-            if campaign.prior is not None and isinstance(self.bias_, HierarchicalBias):
-                taught, self.archive_ = self.taught_bias(campaign.prior, watch)
-                self.bias_, self.taught_ = taught or self.bias_, taught is not None
+            taught, self.archive_ = self.taught_bias(campaign.prior, watch)
+            self.bias_, self.taught_ = taught or self.bias_, taught is not None
             self.calibration_ = self._calibrate(campaign, watch)
         self._seconds = time.perf_counter() - start
         return self
 
-    def taught_bias(self, prior: Prior, watch: Watch = SILENT) -> tuple[HierarchicalBias | None, str]:
+    def taught_bias(self, prior: Prior | None, watch: Watch = SILENT) -> tuple[HierarchicalBias | None, str]:
         """The bias model with past vehicles' mean, if the tests are more probable with it; and that in words."""
         self._require("points_")
+        if prior is None or isinstance(self.bias_, Table4Bias):
+            return None, ""
         if not prior.helps:
             return None, prior.sentence
         with one_thread():
             taught = HierarchicalBias(seed=self.seed, taught=prior.bias).fit(self.points_, watch)
-        odds = taught.log_evidence - cast(HierarchicalBias, self.bias_).log_evidence
+        odds = taught.log_evidence - self.bias_.log_evidence
         times = f"{np.exp(abs(odds)):.3g} times" if abs(odds) < _CERTAIN else "over 1000 times"
         vehicles, mean = f"{len(prior.vehicles)} past vehicles", "the mean error of their CAE models over crush"
         if odds > 0:
@@ -260,8 +260,7 @@ class DisplacementDomain(BandedApproach):
         with one_thread():
             bias = self._sample(view, self.bias_, self.config.n_draws, rng).widened(widening, share)
             pulses = self._simulate(view, bias, self.rebound_, rng, widening)
-        archive = (self.archive_,) if self.archive_ else ()
-        notes = (*archive, *self.model_.notes(condition), *self._thinning, *self.bias_.notes)
+        notes = (*filter(None, [self.archive_]), *self.model_.notes(condition), *self._thinning, *self.bias_.notes)
         if share < _NEARLY_ALL:
             part = f"{100 * share:.0f} % of its correction"
             notes += (f"The displacement domain makes {part}: the whole was worse at speeds without tests.",)

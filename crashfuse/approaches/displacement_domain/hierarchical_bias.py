@@ -236,11 +236,12 @@ class HierarchicalBias:
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
         mean, covariance = self.process_.posterior(x)
+        expected = self._expected(x)
         names = [part.name for part in over_displacement]
         if self.taught is not None:
             names.append("past vehicles")
-            moments.append((self._expected(x), np.zeros(len(x))))
-        moments.append((mean + self._expected(x), np.sqrt(np.maximum(np.diag(covariance), 0.0))))
+            moments.append((expected, np.zeros(len(x))))
+        moments.append((mean + expected, np.sqrt(np.maximum(np.diag(covariance), 0.0))))
         names.append("total")
         reach = _reach(self.freedom_)
         return tuple(

@@ -207,6 +207,7 @@ def share_y_range(figures: Iterable[go.Figure]) -> None:
 
 
 def _add(figure: go.Figure, x: FloatArray, y: FloatArray, style: dict[str, Any]) -> None:
+    """Add a curve; one given as a dict is checked once, by ``add_scatter`` twice."""
     panel = {name: style.pop(name) for name in ("row", "col") if name in style}
     figure.add_trace({"type": "scatter", "mode": "lines", "x": x, "y": y, **style}, **panel)
 

@@ -18,7 +18,7 @@ from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.ratings import rating_differences
 from crashfuse.reporting.provenance import study_command
-from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, TO_TTZV, best, mean_values, rating_table
+from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, TTZV_COLUMN, best, mean_values, rating_table
 from crashfuse.reporting.report.page import ReportOptions, details, render, render_in_frame, repeats_table
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.comparison import StudyComparison
@@ -140,7 +140,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         return shown
     overall = {
         name: {f"0–{window:g} ms": rated[window].overall for window in study.config.windows_ms}
-        | ({TO_TTZV: fold.overall_to_ttzv(name)} if study.config.to_ttzv else {})
+        | ({TTZV_COLUMN: fold.overall_to_ttzv(name)} if study.config.to_ttzv else {})
         for name, rated in fold.ratings.items()
     }
     return shown | {

@@ -18,7 +18,7 @@ from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
-from crashfuse.reporting.rating_tables import REPEAT, TO_TTZV
+from crashfuse.reporting.rating_tables import REPEAT, TTZV_COLUMN
 from crashfuse.reporting.result_tables import metric_texts, next_tests_table
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -184,7 +184,7 @@ def ratings_table(
         {
             "Approach": LABELS.get(name, name),
             **{window_label(w): graded(rating.overall) for w, rating in by_window.items()},
-            **({TO_TTZV: graded(to_ttzv[name])} if name in to_ttzv else {}),
+            **({TTZV_COLUMN: graded(to_ttzv[name])} if name in to_ttzv else {}),
             **{part.capitalize(): f"{getattr(by_window[window_ms], part):.3f}" for part in WEIGHTS},
             "Single draws": "–".join(f"{end:.3f}" for end in draws.get(name, ())) or "–",
         }
