@@ -285,9 +285,9 @@ class User:
         self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
 
     def arrived(self, name: str) -> Path:
-        """The file whose name ends like this, once it is there."""
-        self.wait(lambda: any(self.downloads.glob(f"*{name}")), f"{name} never arrived.")  # until then another name
-        return next(self.downloads.glob(f"*{name}"))
+        """The file whose name ends like this, once it is whole: until then the browser keeps an empty one for it."""
+        files = self.downloads.glob
+        return self.wait(lambda: [file for file in files(f"*{name}") if file.stat().st_size], f"No {name} arrived.")[0]
 
     def downloads_file(self, name: str) -> str:
         """Press the button of a file; returns what is in it once it has arrived."""

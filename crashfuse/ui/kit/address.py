@@ -139,8 +139,8 @@ def follow(page: str, wanted: Callable[[], Mapping[str, list[str]]] = dict) -> N
         _take(None if began else page, {**wanted(), **asked} if began else asked)
     if began:
         want_units()
-    for key, choice in CHOICES.items():
-        state.setdefault(key, _in_session(choice.default))
+    for key in [key for key in CHOICES if state.get(key) is None]:  # new, or cleared by a browser not yet up to date
+        put(key, _in_session(CHOICES[key].default))
 
 
 @dataclass(frozen=True)
