@@ -33,8 +33,9 @@ def ask_and_answer() -> None:
     answer = Answer(view, request.key, config, fitted, condition)
     show_training(config, fitted.approaches)
     if answer.advice is not None:
-        warnings = campaign.cae.extrapolation(condition)
-        results.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
+        use, expected, *reasons = answer.advice.facts
+        known = [fact.sentence for fact in reasons if fact.code != "condition.extrapolated"]  # said above
+        results.show_recommendation([use.sentence, expected.sentence], known)
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", list(TABS), key="predict_tab")
         choose_approach(answer.subject, answer.fitted.approaches, answer.advice)

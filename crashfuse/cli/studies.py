@@ -32,9 +32,8 @@ from crashfuse.study import learning_curve as curves
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.history import PastResult, keep, past_results
-from crashfuse.study.left_out_account import worst_test
+from crashfuse.study.left_out_account import study_facts
 from crashfuse.study.one_more_test import Cost, sentences
-from crashfuse.study.recommendation import recommend
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 
@@ -139,7 +138,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> pd.DataFrame:
     if study.speed_groups is not None:
         print(f"Mean rating, {_LEFT_OUT['speed group']}")
         _print_means(study.speed_groups)
-    sentences = (*recommend(study).sentences, *worst_test(study).sentences)
+    sentences = [fact.sentence for fact in study_facts(study)]
     print(*(display.words(sentence) for sentence in sentences if sentence not in facts), sep="\n")
     return studies_table([(run.name, study)])
 

@@ -9,7 +9,8 @@ import pandas as pd
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.rating_tables import mean_ratings
-from crashfuse.study.facts import campaign_facts
+from crashfuse.study.facts import campaign_facts, distinct
+from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
 from crashfuse.wording import speed
 
@@ -57,7 +58,8 @@ def campaign_html(campaign: Campaign) -> str:
 def study_html(study: Study) -> str:
     """The mean rating of each approach over each window with its grade, and what a repeat of the tests would rate."""
     tests, display = ", ".join(fold.held_out for fold in study.folds), Display(system=study.campaign.units)
-    notes = (f"{study.campaign.rating_basis}.", *facts_words(study.campaign, display))
+    facts = distinct([*recommend(study).facts, *campaign_facts(study.campaign)])
+    notes = (f"{study.campaign.rating_basis}.", *(display.words(fact.sentence) for fact in facts))
     return card(f"{study.campaign.name}: left out {tests}", mean_ratings(study), notes)
 
 

@@ -1,4 +1,4 @@
-"""A prediction as the library offers it: a campaign and a condition in, tables and a figure out."""
+"""A prediction as the library offers it: a campaign and a condition in, tables and a figure out; several abreast."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,22 +13,25 @@ from crashfuse import views
 from crashfuse.approaches.neighbours import Neighbour, nearest_sentences, nearest_tests
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
+from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting import figures
+from crashfuse.reporting.certification_tables import condition_columns, factors_of
 from crashfuse.reporting.notebook import card
-from crashfuse.reporting.plots.display import Display, DisplayOptions
+from crashfuse.reporting.plots.display import DEFAULT, Display, DisplayOptions
 from crashfuse.reporting.result_tables import metric_texts, metrics_table, pulses_table
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.signals.pulse import DT_S, motion
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimate_at, estimates_at
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
-from crashfuse.study.facts import campaign_facts, condition_facts
+from crashfuse.study.facts import Fact, campaign_facts, condition_facts, distinct
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.units import KPH
+from crashfuse.wording import Sentence, difference
 
 _MM = 1e-3
 _WITH_WHOLE_PULSES = ("motion", "acceleration")
@@ -93,11 +96,16 @@ class PredictedPulse:
         return nearest_tests(self.campaign, self.condition)
 
     @property
+    def facts(self) -> tuple[Fact, ...]:
+        """Facts of the prediction: the recommendation, what stands apart or is extrapolated here, the campaign's."""
+        here = condition_facts(self.campaign, self.condition)
+        return distinct([*self.recommendation.facts, *here, *campaign_facts(self.campaign)])
+
+    @property
     def sentences(self) -> tuple[str, ...]:
-        """What ``crashfuse predict`` prints: recommendation, expected rating, nearest tests and run, remarks."""
-        advice, near = self.recommendation.sentences, nearest_sentences(self.campaign, self.condition)
-        facts = (*condition_facts(self.campaign, self.condition), *campaign_facts(self.campaign))
-        return tuple(dict.fromkeys((*advice, *(fact.sentence for fact in facts), *near, *self.notes)))
+        """What ``crashfuse predict`` prints: the facts in words, nearest tests and run, remarks."""
+        near = nearest_sentences(self.campaign, self.condition)
+        return tuple(dict.fromkeys((*(fact.sentence for fact in self.facts), *near, *self.notes)))
 
     def to_frame(self) -> pd.DataFrame:
         """Pulse, band and motion by the preferred approach, one row a sample, 1,250 in all.
@@ -234,3 +242,71 @@ def check_factors(campaign: Campaign, condition: Condition) -> None:
             raise UsageError(f"{campaign.name} has no factor {name!r}; its factors are: {known}.")
         if value and value not in campaign.factors[name]:
             raise UsageError(f"No test has {name} {value!r}; known are {', '.join(campaign.factors[name])}.")
+
+
+def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[PredictedPulse]:
+    """What one approach predicts in each of several predictions."""
+    return [
+        replace(prediction, estimates=tuple(own for own in prediction.estimates if own.approach == approach))
+        for prediction in predictions
+    ]
+
+
+def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAULT, base: int = 0) -> pd.DataFrame:
+    """Main metrics by one approach, for readers: first the ``base``, then each other with its differences from it."""
+    labels = predictions[0].campaign.metric_headings
+    columns = [{m.name: display.metric(m) for m in prediction.estimate.metrics} for prediction in predictions]
+    others = list(zip(column_names(predictions, display), columns, strict=True))
+    first, subtracted = others.pop(base)
+    table = {
+        "Pulse metric": [display.heading(labels[name]) for name in MAIN_METRICS],
+        first: [subtracted[name].text for name in MAIN_METRICS],
+    }
+    for who, metrics in others:
+        table[who] = [metrics[name].text for name in MAIN_METRICS]
+        pairs = [(metrics[name], subtracted[name].value) for name in MAIN_METRICS]
+        table[f"{who} − {first}"] = [
+            "–" if m.value is None or base is None else difference(m.value, base, m.digits) for m, base in pairs
+        ]
+    return pd.DataFrame(table)
+
+
+def column_names(predictions: Sequence[PredictedPulse], display: Display) -> list[str]:
+    """Names of predictions beside each other: their conditions, and their settings if these are not the first's."""
+    names = display.apart([prediction.condition for prediction in predictions])
+    settings = [figures.otherwise(prediction.config, predictions[0].config) for prediction in predictions]
+    return [", ".join(filter(None, pair)) for pair in zip(names, settings, strict=True)]
+
+
+def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> list[str]:
+    """At which conditions after the first a prediction is an extrapolation."""
+    first, *others = predictions
+    return [
+        Sentence("{}: {}", name, note)
+        for name, prediction in zip(column_names(predictions, display)[1:], others, strict=True)
+        for note in prediction.campaign.cae.extrapolation(prediction.condition)
+        if prediction.condition != first.condition
+    ]
+
+
+def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
+    """One row per prediction, approach and metric, with its difference from that of the first; for files."""
+    first = {(own.approach, m.name): m.value for own in predictions[0].estimates for m in own.metrics}
+    conditions = tuple(prediction.condition for prediction in predictions)
+    ids = tuple(str(number) for number, _ in enumerate(conditions, start=1))
+    factors = factors_of(Matrix(ids, conditions))
+    return pd.DataFrame(
+        {
+            **condition_columns(number, condition, factors, conditions[0]),
+            "preset": prediction.config.preset,
+            "seed": prediction.config.seed,
+            "approach": estimate.approach,
+            "metric": m.name,
+            **{name: getattr(m, name) for name in ("value", "lower", "upper", "unit")},
+            "difference": None if m.value is None or base is None else m.value - base,
+        }
+        for number, condition, prediction in zip(ids, conditions, predictions, strict=True)
+        for estimate in prediction.estimates
+        for m in estimate.metrics
+        for base in [first.get((estimate.approach, m.name))]
+    )

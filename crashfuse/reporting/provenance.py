@@ -16,9 +16,9 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.facts import campaign_facts, condition_facts
+from crashfuse.study.facts import campaign_facts, condition_facts, distinct
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.left_out_account import worst_test
+from crashfuse.study.left_out_account import study_facts, worst_test
 from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_for, recommend_without
 from crashfuse.study.study import Study
@@ -181,6 +181,7 @@ def study_record(study: Study) -> dict[str, object]:
     verdict, worst = recommend(study), worst_test(study)
     return {
         **provenance(campaign, [fold.held_out for fold in study.folds], config),
+        "facts": [fact.record for fact in study_facts(study)],
         "finished": True,
         "seconds": {key: round(value, 3) for key, value in study.seconds.items()},
         "recommendation": {
@@ -225,13 +226,15 @@ def study_record(study: Study) -> dict[str, object]:
 def prediction_record(campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> dict[str, object]:
     """``prediction.json``."""
     condition = estimates[0].prediction.condition
-    advice = _recommendation(recommend_for(estimates, campaign, condition))
+    recommended = recommend_for(estimates, campaign, condition)
+    advice = _recommendation(recommended)
     expected = advice.pop("expected_rating")
+    here = distinct([*condition_facts(campaign, condition), *recommended.facts])
     return {
         **provenance(campaign, (), config),
         "condition": {k: v for k, v in asdict(condition).items() if k != "units"},
         "extrapolation": list(campaign.cae.extrapolation(condition)),
-        "facts_here": [fact.record for fact in condition_facts(campaign, condition)],
+        "facts_here": [fact.record for fact in here],
         "nearest": list(nearest_sentences(campaign, condition)),
         "recommendation": advice,
         "expected_rating": expected,

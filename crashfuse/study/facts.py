@@ -36,7 +36,7 @@ class Fact:
 
     code: str  # one of IMPORTANCE, or of the catalogue of a kind of result
     sentence: str  # with its subject, its size and what to do
-    label: str  # in two or three words, for a badge
+    label: str = ""  # in two or three words, for a badge
     values: Mapping[str, object] = field(default_factory=dict)  # as JSON has them; units end the names
 
     @property
@@ -50,6 +50,11 @@ def by_importance(facts: Iterable[Fact], order: Sequence[str] = IMPORTANCE) -> t
     return tuple(sorted(facts, key=lambda fact: order.index(fact.code)))
 
 
+def distinct(facts: Iterable[Fact]) -> tuple[Fact, ...]:
+    """The facts without those that say the same again."""
+    return tuple({fact.sentence: fact for fact in reversed([*facts])}.values())[::-1]
+
+
 def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
     """Facts of a campaign, the most important one first."""
     if campaign not in _known:  # asked for by every page and file
@@ -59,10 +64,15 @@ def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
 
 def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:
     """Facts of a prediction at a condition: what stands apart or is in doubt near it, what is extrapolated."""
-    apart = [_apart(departure) for departure in departures_near(campaign, condition)]
+    apart = [departure_fact(departure) for departure in departures_near(campaign, condition)]
     doubtful = [Fact("test.in_doubt", text, "Test in doubt") for text in doubtful_tests(campaign, condition)]
-    beyond = [Fact("condition.extrapolated", text, "Extrapolation") for text in campaign.cae.extrapolation(condition)]
-    return (*apart, *doubtful, *beyond)
+    return (*apart, *doubtful, *extrapolation_facts(campaign, condition))
+
+
+def extrapolation_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:
+    """In what a condition lies outside the CAE runs."""
+    texts = campaign.cae.extrapolation(condition)
+    return tuple(Fact("condition.extrapolated", text, "Extrapolation") for text in texts)
 
 
 def window_facts(test: CrashTest, window_ms: float) -> tuple[Fact, ...]:
@@ -87,7 +97,7 @@ _known: WeakKeyDictionary[Campaign, tuple[Fact, ...]] = WeakKeyDictionary()
 
 
 def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
-    yield from map(_apart, departures(campaign))
+    yield from map(departure_fact, departures(campaign))
     if any(test.cae_tuned for test in campaign.tests):
         yield tuning_fact(campaign)
     of_runs = zip(campaign.cae.ids, campaign.cae.about, strict=False)  # none, where nothing is recorded
@@ -136,7 +146,8 @@ def tuning_fact(campaign: Campaign) -> Fact:
     return Fact("tests.cae_tuned", joined(sentences), label, {"tuned": tuned, "unknown": unknown})
 
 
-def _apart(departure: Departure) -> Fact:
+def departure_fact(departure: Departure) -> Fact:
+    """How far a test differs from its neighbours: it stands apart, or is like them."""
     values = {
         "test": departure.test,
         "neighbours": list(departure.neighbours),
@@ -146,4 +157,5 @@ def _apart(departure: Departure) -> Fact:
         "best_rating": max(departure.ratings),
         "lowest_rating_of_others": min(departure.ratings_between),
     }
-    return Fact("test.stands_apart", departure.sentence, f"{departure.test} stands apart", values)
+    code, label = ("test.stands_apart", "stands apart") if departure.apart else ("test.alike", "is like its neighbours")
+    return Fact(code, departure.sentence, f"{departure.test} {label}", values)

@@ -15,7 +15,7 @@ from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import find_estimate
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
-from crashfuse.study.facts import window_facts
+from crashfuse.study.facts import Fact, campaign_facts, departure_fact, distinct, window_facts
 from crashfuse.study.outliers import LEAST, Departure, departure
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Fold, Study
@@ -55,28 +55,46 @@ class Account:
         return self.expected is not None and self.expected.is_missed_by(self.rating)
 
     @property
-    def sentences(self) -> tuple[str, ...]:
+    def facts(self) -> tuple[Fact, ...]:
         """How the expectation came out, and what the measurements say about the test itself."""
+        return (self._came_out, *self.about_test)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The facts in words."""
+        return tuple(fact.sentence for fact in self.facts)
+
+    @property
+    def _came_out(self) -> Fact:
         test, with_group = self.test, self.with_group and self.neighbours
         way = ", left out with all at about its speed" if with_group else ""
         outcome = self.outcome.replace("Expected", "expected", 1)
         where = f"{way}, over 0–{self.window_ms:g} ms"
-        sentences: list[str] = [Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), where, outcome)]
-        if test.faults:
-            faults = joined([fault.text for fault in test.faults], "; ")
-            sentences.append(Sentence("Its record is in doubt: {}.", faults))
+        sentence = Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), where, outcome)
+        values = {"test": test.id, "approach": self.approach, "rating": self.rating, "window_ms": self.window_ms}
+        return Fact("left_out.outcome", sentence, values=values)
+
+    @property
+    def about_test(self) -> tuple[Fact, ...]:
+        """What the measurements say about the test itself."""
+        facts = []
+        if self.test.faults:
+            faults = joined([fault.text for fault in self.test.faults], "; ")
+            facts.append(Fact("test.in_doubt", Sentence("Its record is in doubt: {}.", faults), "Test in doubt"))
         if self.departure is not None:
-            sentences += [self.departure.sentence, self.departure.evidence]
+            facts += [departure_fact(self.departure), Fact("left_out.evidence", self.departure.evidence)]
         else:
             few = f"Other tests at about its speed: {self.neighbours}"
-            sentences.append(f"{few}; it takes {LEAST} to tell whether a test stands apart.")
-        if self.without_neighbours is not None:
-            compared = f"Rated {self.without_neighbours:.3f} without its neighbours, {self.rating:.3f} with them"
-            misled = self.without_neighbours > self.rating + _CHANGED
-            sentences.append(f"{compared}{': they mislead here' if misled else ''}.")
+            text = f"{few}; it takes {LEAST} to tell whether a test stands apart."
+            facts.append(Fact("left_out.few_neighbours", text, values={"neighbours": self.neighbours}))
+        if (without := self.without_neighbours) is not None:
+            compared = f"Rated {without:.3f} without its neighbours, {self.rating:.3f} with them"
+            misled = ": they mislead here" if without > self.rating + _CHANGED else ""
+            facts.append(Fact("left_out.without_neighbours", f"{compared}{misled}.", values={"rating": without}))
         if self.inside is not None:
-            sentences.append(f"Inside the 95 % band is {100 * self.inside:.0f} % of its a(t) up to TTZV.")
-        return (*sentences, *(fact.sentence for fact in window_facts(test, self.window_ms)))
+            text = f"Inside the 95 % band is {100 * self.inside:.0f} % of its a(t) up to TTZV."
+            facts.append(Fact("left_out.inside", text, values={"inside": self.inside}))
+        return (*facts, *window_facts(self.test, self.window_ms))
 
 
 def account(
@@ -144,3 +162,8 @@ def worst_test(
 
 
 _worst: WeakKeyDictionary[Study, dict[tuple[float, str], Account]] = WeakKeyDictionary()
+
+
+def study_facts(study: Study) -> tuple[Fact, ...]:
+    """Facts of a study: of its campaign, the recommendation, and the test that was predicted worst; none twice."""
+    return distinct([*campaign_facts(study.campaign), *recommend(study).facts, *worst_test(study).facts])

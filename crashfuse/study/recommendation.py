@@ -6,7 +6,7 @@ tests, of two at least: one alone cannot tell approaches apart. It is decided by
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,6 +23,7 @@ from crashfuse.signals.rating import grade
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating, mean_near
+from crashfuse.study.facts import Fact, extrapolation_facts
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import MPH, G
 from crashfuse.wording import Quantity, Sentence, joined, read_out, speed
@@ -30,6 +31,10 @@ from crashfuse.wording import Quantity, Sentence, joined, read_out, speed
 _CLEARLY = 0.02  # in rating: a handful of tests cannot separate approaches closer than this
 _NEAR_MPS = 3 * MPH
 _GOOD = 0.80
+_FARTHER = (
+    "The condition is farther in speed from all tests than any of these was from the others: see the width of the band."
+)
+_BASIS = "Here tests are left out of this one fit; a study fits anew without each."
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,19 +42,25 @@ class Recommendation:
     """A recommended approach, with reasons."""
 
     approach: str
-    sentences: tuple[str, ...]  # the recommendation, its basis, and cautions
+    facts: tuple[Fact, ...]  # the recommendation, what to expect of it, its basis, and cautions
     expected: ExpectedRating | None = None  # of that approach, for a single prediction
     undecided: str = ""  # from which approaches the tests cannot tell it, and what prefers one of these
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The facts in words."""
+        return tuple(fact.sentence for fact in self.facts)
 
     def __repr__(self) -> str:
         return f"<Recommendation: {self.sentences[0]}>"
 
-    def after(self, rating: float) -> tuple[str, ...]:
-        """The sentences once the test is known: how the expectation came out comes first."""
+    def after(self, rating: float) -> tuple[Fact, ...]:
+        """The facts once the test is known: how the expectation came out comes first."""
         if self.expected is None:
-            return self.sentences
-        use = f"Recommended was {CLASSES[self.approach].in_words}{self.undecided}."
-        return f"{use} {self.expected.outcome(rating)}", self.expected.sentence, *self.sentences[1:]
+            return self.facts
+        use = f"Recommended was {CLASSES[self.approach].in_words}{self.undecided}. {self.expected.outcome(rating)}"
+        values = {"approach": self.approach, "rating": rating}
+        return Fact("recommendation.outcome", use, values=values), *self.facts[1:]
 
 
 def recommend_for(
@@ -74,22 +85,27 @@ def recommend_for(
     if len(equal) > 1:
         means = {w: [mean_near(by_name[other], campaign, best.tests, w) for other in equal] for w in WINDOWS_MS}
         undecided = _undecided(equal, means, [expected[other].lowest for other in equal], len(best.tests))
-    sentences: list[str] = [joined([f"Use {CLASSES[name].in_words}{undecided}.", best.sentence])]
+    facts = [_use(name, f"{undecided}."), Fact("recommendation.expected", best.sentence, values=asdict(best))]
     if best.farther:
-        sentences.append(
-            "The condition is farther in speed from all tests than any of these was from the others: see the width of "
-            "the band."
-        )
+        facts.append(Fact("recommendation.farther", _FARTHER))
     if name != BASELINE and BASELINE in expected:
-        worse = " No better is to be expected here." * (best.mean <= expected[BASELINE].mean)
-        sentences.append(f"The raw CAE model rated {expected[BASELINE].mean:.2f} on the same tests.{worse}")
+        raw = expected[BASELINE].mean
+        worse = " No better is to be expected here." * (best.mean <= raw)
+        text = f"The raw CAE model rated {raw:.2f} on the same tests.{worse}"
+        facts.append(Fact("recommendation.raw_cae", text, values={"mean_rating": raw}))
     if CLASSES[name].made_of:
-        sentences.append(by_name[name].prediction.notes[0])
+        facts.append(Fact("recommendation.mixture", by_name[name].prediction.notes[0]))
     if best.median <= _GOOD:
         likely = "to be expected" if best.upper <= _GOOD else "likely"
-        sentences.append(f"Less than {grade(_GOOD + 1e-9)} is {likely}: a guide, not a proof.")
-    sentences.append("Here tests are left out of this one fit; a study fits anew without each.")
-    return Recommendation(name, (*sentences, *campaign.cae.extrapolation(condition)), best, undecided)
+        text = f"Less than {grade(_GOOD + 1e-9)} is {likely}: a guide, not a proof."
+        facts.append(Fact("recommendation.poor", text))
+    facts.append(Fact("recommendation.basis", _BASIS))
+    return Recommendation(name, (*facts, *extrapolation_facts(campaign, condition)), best, undecided)
+
+
+def _use(approach: str, why: str) -> Fact:
+    text = Sentence("Use {}{}", CLASSES[approach].in_words, why)
+    return Fact("recommendation.use", text, values={"approach": approach})
 
 
 def _undecided(
@@ -111,10 +127,10 @@ def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition
     is_beside = AboutTimeDomain.name in names and away <= _NEAR_MPS
     name = AboutTimeDomain.name if is_beside else names[0]
     trusted = "the paper (Sect. 4.3) trusts the time domain beside a test, else the displacement domain"
-    reason = Sentence(f"Use {{}}: the nearest test is {{}} away, and {trusted}.", CLASSES[name].in_words, speed(away))
+    reason = Sentence(f": the nearest test is {{}} away, and {trusted}.", speed(away))
     why = "there is only one test" if len(campaign.tests) == 1 else "no test was left out under these settings"
-    unknown = f"What rating to expect is not known: {why}."
-    return Recommendation(name, (reason, unknown, *campaign.cae.extrapolation(condition)))
+    unknown = Fact("recommendation.expected", f"What rating to expect is not known: {why}.")
+    return Recommendation(name, (_use(name, reason), unknown, *extrapolation_facts(campaign, condition)))
 
 
 def recommend(study: Study) -> Recommendation:
@@ -132,7 +148,7 @@ def recommend(study: Study) -> Recommendation:
             (fold,), window_ms = study.folds, max(study.config.windows_ms)
             advice = recommend_without(study, fold, window_ms)
             rating = fold.ratings[advice.approach][window_ms].overall
-            _recommended[study] = replace(advice, sentences=advice.after(rating))
+            _recommended[study] = replace(advice, facts=advice.after(rating))
     return _recommended[study]
 
 
@@ -159,32 +175,33 @@ def _recommendation(study: Study) -> Recommendation:
         undecided = _undecided((name, *equal), means, worst, n)
     shown = {other: Quantity((float(values.mean()),), "g", ".2f") for other, values in crps.items()}
     others = [Sentence("{} {}", CLASSES[other].in_words, value) for other, value in shown.items() if other != name]
-    sentences: list[str] = [
-        Sentence(
-            f"Use {{}} for this campaign{undecided}. Over 0–{window_ms:g} ms, on {n} left-out tests, its mean distance "
-            "from what was measured (CRPS, less is better) is {}.",
-            CLASSES[name].in_words,
-            joined([Sentence("{}", shown[name]), *filter(None, [joined(others, ", ")])], "; "),
-        ),
-        joined(["Mean", _ratings(study, name, window_ms)]),
+    distance = Sentence(
+        f"Over 0–{window_ms:g} ms, on {n} left-out tests, its mean distance from what was measured (CRPS, less is "
+        "better) is {}.",
+        joined([Sentence("{}", shown[name]), *filter(None, [joined(others, ", ")])], "; "),
+    )
+    facts = [
+        _use(name, f" for this campaign{undecided}."),
+        Fact("recommendation.distance", distance, values={"crps_g": {o: float(v.mean()) for o, v in crps.items()}}),
+        _rated("recommendation.ratings", "Mean", study, name, window_ms),
     ]
     if name in study.coverage:
         coverage = study.coverage[name]
         n = len(coverage.tests)
-        sentences.append(
+        text = (
             f"95 % model band: {100 * coverage.share('accel'):.0f} % of a(t) up to zero velocity (TTZV) inside, crush "
             f"in {coverage.count('crush')} of {n} left-out tests, peak in {coverage.count('peak')}."
         )
-    if study.speed_groups is not None:
-        without_group = _ratings(study.speed_groups, name, window_ms)
-        sentences.append(Sentence("Without tests of about the same speed: mean {}", without_group))
+        facts.append(Fact("recommendation.coverage", text, values={"coverage": coverage.counts}))
+    if (groups := study.speed_groups) is not None:
+        way = "Without tests of about the same speed: mean"
+        facts.append(_rated("recommendation.speed_groups", way, groups, name, window_ms))
     decays = [bool(own.state.get("decay_over_speed")) for fold in study.folds for own in fold.estimates]
     if any(decays):
         fits = f"in {sum(decays)} of {len(study.folds)} fits"
-        sentences.append(
-            f"Away from tested speeds the displacement domain falls back towards the raw CAE model, {fits}."
-        )
-    return Recommendation(name, tuple(sentences))
+        text = f"Away from tested speeds the displacement domain falls back towards the raw CAE model, {fits}."
+        facts.append(Fact("recommendation.falls_back", text, values={"fits": sum(decays)}))
+    return Recommendation(name, tuple(facts), undecided=undecided)
 
 
 def crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:
@@ -198,16 +215,18 @@ def crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:
     return np.array(scores) / G
 
 
-def _ratings(study: Study, name: str, window_ms: float) -> Sentence:
-    """The mean rating, the worst rating and the harm of an approach, to follow "mean"."""
+def _rated(code: str, way: str, study: Study, name: str, window_ms: float) -> Fact:
+    """The mean rating, the worst rating and the harm of an approach."""
     overall = {fold.held_out: fold.ratings[name][window_ms].overall for fold in study.folds}
     mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
     v0 = speed(study.campaign.test(worst).condition.speed_mps)
-    rated = Sentence(f"rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({{}}, {{}})", worst, v0)
+    values: dict[str, object] = {"mean_rating": mean, "worst_rating": overall[worst], "worst_test": worst}
+    rated = Sentence(f"{way} rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({{}}, {{}})", worst, v0)
     if name == BASELINE or BASELINE not in study.config.approaches:
-        return joined([rated, "."], "")
+        return Fact(code, joined([rated, "."], ""), values=values)
     raw = {fold.held_out: fold.ratings[BASELINE][window_ms].overall for fold in study.folds}
     below = [test for test in overall if overall[test] < raw[test]]
     harm = max((raw[test] - overall[test] for test in below), default=0.0)
     compared = f"better than this in {', '.join(below)} (by up to {harm:.3f})" if below else "better in no test"
-    return Sentence(f"{{}}; the raw CAE model {np.mean(list(raw.values())):.3f}, {{}}.", rated, compared)
+    text = Sentence(f"{{}}; the raw CAE model {np.mean(list(raw.values())):.3f}, {{}}.", rated, compared)
+    return Fact(code, text, values=values)

@@ -34,7 +34,7 @@ from crashfuse.ui.kit.files import choose_report, download_report, download_tabl
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plain
-from crashfuse.wording import difference, joined
+from crashfuse.wording import difference
 
 _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"
@@ -116,10 +116,11 @@ def show_headline(comparison: Comparison) -> None:
     missed = advice.expected is not None and advice.expected.is_missed_by(rated)
     repeat = comparison.repeat
     beside = [] if repeat is None else [repeat.sentence(rated, LABELS[advice.approach])]
-    first, *reasons = advice.after(rated)
+    first, *reasons = (fact.sentence for fact in advice.after(rated))
+    headline = [first]
     if (raw := overall.get(BASELINE, rated)) - rated >= _NO_CHANGE:
-        first = joined([first, f"The raw CAE model rates {raw:.3f}, higher."])
-    results.show_recommendation([first, *reasons], beside, "warning" if missed else "lightbulb")
+        headline.append(f"The raw CAE model rates {raw:.3f}, higher.")
+    results.show_recommendation(headline, [*reasons, *beside], "warning" if missed else "lightbulb")
 
 
 def _row(comparison: Comparison) -> str:
@@ -192,7 +193,8 @@ def show_why(comparison: Comparison) -> None:
     if advice is not None:
         test_account = _account(comparison.key, advice.approach, comparison)
         if test_account.disappoints or (test_account.departure is not None and test_account.departure.apart):
-            results.show_account(test_account.sentences[1:], missed=test_account.disappoints)
+            sentences = [fact.sentence for fact in test_account.about_test]
+            results.show_account(sentences, missed=test_account.disappoints)
     alt = f"Test {test.id} and its prediction by {LABELS[approach]}: corridors, shifted, warped, and their slopes"
     curves, name = partial(draw, "rating", approaches=[approach]), f"rating of {LABELS[approach]}"
     show_cached_figure(curves, alt, "rated curves", approach, comparison.key, name=name)

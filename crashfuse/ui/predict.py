@@ -23,9 +23,15 @@ from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.planning import NextTests
 from crashfuse.reporting.plots.conditions import BEST
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.predicted import PredictedPulse
+from crashfuse.reporting.predicted import (
+    PredictedPulse,
+    by_one,
+    cautions,
+    column_names,
+    predictions_table,
+    side_by_side,
+)
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
-from crashfuse.reporting.side_by_side import by_one, cautions, column_names, predictions_table, side_by_side
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate

@@ -35,6 +35,7 @@ from crashfuse.ui.kit.text import A_REPEAT, DRAWS, TTZV, plain
 
 _NUMBER, _PAST, _BANDS = "Number of tests", "Past results", "Bands"
 _TABS = ["Ratings", _BANDS, _NUMBER, _PAST]
+_RATED = ("recommendation.ratings", "recommendation.speed_groups")
 _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 
 
@@ -74,15 +75,14 @@ def show(view: View) -> None:
 
 def _show_headline(outcome: "_Outcome") -> list[str]:
     study = outcome.study
-    first, *others = map(outcome.view.display.words, recommend(study).sentences)
-    use, _, why = first.partition(". ")
+    words = {fact.code: outcome.view.display.words(fact.sentence) for fact in recommend(study).facts}
     grouped = study.speed_groups is not None and st.session_state.get("ways") == _GROUP
-    rated = others.pop(-1 if grouped else 0)
+    headline = [words.pop(code) for code in ("recommendation.use", _RATED[grouped])]
     longest = max(study.config.windows_ms)
     if outcome.view.display.window_ms != longest:  # what is said does not follow the choice in the sidebar
-        rated += f" This is over {results.window_label(longest)}."
-    results.show_recommendation([f"{use}. {rated}"])
-    return [why, *others]
+        headline.append(f"This is over {results.window_label(longest)}.")
+    results.show_recommendation(headline)
+    return list(words.values())
 
 
 @dataclass(frozen=True, eq=False)

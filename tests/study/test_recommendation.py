@@ -2,6 +2,7 @@
 
 import gc
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from crashfuse.study import recommendation
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.expected_rating import expected_rating, mean_near
-from crashfuse.study.recommendation import recommend, recommend_for
+from crashfuse.study.recommendation import Recommendation, recommend, recommend_for
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import MPH, G
 from tests.conftest import not_none
@@ -108,6 +109,11 @@ def off_by(approach: str, test: CrashTest, offset_g: float) -> Estimate:
     return Estimate(approach, Prediction(test.condition, test.pulse.accel_mps2 + offset_g * G), {}, 0.0)
 
 
+def values(found: Recommendation, code: str) -> Mapping[str, object]:
+    """What the fact of this code rests on."""
+    return {fact.code: fact.values for fact in found.facts}[code]
+
+
 def offsets_study(campaign: Campaign, offsets_g: dict[str, list[float]]) -> Study:
     """A study in which each approach is off by known amounts, one a test."""
     config = StudyConfig(approaches=tuple(offsets_g))
@@ -127,9 +133,9 @@ def test_what_lies_within_a_standard_error_of_the_best_is_equal_to_it(
     of_all = offsets_study(campaign, {"time_domain": [4.0] * 4, "displacement_domain": worse})
     found = recommend(replace(of_all, folds=of_all.folds[:n]))
     assert found.approach == ("displacement_domain" if tied else "time_domain")
-    chosen, other = (4 + excess_g, 4.0) if tied else (4.0, 4 + excess_g)
-    assert re.search(rf" {chosen:.2f} g; the [a-z ]+ {other:.2f} g\.$", found.sentences[0])
-    assert ("cannot tell it from the time domain" in found.sentences[0].partition(". ")[0]) == tied
+    crps_g = {"time_domain": pytest.approx(4.0), "displacement_domain": pytest.approx(4 + excess_g)}
+    assert values(found, "recommendation.distance") == {"crps_g": crps_g}
+    assert ("cannot tell it from the time domain" in found.undecided) == tied
 
 
 def test_the_end_of_the_longest_window_counts(campaign: Campaign) -> None:
@@ -142,7 +148,8 @@ def test_the_end_of_the_longest_window_counts(campaign: Campaign) -> None:
         wrong = replace(fold.estimates[1], prediction=replace(late, accel_mps2=accel))
         folds.append(replace(fold, estimates=(fold.estimates[0], wrong)))
     found = recommend(replace(study, folds=tuple(folds)))
-    assert re.search(r" 0\.50 g; .* 0\.96 g", found.sentences[0])
+    crps_g = {"time_domain": pytest.approx(0.5), "displacement_domain": pytest.approx(0.96)}
+    assert values(found, "recommendation.distance") == {"crps_g": crps_g}
 
 
 def test_of_a_single_left_out_test_it_is_what_was_recommended_without_it(campaign: Campaign) -> None:
@@ -156,7 +163,8 @@ def test_of_a_single_left_out_test_it_is_what_was_recommended_without_it(campaig
     rated = fold.ratings["time_domain"][60.0].overall
     assert (found.approach, found.expected) == ("time_domain", before.expected)
     assert before.expected.outcome(rated) in found.sentences[0]
-    assert found.sentences[1:] == (before.expected.sentence, *before.sentences[1:])
+    assert values(found, "recommendation.outcome") == {"approach": "time_domain", "rating": rated}
+    assert found.facts[1:] == before.facts[1:]
 
 
 def test_among_equals_there_is_an_order_of_preference(campaign: Campaign) -> None:
@@ -193,7 +201,7 @@ def test_the_headline_says_which_window_prefers_what_cannot_be_told_apart(campai
     both = [early_right, estimate("displacement_domain", rest, test, scaled_to(0.85, rest, test))]
     found = recommend_for(both, rest, test.condition)
     assert found.approach == "displacement_domain"
-    for headline in (found.sentences[0], found.after(0.85)[0]):
+    for headline in (found.sentences[0], found.after(0.85)[0].sentence):
         assert re.search(r"the displacement domain: 3 left-out tests cannot tell it from the time domain; ", headline)
         assert re.search(r"0–20 ms prefers the time domain \(1\.00 for 0\.\d\d\)", headline)
     clear = [early_right, estimate("displacement_domain", rest, test, 0.5)]
@@ -224,8 +232,9 @@ def test_that_nothing_beats_the_raw_model_is_said_where_nothing_does(campaign: C
         ]
         found = recommend_for(both, rest, test.condition)
         assert found.approach == "displacement_domain"
-        assert "0.85" in found.sentences[1]
-        assert ("No better" in found.sentences[1]) == (ahead < 0)
+        raw = next(fact for fact in found.facts if fact.code == "recommendation.raw_cae")
+        assert raw.values == {"mean_rating": pytest.approx(0.85, abs=1e-3)}
+        assert ("No better" in raw.sentence) == (ahead < 0)
 
 
 @pytest.mark.parametrize(("away_mph", "approach"), [(2.9, "time_domain"), (3.1, "displacement_domain")])
@@ -277,6 +286,6 @@ def test_farther_than_tests_from_each_other_the_band_tells(campaign: Campaign, s
 def test_how_speed_groups_that_were_left_out_rate_is_told(campaign: Campaign) -> None:
     """Their own mean, beside that of tests left out alone."""
     alone, groups = (study(campaign, {"time_domain": scale}) for scale in (0.97, 0.8))
-    told = recommend(replace(alone, speed_groups=groups)).sentences
-    ratings = [float(re.findall(r"[Mm]ean rating (\S+)", sentence)[0]) for sentence in (told[1], told[-1])]
-    assert ratings == pytest.approx([one.mean_rating("time_domain", 60.0) for one in (alone, groups)], abs=1e-3)
+    found = recommend(replace(alone, speed_groups=groups))
+    for one, code in ((alone, "recommendation.ratings"), (groups, "recommendation.speed_groups")):
+        assert values(found, code)["mean_rating"] == pytest.approx(one.mean_rating("time_domain", 60.0))

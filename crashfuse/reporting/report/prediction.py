@@ -8,11 +8,10 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import one_of
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.predicted import PredictedPulse
+from crashfuse.reporting.predicted import PredictedPulse, by_one, cautions, side_by_side
 from crashfuse.reporting.provenance import learning_curve_command, next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import ReportForm, details, render, unbroken_interval
 from crashfuse.reporting.result_tables import curve_table, gains_table, next_tests_table
-from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate

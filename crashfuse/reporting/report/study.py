@@ -51,8 +51,9 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
     verdict, heading, sentences = recommend(study).sentences, "The worst test", worst.sentences
     if alone:  # the verdict is the recommendation for this test, with how it came out
         advice = recommend_without(study, study.folds[0], window)
-        verdict = advice.after(study.folds[0].ratings[advice.approach][window].overall)
-        heading, sentences = "The test itself", worst.sentences[1:]
+        after = advice.after(study.folds[0].ratings[advice.approach][window].overall)
+        verdict = tuple(fact.sentence for fact in after)
+        heading, sentences = "The test itself", tuple(fact.sentence for fact in worst.about_test)
     return render(
         "study" if whole else "short",
         f"test {held_out[0]} left out" if alone else f"study with each {config.split_configs[0].leave_out} left out",

@@ -25,8 +25,7 @@ from crashfuse.reporting.figures import (
 )
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.predicted import PredictedPulse
-from crashfuse.reporting.side_by_side import by_one
+from crashfuse.reporting.predicted import PredictedPulse, by_one
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, find_estimate
 from crashfuse.study.history import earlier_settings, past_results

@@ -239,15 +239,14 @@ def coloured(table: pd.DataFrame) -> Styler:
     return literal(table).map(style)
 
 
-def show_recommendation(sentences: Sequence[str], beside: Sequence[str] = (), icon: str = "lightbulb") -> None:
-    """Show the recommendation in a line; reasons and more unfold."""
-    first, *reasons = sentences
+def show_recommendation(headline: Sequence[str], reasons: Sequence[str] = (), icon: str = "lightbulb") -> None:
+    """Show the recommendation in a line; reasons unfold."""
     with st.container(horizontal=True, wrap=False, vertical_alignment="center", key="recommendation"):
-        use, *details = re.split(r"(?<=\\[.:]) ", plain(first), maxsplit=1)  # escaped by then
+        use, *details = re.split(r"(?<=\\[.:]) ", plain(" ".join(headline)), maxsplit=1)  # escaped by then
         st.markdown(f":material/{icon}: **{use}** {''.join(details)}", width="content")
-        if reasons or beside:
+        if reasons:
             with st.popover("More", type="tertiary"):
-                st.markdown("\n\n".join(plain(reason) for reason in (*reasons, *beside)))
+                st.markdown("\n\n".join(map(plain, reasons)))
 
 
 def show_account(sentences: Sequence[str], *, missed: bool) -> None:
