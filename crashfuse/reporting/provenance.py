@@ -18,7 +18,7 @@ from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.left_out_account import study_facts, worst_test
+from crashfuse.study.left_out_account import study_facts
 from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_for, recommend_without
 from crashfuse.study.study import Study
@@ -178,7 +178,7 @@ def study_record(study: Study) -> dict[str, object]:
             "outcome": advice.expected and advice.expected.outcome(rating),
             "why": rating_sentences(fold.explained(advice.approach, window))["overall"],
         }
-    verdict, worst = recommend(study), worst_test(study)
+    verdict = recommend(study)
     return {
         **provenance(campaign, [fold.held_out for fold in study.folds], config),
         "facts": [fact.record for fact in study_facts(study)],
@@ -187,15 +187,6 @@ def study_record(study: Study) -> dict[str, object]:
         "recommendation": {
             "campaign": {"approach": verdict.approach, "sentences": list(verdict.sentences)},
             "tests": tests,
-        },
-        "worst_test": {
-            "id": worst.test.id,
-            "approach": worst.approach,
-            "rating": worst.rating,
-            "without_neighbours": worst.without_neighbours,
-            "departure": worst.departure and asdict(worst.departure),
-            "stands_apart": worst.departure and worst.departure.apart,
-            "sentences": list(worst.sentences),
         },
         "coverage": {name: coverage.counts for name, coverage in study.coverage.items()},
         "speed_groups": groups

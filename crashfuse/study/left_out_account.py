@@ -40,14 +40,7 @@ class Account:
     with_group: bool  # the neighbours were left out with it
 
     def __repr__(self) -> str:
-        return f"<Account of {self.test.id}: {self.outcome}>"
-
-    @property
-    def outcome(self) -> str:
-        """A sentence on how the expectation came out."""
-        if self.expected is None:
-            return f"{CLASSES[self.approach].label} came out {self.rating:.3f} ({grade(self.rating)})."
-        return self.expected.outcome(self.rating)
+        return f"<Account of {self.sentences[0]}>"
 
     @property
     def disappoints(self) -> bool:
@@ -57,22 +50,20 @@ class Account:
     @property
     def facts(self) -> tuple[Fact, ...]:
         """How the expectation came out, and what the measurements say about the test itself."""
-        return (self._came_out, *self.about_test)
+        way = ", left out with all at about its speed" if self.with_group and self.neighbours else ""
+        where = f"{way}, over 0–{self.window_ms:g} ms"
+        outcome = f"{CLASSES[self.approach].label} came out {self.rating:.3f} ({grade(self.rating)})."
+        if self.expected is not None:
+            outcome = self.expected.outcome(self.rating).replace("Expected", "expected", 1)
+        v0 = speed(self.test.condition.speed_mps)
+        sentence = Sentence("{}, {}{}: {}", self.test.id, v0, where, outcome)
+        values = {"test": self.test.id, "approach": self.approach, "rating": self.rating, "window_ms": self.window_ms}
+        return Fact("left_out.outcome", sentence, values=values), *self.about_test
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """The facts in words."""
         return tuple(fact.sentence for fact in self.facts)
-
-    @property
-    def _came_out(self) -> Fact:
-        test, with_group = self.test, self.with_group and self.neighbours
-        way = ", left out with all at about its speed" if with_group else ""
-        outcome = self.outcome.replace("Expected", "expected", 1)
-        where = f"{way}, over 0–{self.window_ms:g} ms"
-        sentence = Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), where, outcome)
-        values = {"test": test.id, "approach": self.approach, "rating": self.rating, "window_ms": self.window_ms}
-        return Fact("left_out.outcome", sentence, values=values)
 
     @property
     def about_test(self) -> tuple[Fact, ...]:
