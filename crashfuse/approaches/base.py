@@ -15,10 +15,12 @@ from crashfuse.errors import NotFittedError
 from crashfuse.execution.cache import Entry
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
+from crashfuse.signals.rating import WEIGHTS, corridor_score, slope_score
 from crashfuse.units import G
 from crashfuse.vehicle_archive import Prior
 
 WHOLE_SHARE, WHOLE_S = 0.9, 0.06  # of tests that lie inside the band of whole pulses, and until when
+_COMPARED_DRAWS = 100  # about how many, for their agreement
 _LEAST_WIDTH_MPS2 = 0.5 * G  # at contact all draws agree, to less than a sensor does
 
 
@@ -40,6 +42,20 @@ class Prediction:
     def time_s(self) -> FloatArray:
         """The study grid in s, shape (1250,)."""
         return GRID_S
+
+    @property
+    def agreement(self) -> float:
+        """How well its draws agree with it, 0 to 1: their median score over 0–60 ms; NaN without draws.
+
+        By corridor and slope, whose scores take no search for shifts and warps.
+        """
+        if self.draws_mps2 is None:
+            return float("nan")
+        n, every = round(WHOLE_S / DT_S), max(len(self.draws_mps2) // _COMPARED_DRAWS, 1)
+        pulse, draws = self.accel_mps2[:n], np.asarray(self.draws_mps2[::every, :n], dtype=np.float64)
+        corridor, slope = WEIGHTS["corridor"], WEIGHTS["slope"]
+        scores = corridor * corridor_score(pulse, draws) + slope * slope_score(pulse, draws)
+        return float(np.median(scores)) / (corridor + slope)
 
     def band(self, level: float = 0.95) -> tuple[FloatArray, FloatArray] | None:
         """Central prediction interval at each time as (lower, upper) in m/s², or None."""

@@ -26,7 +26,7 @@ from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
-from crashfuse.study.rating_distribution import RatingDistribution, agreement
+from crashfuse.study.expected_rating import RatingDistribution
 from crashfuse.study.running import prepare
 
 _UNKNOWN = (np.nan,) * len(fields(Distribution))
@@ -123,7 +123,7 @@ class Forecaster:
         known = {name: float(value) if np.isfinite(value) else None for name, value in of_pulse.items()}
         known |= {name: own.median for name, own in found.items() if own is not None}
         away = np.abs(self.speeds_mps - condition.speed_mps)
-        agreements, here = np.array(list(self.fit.agreements.values())), agreement(prediction)
+        agreements, here = np.array(list(self.fit.agreements.values())), prediction.agreement
         for window, ratings in self.rated.items():
             rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
             name = f"{RATING} {window:g}"

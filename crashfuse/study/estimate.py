@@ -33,7 +33,6 @@ from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures, departures_near, with_both_folds
-from crashfuse.study.rating_distribution import agreement
 from crashfuse.wording import Sentence, packed, speed, unpacked, weight
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
@@ -132,7 +131,7 @@ class Fit:
     @cached_property
     def agreements(self) -> Mapping[str, float]:
         """As in :class:`Estimate`."""
-        return {test: agreement(prediction) for test, prediction in self.left_out.items()}
+        return {test: prediction.agreement for test, prediction in self.left_out.items()}
 
     @cached_property
     def state(self) -> dict[str, object]:

@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 
+from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import require_number
@@ -13,7 +15,6 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.signals.rating_explanation import rating_range
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.rating_distribution import RatingDistribution, agreement
 from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed
 
@@ -22,6 +23,50 @@ _LEAST = 3  # minimum number of tests, at any distance
 _ALIKE_MPS = 0.1 * MPH  # no farther, as speeds are shown: a test as near as the last one is listed, too
 _BESIDE_MPS = 1 * MPH  # a test this near counts as beside the condition
 _SHARES = 0.5, 0.1, 0.9, 0.025, 0.975  # the median, the ends of the range that is shown, and of what is no surprise
+_SPREAD, _KNOWN_TESTS = 0.4, 4  # what the log of a rating's distance to 1 scatters by, and how many tests that is worth
+_HEEDED, _DOUBT = 0.5, 0.25  # how far ratings follow the agreement of draws, and the standard deviation of that
+_THIRD_MPS = 10 * MPH  # a test this much farther away counts for a third
+_LEAST_LACK = 1e-4  # of a rating to 1
+
+
+@dataclass(frozen=True)
+class RatingDistribution(Distribution):
+    """Distribution of the rating of a single test: what it lacks to 1 is log-t, so that it cannot be above 1.
+
+    ``centre`` and ``scale`` are of minus the logarithm of what it lacks.
+    """
+
+    @classmethod
+    def learned(
+        cls, ratings: FloatArray, away_mps: FloatArray, agreements: FloatArray | float = np.nan, here: float = np.nan
+    ) -> Self:
+        """From ratings of left-out tests; three of them say little of their spread, so that of other campaigns counts.
+
+        ``away_mps`` are the differences of their speeds from the one asked for: the nearer, the more they count.
+        ``agreements`` are those of the draws of each prediction, ``here`` that of the prediction whose rating
+        is asked for: where less is known, ratings are lower.
+        """
+        weights = np.exp((away_mps.min() - away_mps) / _THIRD_MPS)  # the nearest test counts once
+        surer = np.nan_to_num(_logs(here) - _logs(agreements)) * np.ones_like(ratings)
+        expected = _logs(ratings) + _HEEDED * surer
+        centre = np.average(expected, weights=weights)
+        freedom = _KNOWN_TESTS + weights.sum() - 1
+        off = weights @ (expected - centre) ** 2
+        variance = (_KNOWN_TESTS * _SPREAD**2 + off) / freedom * (1 + (weights**2).sum() / weights.sum() ** 2)
+        scale = np.hypot(np.sqrt(variance), _DOUBT * np.average(surer, weights=weights))
+        return cls(float(centre), float(scale), float(freedom))
+
+    def cdf(self, x: float) -> float:
+        """Probability of a rating of at most ``x``."""
+        return super().cdf(float(_logs(x)))
+
+    def quantile(self, share: float) -> float:
+        """The rating that a share of tests stays below."""
+        return -float(np.expm1(-(super().quantile(share) or 0.0)))
+
+
+def _logs(ratings: FloatArray | float) -> FloatArray:
+    return np.asarray(-np.log(np.maximum(1 - np.asarray(ratings), _LEAST_LACK)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +161,7 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     near = tests[: int((away <= reach).sum())]
     ratings = [_overall(test.pulse, left_out[test.id], window_ms) for test in tests]
     agreements = np.array([estimate.agreements.get(test.id, np.nan) for test in tests])
-    single = RatingDistribution.learned(np.array(ratings), away, agreements, agreement(estimate.prediction))
+    single = RatingDistribution.learned(np.array(ratings), away, agreements, estimate.prediction.agreement)
     median, lower, upper, least, most = map(single.quantile, _SHARES)
     below, above = speeds.min() - speed_mps, speed_mps - speeds.max()
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test

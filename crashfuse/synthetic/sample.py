@@ -1,8 +1,8 @@
 """The sample campaign: 1009 runs of the CAE model over the paper's ranges, and 11 tests at the paper's conditions."""
 
 import json
-from itertools import starmap
 from pathlib import Path
+from shutil import copyfile
 
 import numpy as np
 import pyarrow as pa
@@ -40,54 +40,7 @@ TABLE_1 = (
 _N_RUNS = 1009
 _LOW, _HIGH = (0.0, 1922.0, 1349.0), (35.2, 2185.0, 1770.0)  # mph, lb, lb: Zeng et al. 2023, Sec. 4
 _STORED_G = 0.002  # resolution of the stored CAE pulses: far finer than any sensor, and compresses well
-
-_README = f"""# {NAME}
-
-{NOTICE}
-
-To try crashfuse on; it says nothing about any car. `crashfuse sample DIR` writes it anew.
-
-- `tests.csv`, `tests/`: 11 "tests" at the conditions of Table 1 in Zeng et al. 2023, with two powertrains and drives,
-  scatter and sensor noise.
-- `cae.csv`, `cae_pulses.parquet`: {_N_RUNS} runs of a deliberately wrong model (Latin hypercube over 0–35.2 mph,
-  1922–2185 lb front and 1349–1770 lb rear weight) and one at the condition of each test.
-- `criteria.toml`, `matrix.csv`: to try `crashfuse certify` on, with limits near the middle of what these tests show.
-
-Pulses are CFC 60, 12.5 kHz, 0–100 ms from first contact, braking negative. The CAE runs rate against the tests about as
-in Table 5 of that paper: 0.62, 0.64 and 0.63 over the first 20, 40 and 60 ms.
-"""
-
-_LIMITS = (
-    ("crush", "max_crush", "mm", 460.0),
-    ("peak", "peak", "g", 30.0),
-    ("velocity change", "delta_v", "km/h", 48.0),
-    ("OLC", "olc", "g", 26.0),
-)  # of the criteria: name, metric, its unit, and the largest value
-_LIMIT = '\n[[criterion]]\nname = "{}"\nmetric = "{}"  # {}\nat_most = {}\n'
-_CRITERIA = """# To try crashfuse on: limits near the middle of what the tests show, and no requirement of anyone.
-confidence = 0.95
-{}
-[[criterion]]
-name = "rating"  # of the prediction against a test, ISO/TS 18571
-metric = "rating"
-window_ms = 60
-at_least = 0.80
-"""
-
-_MATRIX = (
-    (10.0, 2050.0, 1500.0, *_I_AWD),
-    (14.0, 2150.0, 1600.0, *_II_AWD),
-    (16.7, 2120.0, 1600.0, *_I_FWD),
-    (19.0, 2100.0, 1600.0, *_I_FWD),
-    (22.0, 2180.0, 1750.0, *_II_AWD),
-    (23.5, 2100.0, 1550.0, *_I_FWD),
-    (26.3, 2160.0, 1700.0, *_II_AWD),
-    (27.5, 2100.0, 1550.0, *_I_FWD),
-    (29.5, 2160.0, 1700.0, *_II_AWD),
-    (32.5, 2100.0, 1550.0, *_I_FWD),
-    (34.0, 2170.0, 1720.0, *_II_AWD),
-    (40.0, 2170.0, 1720.0, *_II_AWD),
-)  # conditions to judge, as in Table 1: that of a test, between tests, and one beyond all tests and runs
+_TEXTS = Path(__file__).with_name("texts")  # what is the same for every seed: README, criteria, matrix
 
 
 def sample_campaign(seed: int = 0) -> Campaign:
@@ -128,13 +81,12 @@ def _write(campaign: Campaign, folder: Path) -> None:
     texts = (f"{name} = {json.dumps(getattr(campaign, name))}\n" for name in ("name", "notice"))
     settings = "".join([*texts, 'channel_filter_class = "none"\n'])
     _write_text(folder / "campaign.toml", settings)
-    _write_text(folder / "README.md", _README)
+    for path in _TEXTS.iterdir():
+        copyfile(path, folder / path.name)
     header = "id,speed_mph,front_weight_lb,rear_weight_lb"
-    asked = [(f"M{number:02d}", _condition(*row)) for number, row in enumerate(_MATRIX, start=1)]
-    for name, listed in (("tests", [(test.id, test.condition) for test in campaign.tests]), ("matrix", asked)):
-        rows = [",".join([own, _in_mph_and_lb(c), *(value for _, value in c.factors)]) for own, c in listed]
-        _write_text(folder / f"{name}.csv", "\n".join([f"{header},powertrain,drive", *rows, ""]))
-    _write_text(folder / "criteria.toml", _CRITERIA.format("".join(starmap(_LIMIT.format, _LIMITS))))
+    tests = ((test.id, test.condition) for test in campaign.tests)
+    rows = [",".join([test_id, _in_mph_and_lb(c), *(value for _, value in c.factors)]) for test_id, c in tests]
+    _write_text(folder / "tests.csv", "\n".join([f"{header},powertrain,drive", *rows, ""]))
     runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
     _write_text(folder / "cae.csv", "\n".join([header, *(f"{run},{_in_mph_and_lb(c)}" for run, c in runs), ""]))
     for test in campaign.tests:
