@@ -5,7 +5,7 @@ It holds no pulse. For each of its vehicles it also knows what all others teach,
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ class Prior:
     bias: FloatArray  # mean of their CAE models' errors over crush, as much of it as carries over, shape (6, 60)
     helps: bool = True  # whether these, each left out, were predicted better with the others, on average
     taken_out: str = ""  # the vehicle that is to be judged, if it was in the archive
+    record: pd.DataFrame = field(default_factory=pd.DataFrame)  # of the whole archive, to be shown
 
     @cached_property
     def fingerprint(self) -> str:
@@ -93,15 +94,7 @@ class VehicleArchive:
     @property
     def sentence(self) -> str:
         """How its vehicles, each left out, were predicted with the others and without, in words."""
-        few = self.record[self.record["n_tests"] <= _FEW]
-        gains = few["rating"] - few["rating_without"]
-        by_vehicle = gains.groupby(few["vehicle"]).mean()
-        sizes = f"1 to {few['n_tests'].max()} tests"
-        return (
-            f"Each of its {len(by_vehicle)} vehicles left out and predicted from {sizes}, the others changed the mean "
-            f"rating by {signed(by_vehicle.mean(), 3)} ({signed(by_vehicle.min(), 3)} to "
-            f"{signed(by_vehicle.max(), 3)}): so few vehicles say little of the next."
-        )
+        return record_sentence(self.record)
 
     def prior_for(self, name: str, cae: str, tests: Sequence[CrashTest]) -> Prior:
         """What the archive teaches a vehicle with these CAE runs and tests: that vehicle is taken out of it."""
@@ -109,7 +102,8 @@ class VehicleArchive:
         if len(same) > 1:
             names = read_out([self.vehicles[number].name for number in same])
             raise UsageError(f"{name} shares tests or CAE runs with {names} of the archive: take one archive without.")
-        return replace(self.without[same[0]], taken_out=self.vehicles[same[0]].name) if same else self.whole
+        taken_out, prior = (self.vehicles[same[0]].name, self.without[same[0]]) if same else ("", self.whole)
+        return replace(prior, taken_out=taken_out, record=self.record)
 
     def save(self, path: str | Path) -> None:
         """Write it to a ``.cfa`` file."""
@@ -127,6 +121,18 @@ class VehicleArchive:
             "seed": self.seed,
         }
         return tensor_bytes(record, arrays)
+
+
+def record_sentence(record: pd.DataFrame) -> str:
+    """How the vehicles of an archive, each left out, were predicted with the others and without, in words."""
+    few = record[record["n_tests"] <= _FEW]
+    gains = few["rating"] - few["rating_without"]
+    by_vehicle = gains.groupby(few["vehicle"]).mean()
+    return (
+        f"Each of its {len(by_vehicle)} vehicles left out and predicted from 1 to {few['n_tests'].max()} tests, the "
+        f"others changed the mean rating by {signed(by_vehicle.mean(), 3)} ({signed(by_vehicle.min(), 3)} to "
+        f"{signed(by_vehicle.max(), 3)}): so few vehicles say little of the next."
+    )
 
 
 def load_archive(path: str | Path) -> VehicleArchive:

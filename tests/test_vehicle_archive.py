@@ -80,7 +80,7 @@ def test_a_vehicle_of_the_archive_is_taken_out_of_it(campaign: Campaign) -> None
     assert (taught.vehicles, taught.taken_out) == (NAMES[1:], "Amber")
     assert taught.fingerprint == known.without[0].fingerprint  # as if it had never been in
     other = replace(campaign, cae=_another(campaign.cae), tests=())
-    assert other.with_archive(known).prior is known.whole
+    assert not_none(other.with_archive(known).prior).fingerprint == known.whole.fingerprint
     with pytest.raises(UsageError, match="shares tests or CAE runs with Amber and Birch"):
         campaign.with_archive(archive(past(campaign), past(campaign, "Birch")))
 

@@ -25,12 +25,13 @@ from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
-from crashfuse.reporting.result_tables import about_table, metric_texts, quality_table, wall_table
+from crashfuse.reporting.result_tables import about_table, archive_table, metric_texts, quality_table, wall_table
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import Fact, campaign_facts
 from crashfuse.study.repeatability import Repeatability
+from crashfuse.vehicle_archive import record_sentence
 from crashfuse.wording import Sentence, joined, speed, weight
 
 _INTERVAL = re.compile(r" ?\[[^]]*\]")
@@ -74,6 +75,7 @@ def render(
     cfc, quality = campaign.channel_filter_class, campaign.quality
     speeds, front, rear = zip(*campaign.cae.range, strict=True)
     record = provenance(campaign, held_out, config)
+    past = pd.DataFrame() if campaign.prior is None else campaign.prior.record
     return render_in_frame(
         template,
         f"{campaign.name}: {title}",
@@ -83,6 +85,8 @@ def render(
         config=config,
         tests=tests_table(campaign, display),
         pedigree=about_table(campaign),
+        past_vehicles="" if past.empty else record_sentence(past),
+        past_record=archive_table(past),
         walls=(walls := wall_table(campaign)),
         walls_figure=None if walls.empty else campaign.plot("wall", display=display),
         library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
