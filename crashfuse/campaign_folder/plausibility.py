@@ -232,7 +232,8 @@ def find_gap(
         with np.errstate(invalid="ignore"):  # of its confidence interval, where all times are one
             slope, constant = map(float, theilslopes(t, 1 / v)[:2])
         usual = np.median(t)
-        is_distance = abs(constant) < _SMEARED_S and _scatter(v * t) <= _TIMES * _scatter(t)
+        # where most speeds are alike, times are equal to a sample
+        is_distance = abs(constant) < _SMEARED_S and _scatter(v * t) <= _TIMES * max(_scatter(t), DT_S / usual)
         if np.median(np.abs(t - slope / v - constant) / t) > _OFF or not is_distance:
             is_late = usual > _LATE_ONSET_S and late.mean() >= _MOST and not np.median(test_free_s) > usual / 2
             return Gap(None, lasts, float(late.mean()), taken_m) if is_late else None
