@@ -231,7 +231,7 @@ def find_gap(
 
         with np.errstate(invalid="ignore"):  # of its confidence interval, where all times are one
             slope, constant = map(float, theilslopes(t, 1 / v)[:2])
-        usual = np.median(t)
+        usual = float(np.median(t))
         # where most speeds are alike, times are equal to a sample
         is_distance = abs(constant) < _SMEARED_S and _scatter(v * t) <= _TIMES * max(_scatter(t), DT_S / usual)
         if np.median(np.abs(t - slope / v - constant) / t) > _OFF or not is_distance:

@@ -64,6 +64,7 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
     _add_model_options(study, several=True)
     _add_windows(study, _window, "; ttzv: to each test's zero velocity, too")
+    _add_also(study)
     help_ = "default: both; with --held-out or --preset paper: test"
     study.add_argument("--leave-out", choices=("test", "speed-group", "both"), help=help_)
     _add_report(study)
@@ -219,7 +220,7 @@ def _add_rating_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--each-channel", action="store_true", help="of two ISO-MME tests, by channel code")
     parser.add_argument("--explain", action="store_true", help="what ratings are made of")
     _add_windows(parser)
-    parser.add_argument("--also", nargs="+", default=(), metavar="NAME", help="beside it: sprague-geers, anova")
+    _add_also(parser)
     parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
     parser.add_argument("--comparison-channel", nargs="+", default=(), metavar="NAME", help="if named otherwise")
     parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
@@ -236,6 +237,10 @@ def _add_out(parser: argparse.ArgumentParser, what: str = "folder for the result
 def _add_windows(parser: argparse.ArgumentParser, window: Callable[[str], object] = number, also: str = "") -> None:
     usual = "over 0 to W ms (default: 20 40 60)"
     parser.add_argument("--windows-ms", nargs="+", type=window, metavar="W", help=usual + also)
+
+
+def _add_also(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--also", nargs="+", default=(), metavar="NAME", help="beside ratings: sprague-geers, anova")
 
 
 def _window(text: str) -> float | str:

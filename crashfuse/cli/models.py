@@ -161,6 +161,6 @@ def settings(arguments: argparse.Namespace, usual: StudyConfig | None = None) ->
 def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     """The settings that the options name, by their names in a :class:`StudyConfig`."""
     options = {"approach": "approaches", "windows_ms": "windows_ms", "leave_out": "leave_out"}
-    options |= {name: name for name in ("preset", "seed", "device")}
+    options |= {name: name for name in ("preset", "seed", "device", "also")}
     given = {name: getattr(arguments, option, None) for option, name in options.items()}
-    return {name: tuple(v) if isinstance(v, list) else v for name, v in given.items() if v is not None}
+    return {name: tuple(v) if isinstance(v, list) else v for name, v in given.items() if v not in (None, ())}

@@ -28,7 +28,7 @@ from crashfuse.readers.isomme import Channel, read_isomme
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, doubt_of
 from crashfuse.signals.filters import cfc_filter
-from crashfuse.signals.metrics import FURTHER_METRICS
+from crashfuse.signals.metrics import FURTHER_METRICS, further_metrics
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import WEIGHTS, filter_class_text, rate_windows, rated_curves, rating_basis
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
@@ -167,10 +167,7 @@ def _rated_rows(one: _Curve, other: _Curve, windows_ms: Sequence[float], also: S
     filtering = filtering if others == filtering else f"reference {filtering}, comparison {others}"
     for window, rating in rate_windows(reference, comparison, windows_ms).items():
         row = {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
-        if also:
-            curves = rated_curves(reference, comparison, window)
-            row |= {column: value for name in also for column, value in FURTHER_METRICS[name](*curves).items()}
-        yield row
+        yield row | further_metrics(rated_curves(reference, comparison, window), also)
 
 
 def _ratings_table(rows: Sequence[_Row]) -> pd.DataFrame:

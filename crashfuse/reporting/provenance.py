@@ -61,7 +61,7 @@ def past_vehicles(campaign: Campaign) -> str:
 def study_command(campaign: Campaign, held_out: Sequence[str], config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a study; the reader fills in the folders."""
     tests = [] if tuple(held_out) == campaign.test_ids else ["--held-out", *held_out]
-    leave_out = ["--leave-out", config.leave_out.replace(" ", "-")]
+    leave_out = ["--leave-out", config.leave_out.replace(" ", "-"), *(["--also", *config.also] if config.also else [])]
     return _command("study", [*tests, *_settings(config), *_windows(config), *leave_out, *_archive(campaign)], units)
 
 

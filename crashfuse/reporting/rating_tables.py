@@ -10,9 +10,9 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.rating import graded
 from crashfuse.signals.rating_explanation import RatingExplanation, rating_sentences
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.units import MS, G
-from crashfuse.wording import difference, signed
+from crashfuse.wording import difference, number, signed
 
 
 def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> pd.DataFrame:
@@ -93,6 +93,25 @@ TABLE_5 = {name: LABELS[name] for name in ("time_domain", "displacement_domain",
 MEAN = "Mean"
 TTZV_COLUMN = "0–TTZV"  # the column of ratings up to each test's time of zero velocity
 REPEAT = "A repeat"  # what a repeat of the test would rate: the last row of each test, where it is known
+
+
+_FURTHER = {
+    "sg_magnitude": "Sprague–Geers magnitude",
+    "sg_phase": "phase",
+    "sg_comprehensive": "comprehensive",
+    "anova_mean": "Residuals, mean",
+    "anova_deviation": "deviation",
+}
+
+
+def further_table(study: Study, fold: Fold, window_ms: float) -> pd.DataFrame:
+    """Measures beside the rating that were asked for, one row an approach; empty if none were."""
+    measured = {name: fold.further(name, window_ms, study.config.also) for name in fold.ratings}
+    return pd.DataFrame(
+        {"Approach": LABELS[name], **{_FURTHER[column]: number(value, ".3f") for column, value in values.items()}}
+        for name, values in measured.items()
+        if values
+    )
 
 
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:

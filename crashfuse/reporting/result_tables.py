@@ -34,6 +34,7 @@ def scores_table(study: Study) -> pd.DataFrame:
     return pd.DataFrame(
         {"held_out": fold.held_out, "approach": approach, "window_ms": window, **asdict(rating), "basis": basis}
         | ({"ttzv_ms": fold.ttzv_ms, "overall_to_ttzv": fold.overall_to_ttzv(approach)} if to_ttzv else {})
+        | fold.further(approach, window, study.config.also)
         for fold in study.folds
         for approach, ratings in fold.ratings.items()
         for window, rating in ratings.items()

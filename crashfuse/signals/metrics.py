@@ -307,7 +307,12 @@ FURTHER_METRICS: Mapping[str, Callable[[FloatArray, FloatArray], dict[str, float
     "sprague-geers": sprague_geers,
     "anova": residual_anova,
 }
-"""Of two curves as they are, by the names that ``crashfuse rate --also`` knows; each gives columns."""
+"""Of two curves as they are, by the names that ``--also`` knows; each gives columns."""
+
+
+def further_metrics(curves: tuple[FloatArray, FloatArray], names: Iterable[str]) -> dict[str, float]:
+    """The columns of these :data:`FURTHER_METRICS`, of a reference and a comparison."""
+    return {column: value for name in names for column, value in FURTHER_METRICS[name](*curves).items()}
 
 
 def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:

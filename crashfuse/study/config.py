@@ -15,6 +15,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, several
 from crashfuse.execution.cache import Cache
+from crashfuse.signals.metrics import FURTHER_METRICS
 from crashfuse.signals.pulse import DT_S
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
@@ -39,6 +40,8 @@ class StudyConfig:
         measures extrapolation to a new speed. "both" runs both studies. Hyphens count as spaces.
     to_ttzv : bool
         Tables also have ratings up to each test's time of zero velocity, from which nothing is learned or recommended.
+    also : tuple of {"sprague-geers", "anova"}
+        Measures beside the rating in tables, from which nothing is learned or recommended either.
     """
 
     approaches: tuple[str, ...] = APPROACHES
@@ -48,6 +51,7 @@ class StudyConfig:
     leave_out: LeaveOut = "test"
     device: Device = "auto"
     to_ttzv: bool = False
+    also: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         approaches, way = several(self.approaches), self.leave_out
@@ -66,6 +70,9 @@ class StudyConfig:
         if TO_TTZV in windows:
             object.__setattr__(self, "to_ttzv", True)
             windows = tuple(window for window in windows if window != TO_TTZV) or WINDOWS_MS
+        object.__setattr__(self, "also", several(self.also))
+        for name in self.also:
+            one_of("measure", name, FURTHER_METRICS)
         if not windows:
             raise UsageError("Name at least one rating window.")
         for window in windows:
@@ -99,6 +106,11 @@ class StudyConfig:
         """Raise a UsageError if an approach cannot be made here, for want of a GPU say, before anything is computed."""
         for name in self.approaches:
             _ = self.create(name).device
+
+    @property
+    def of_fits(self) -> "StudyConfig":
+        """The config without what tables alone show, so that keys of what is computed do not depend on it."""
+        return replace(self, to_ttzv=False, also=())
 
     @property
     def on_this_device(self) -> "StudyConfig":

@@ -14,9 +14,9 @@ from crashfuse.approaches.calibration import Calibration, Coverage, shares_insid
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of
-from crashfuse.signals.metrics import checked_metrics
+from crashfuse.signals.metrics import checked_metrics, further_metrics
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
-from crashfuse.signals.rating import SHORTEST_WINDOW_S, Ratings, rate_many, rate_windows
+from crashfuse.signals.rating import SHORTEST_WINDOW_S, Ratings, rate_many, rate_windows, rated_curves
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -74,6 +74,11 @@ class Fold:
     def overall_to_ttzv(self, approach: str) -> float:
         """Overall rating of an approach up to :attr:`ttzv_ms`, for tables alone; NaN if that is not known."""
         return np.nan if self.ttzv_ms is None else self._to_ttzv[approach][self.ttzv_ms].overall
+
+    def further(self, approach: str, window_ms: float, names: Sequence[str]) -> dict[str, float]:
+        """Measures of an approach's prediction beside its rating over [0, window_ms), by column."""
+        predicted = Pulse(GRID_S, self.estimate(approach).prediction.accel_mps2)
+        return further_metrics(rated_curves(self.test.pulse, predicted, window_ms), names)
 
     @property
     def with_band(self) -> tuple[str, ...]:

@@ -96,6 +96,19 @@ def test_ratings_to_zero_velocity_end_where_the_test_stops_and_advise_nothing(ca
     assert np.isnan(endless.overall_to_ttzv("cae"))
 
 
+def test_measures_beside_the_rating_are_columns_where_they_are_asked_for(campaign: Campaign) -> None:
+    """A prediction of 0.7 times the test errs by -0.3 in magnitude, and not in phase; all else is as without."""
+    usual = study(campaign)
+    asked = replace(usual, config=replace(usual.config, also=["sprague-geers", "anova"]))
+    columns = ["sg_magnitude", "sg_phase", "sg_comprehensive", "anova_mean", "anova_deviation"]
+    assert asked.scores.drop(columns=columns).equals(usual.scores)
+    cae = asked.scores.set_index("approach").loc["cae", columns[:2]].to_numpy()
+    np.testing.assert_allclose(cae, np.tile([-0.3, 0.0], (4, 1)), atol=1e-6)
+    assert list(tables.further_table(asked, asked.folds[0], 60.0)["Sprague–Geers magnitude"]) == ["−0.300", "0.000"]
+    assert tables.further_table(usual, usual.folds[0], 60.0).empty
+    assert PastResult.of_study(asked).id == PastResult.of_study(usual).id
+
+
 def test_a_prediction_learns_nothing_of_the_time_at_which_its_test_stops(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

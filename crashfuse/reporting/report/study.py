@@ -18,7 +18,15 @@ from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.ratings import rating_differences
 from crashfuse.reporting.provenance import study_command
-from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, TTZV_COLUMN, best, mean_values, rating_table
+from crashfuse.reporting.rating_tables import (
+    TABLE_3,
+    TABLE_5,
+    TTZV_COLUMN,
+    best,
+    further_table,
+    mean_values,
+    rating_table,
+)
 from crashfuse.reporting.report.page import ReportOptions, details, render, render_in_frame, repeats_table
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.comparison import StudyComparison
@@ -147,6 +155,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
     return shown | {
         "notes": [(note.when, note.text) for note in notes],
         "ratings": _by_approach(pd.DataFrame.from_dict(overall, orient="index")),
+        "further": further_table(study, fold, window),
         "over_displacement": study.plot(test.id, "displacement", display=display),
         "why": _why(study, fold, advice, display),
     }
