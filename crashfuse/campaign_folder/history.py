@@ -171,7 +171,7 @@ def sample_folder() -> Path:
         return SHIPPED
     folder = default_folder() / "sample"
     if not (folder / "tests.csv").is_file():
-        from crashfuse.synthetic import write_sample
+        from crashfuse.synthetic.sample import write_sample
 
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:

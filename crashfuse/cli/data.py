@@ -28,7 +28,7 @@ def app(arguments: argparse.Namespace) -> None:
 
 def sample(arguments: argparse.Namespace) -> None:
     """Write the sample campaign."""
-    from crashfuse.synthetic import write_sample
+    from crashfuse.synthetic.sample import write_sample
 
     write_sample(arguments.folder)
     print(f"The sample campaign is in {arguments.folder}. It is synthetic: simulated, no real vehicle.")

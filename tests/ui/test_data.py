@@ -64,7 +64,7 @@ def test_the_sample_is_made_where_it_was_not_shipped(
         shutil.copytree(campaign_folder, folder)
 
     monkeypatch.setattr(history, "SHIPPED", tmp_path / "nowhere")
-    monkeypatch.setattr("crashfuse.synthetic.write_sample", write)
+    monkeypatch.setattr("crashfuse.synthetic.sample.write_sample", write)
     for _ in range(2):
         st.cache_resource.clear()
         assert visit().press("Load the sample campaign").numbers["Tests"] == "4"
