@@ -99,7 +99,7 @@ def test_ratings_to_zero_velocity_end_where_the_test_stops_and_advise_nothing(ca
 def test_measures_beside_the_rating_are_columns_where_they_are_asked_for(campaign: Campaign) -> None:
     """A prediction of 0.7 times the test errs by -0.3 in magnitude, and not in phase; all else is as without."""
     usual = study(campaign)
-    asked = replace(usual, config=replace(usual.config, also=["sprague-geers", "anova"]))
+    asked = replace(usual, config=replace(usual.config, also=("sprague-geers", "anova")))
     columns = ["sg_magnitude", "sg_phase", "sg_comprehensive", "anova_mean", "anova_deviation"]
     assert asked.scores.drop(columns=columns).equals(usual.scores)
     cae = asked.scores.set_index("approach").loc["cae", columns[:2]].to_numpy()
