@@ -217,7 +217,9 @@ def representative_pulses(
         wanted = np.array(rows, dtype=np.float64).reshape(shares.shape)
         nearest, least = pulses, np.full(len(pulses), np.inf)
         for _ in range(_MOST_STEPS):
-            reached = metric_values(pulses, prediction.condition.speed_mps, occupant=occupant, predicted=True)
+            reached = metric_values(
+                pulses, prediction.condition.speed_mps, occupant=occupant, predicted=True, names=names
+            )
             missing = wanted - np.array([reached[name] for name in names]).T
             away = np.nan_to_num(np.abs(missing / wanted).max(axis=1), nan=np.inf)
             nearest, least = np.where((away < least)[:, None], pulses, nearest), np.fmin(away, least)

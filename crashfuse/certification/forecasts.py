@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.approaches.fit_cache import is_cached, settings
-from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
+from crashfuse.approaches.metric_calibration import Distribution, drawn_metrics, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
@@ -116,12 +116,14 @@ class Forecaster:
 
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
-        estimate = self.fit.estimate(condition)
-        prediction, drawn, occupant = estimate.prediction, estimate.drawn, estimate.occupant
+        prediction, occupant = self.fit.predict(condition), self.fit.campaign.occupant
+        drawn = drawn_metrics(prediction, occupant)
         found = metric_distributions(drawn, self.fit.metric_errors)
-        of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
-        known = {name: float(value) if np.isfinite(value) else None for name, value in of_pulse.items()}
-        known |= {name: own.median for name, own in found.items() if own is not None}
+        known = {name: None if own is None else own.median for name, own in found.items()}
+        if None in found.values():
+            of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
+            values = {name: float(of_pulse[name]) for name, own in found.items() if own is None}
+            known |= {name: value for name, value in values.items() if np.isfinite(value)}
         away = np.abs(self.speeds_mps - condition.speed_mps)
         agreements, here = np.array(list(self.fit.agreements.values())), agreement(prediction)
         for window, ratings in self.rated.items():

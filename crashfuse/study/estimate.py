@@ -155,6 +155,10 @@ class Fit:
                 return with_both_folds(prediction, departure, test, left_out_mps2, fitted_mps2)
         return prediction
 
+    def predict(self, condition: Condition) -> Prediction:
+        """The prediction alone, without the state of the fit, which takes as long as two of them."""
+        return _predictions_at([self], condition)[0][0]
+
     def estimate(self, condition: Condition) -> Estimate:
         """Predict at a condition, as :func:`estimates_at` does for several fits."""
         return estimates_at([self], condition)[0]
@@ -170,6 +174,16 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
 
     A UsageError if the speed or a weight is not above 0, or beyond any barrier test.
     """
+    estimates = []
+    for fit, (prediction, seconds) in zip(fits, _predictions_at(fits, condition), strict=True):
+        left_out_mps2 = {test: pulse.accel_mps2 for test, pulse in fit.left_out.items()}
+        judged = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
+        estimates.append(Estimate(fit.approach.name, prediction, fit.state, fit.seconds + seconds, *judged))
+    return estimates
+
+
+def _predictions_at(fits: Sequence[Fit], condition: Condition) -> list[tuple[Prediction, float]]:
+    """Each with its duration."""
     require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
         raise UsageError(Sentence("A prediction takes a speed and weights above 0, not {}.", condition))
@@ -195,7 +209,7 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
                 predict(part)
         list(others)  # raises what went wrong there
 
-    estimates = []
+    predictions = []
     for fit in fits:
         prediction, seconds = predict(fit.approach)
         if fit.approach.learns_from_tests:
@@ -203,10 +217,8 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
             prediction = fit.with_both_folds(prediction)
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
-        left_out_mps2 = {test: pulse.accel_mps2 for test, pulse in fit.left_out.items()}
-        judged = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
-        estimates.append(Estimate(fit.approach.name, prediction, fit.state, fit.seconds + seconds, *judged))
-    return estimates
+        predictions.append((prediction, seconds))
+    return predictions
 
 
 def _single_parts(approach: Approach) -> list[Approach]:
