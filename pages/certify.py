@@ -19,7 +19,10 @@ TABS = {"Answer": answer.show, "Track record": results.show_record, "Validated d
 
 view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")
 address.default("approach", APPROACH, APPROACHES)
-with st.expander("Criteria and planned tests", icon=":material/tune:", expanded=not st.session_state.get(JUDGED)):
+is_judged = bool(st.session_state.get(JUDGED))
+question = results.question(view) if is_judged else "Criteria and planned tests"
+key = "question_answered" if is_judged else "question"  # answered, it opens over its answer
+with st.expander(question, icon=":material/tune:", expanded=not is_judged, key=key):
     criteria = choose_criteria(view)
     matrix = choose_matrix(view)
 verdicts = None
@@ -29,7 +32,7 @@ if criteria is not None and matrix is not None:
     verdicts = result_or_none(
         request, invitation=f"No answer yet. {patience(chosen_config(), usually)}", button="Certify"
     )
-if (verdicts is not None) != st.session_state.get(JUDGED, False):  # the choices above fold away, or unfold
+if (verdicts is not None) != is_judged:  # the choices above fold away, or unfold
     st.session_state[JUDGED] = verdicts is not None
     st.rerun()
 if verdicts is None:
@@ -38,4 +41,4 @@ verdicts = results.beside_earlier(verdicts, request.key)
 since = verdicts.certification.since
 key = request.key, None if since is None else since.earlier.digest
 judgement = Judgement(verdicts, view.display, notes_of(view), key)
-show_tabs(TABS, judgement, key="certify_tab", export=results.show_files)
+show_tabs(TABS, judgement, key="certify_tab", export=answer.show_files)

@@ -304,7 +304,7 @@ def test_what_belongs_to_a_campaign_goes_with_it(
     shutil.copytree(campaign_on_disk, other)
     session = certified(visit("certify", **LINK))
     choices = session.app.expander[0]
-    assert (choices.label, choices.proto.expanded) == ("Criteria and planned tests", False)
+    assert (choices.label, choices.proto.expanded) == ("2 criteria · 3 planned tests · confidence 0.9 · change", False)
     session.press(of_row(session, "M1"))
     assert session.app.query_params["cell"] == "M1"
     session.go("data").open_folder(str(other)).go("certify")

@@ -1,5 +1,6 @@
 """The tab Answer: skip, run, would miss or cannot say, with reasons, caveats and what-ifs."""
 
+from dataclasses import replace
 from functools import partial
 
 import pandas as pd
@@ -15,6 +16,7 @@ from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.outliers import departures
+from crashfuse.ui.certify import results
 from crashfuse.ui.certify.results import Judgement, judge
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.computation import Request
@@ -175,8 +177,18 @@ def _show_variants(certification: Certification) -> None:
         elif job.result is not None:
             variant = Variant.of(name, certification, job.result.certification)
             saved, changed = "{} of {}".format(*variant.saved), changed_text(variant)
-            table.append({"What if": name, "Need not be run": saved, "What changes": changed or "no answer"})
+            table.append({"What if": name, "Need not be run": saved, "What changes": changed or "nothing"})
         else:
             show_end(job)
     if table:
         show_table(pd.DataFrame(table), key="what if")
+
+
+def show_files(judgement: Judgement) -> None:
+    """Offer them; what the page shows *without* a test is in them, as other limits and confidences always are."""
+    certification, names = judgement.certification, st.session_state["what_if"]
+    without = [name for name in _variants(certification) if name in names and name.startswith(_WITHOUT)]
+    others = {name: _asked_otherwise(certification, name).result for name in without}
+    variants = (Variant.of(name, certification, own.certification) for name, own in others.items() if own is not None)
+    varied_too = replace(certification, variants=(*certification.variants, *variants))
+    results.show_files(replace(judgement, verdicts=Verdicts(varied_too)))

@@ -1,6 +1,7 @@
 """Verdicts on the Certify page, their record, domain and files."""
 
 from collections.abc import Hashable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -34,6 +35,7 @@ from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
 from crashfuse.ui.kit.results import fill, show_table
 from crashfuse.ui.kit.text import plain
+from crashfuse.wording import counted
 
 _CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
 _MANY, _MANY_PX = 3, 620  # criteria whose record scrolls
@@ -76,6 +78,16 @@ def last_verdicts(view: View) -> tuple[Verdicts | None, str]:
         return None, "no tests are planned yet"
     verdicts = judge(view.campaign, criteria, matrix).result
     return verdicts, "" if verdicts is not None else f"{len(matrix.ids):,} planned tests are not judged yet"
+
+
+def question(view: View) -> str:
+    """What Certify has chosen, in a line."""
+    with suppress(CrashfuseError):
+        criteria, matrix = criteria_asked(view), matrix_asked(view)
+        if criteria is not None and matrix is not None:
+            asked = counted(len(criteria.items), "criterion"), counted(len(matrix.ids), "planned test")
+            return f"{' · '.join(asked)} · confidence {criteria.confidence:g} · change"
+    return "Criteria and planned tests"
 
 
 @dataclass(frozen=True, eq=False)
