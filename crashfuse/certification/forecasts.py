@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.approaches.fit_cache import is_cached, settings
-from crashfuse.approaches.metric_calibration import Distribution, drawn_metrics, metric_distributions
+from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
@@ -25,7 +25,7 @@ from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Fit
+from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.study.rating_distribution import RatingDistribution, agreement
 from crashfuse.study.running import prepare
 
@@ -116,14 +116,13 @@ class Forecaster:
 
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
-        prediction, occupant = self.fit.predict(condition), self.fit.campaign.occupant
-        drawn = drawn_metrics(prediction, occupant)
+        (estimate,) = estimates_at([self.fit], condition, with_state=False)
+        prediction, drawn, occupant = estimate.prediction, estimate.drawn, estimate.occupant
         found = metric_distributions(drawn, self.fit.metric_errors)
         known = {name: None if own is None else own.median for name, own in found.items()}
-        if None in found.values():
-            of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
-            values = {name: float(of_pulse[name]) for name, own in found.items() if own is None}
-            known |= {name: value for name, value in values.items() if np.isfinite(value)}
+        unknown = [name for name, own in found.items() if own is None]
+        of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant, names=unknown)
+        known |= {name: float(value) for name, value in of_pulse.items() if np.isfinite(value)}
         away = np.abs(self.speeds_mps - condition.speed_mps)
         agreements, here = np.array(list(self.fit.agreements.values())), agreement(prediction)
         for window, ratings in self.rated.items():

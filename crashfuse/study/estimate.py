@@ -155,10 +155,6 @@ class Fit:
                 return with_both_folds(prediction, departure, test, left_out_mps2, fitted_mps2)
         return prediction
 
-    def predict(self, condition: Condition) -> Prediction:
-        """The prediction alone, without the state of the fit, which takes as long as two of them."""
-        return _predictions_at([self], condition)[0][0]
-
     def estimate(self, condition: Condition) -> Estimate:
         """Predict at a condition, as :func:`estimates_at` does for several fits."""
         return estimates_at([self], condition)[0]
@@ -169,21 +165,12 @@ def is_beyond(condition: Condition) -> bool:
     return condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG
 
 
-def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
+def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool = True) -> list[Estimate]:
     """Predictions of several approaches, fitted to one campaign, at a condition, with numbers rounded as for storage.
 
-    A UsageError if the speed or a weight is not above 0, or beyond any barrier test.
+    Their states take as long as two predictions. A UsageError if the speed or a weight is not above 0, or beyond any
+    barrier test.
     """
-    estimates = []
-    for fit, (prediction, seconds) in zip(fits, _predictions_at(fits, condition), strict=True):
-        left_out_mps2 = {test: pulse.accel_mps2 for test, pulse in fit.left_out.items()}
-        judged = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
-        estimates.append(Estimate(fit.approach.name, prediction, fit.state, fit.seconds + seconds, *judged))
-    return estimates
-
-
-def _predictions_at(fits: Sequence[Fit], condition: Condition) -> list[tuple[Prediction, float]]:
-    """Each with its duration."""
     require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
         raise UsageError(Sentence("A prediction takes a speed and weights above 0, not {}.", condition))
@@ -209,7 +196,7 @@ def _predictions_at(fits: Sequence[Fit], condition: Condition) -> list[tuple[Pre
                 predict(part)
         list(others)  # raises what went wrong there
 
-    predictions = []
+    estimates = []
     for fit in fits:
         prediction, seconds = predict(fit.approach)
         if fit.approach.learns_from_tests:
@@ -217,8 +204,11 @@ def _predictions_at(fits: Sequence[Fit], condition: Condition) -> list[tuple[Pre
             prediction = fit.with_both_folds(prediction)
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
-        predictions.append((prediction, seconds))
-    return predictions
+        left_out_mps2 = {test: pulse.accel_mps2 for test, pulse in fit.left_out.items()}
+        judged = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
+        state = fit.state if with_state else {}
+        estimates.append(Estimate(fit.approach.name, prediction, state, fit.seconds + seconds, *judged))
+    return estimates
 
 
 def _single_parts(approach: Approach) -> list[Approach]:

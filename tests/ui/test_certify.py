@@ -370,8 +370,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Track record"}
     elsewhere = certified(visit("certify", **link))
     assert "Of 6 verdicts that both have" in elsewhere.words
-    names = elsewhere.press("Export").downloads
-    assert sorted(names) == sorted([*FILES, "changes.csv"])
+    assert sorted(elsewhere.press("Export").downloads) == sorted([*FILES, "changes.csv"])
 
 
 def test_verdicts_that_were_kept_are_chosen_from_a_list(asking: Path, visit: Visit) -> None:

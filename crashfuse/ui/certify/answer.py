@@ -101,10 +101,8 @@ def _choose(cell: str) -> None:
 def _show_matrix(judgement: Judgement) -> None:
     n = len(judgement.certification.matrix.ids)
     with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
-        draw, alt = (
-            partial(judgement.verdicts.plot, display=judgement.display),
-            "Verdicts by planned test and criterion",
-        )
+        draw = partial(judgement.verdicts.plot, display=judgement.display)
+        alt = "Verdicts by planned test and criterion"
         show_clickable(draw, alt, _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts")
     told = "Probability that a test there meets the criterion. Click a cell for its reason."
     st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict.")
@@ -186,9 +184,9 @@ def _show_variants(certification: Certification) -> None:
 
 def show_files(judgement: Judgement) -> None:
     """Offer them; what the page shows *without* a test is in them, as other limits and confidences always are."""
-    certification, names = judgement.certification, st.session_state["what_if"]
-    without = [name for name in _variants(certification) if name in names and name.startswith(_WITHOUT)]
-    others = {name: _asked_otherwise(certification, name).result for name in without}
-    variants = (Variant.of(name, certification, own.certification) for name, own in others.items() if own is not None)
-    varied_too = replace(certification, variants=(*certification.variants, *variants))
-    results.show_files(replace(judgement, verdicts=Verdicts(varied_too)))
+    certification, asked = judgement.certification, st.session_state["what_if"]
+    without = [name for name in _variants(certification) if name in asked and name.startswith(_WITHOUT)]
+    known = {name: other for name in without if (other := _asked_otherwise(certification, name).result) is not None}
+    others = (Variant.of(name, certification, other.certification) for name, other in known.items())
+    with_all = replace(certification, variants=(*certification.variants, *others))
+    results.show_files(replace(judgement, verdicts=Verdicts(with_all)))

@@ -1,7 +1,6 @@
 """Verdicts on the Certify page, their record, domain and files."""
 
 from collections.abc import Hashable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -80,14 +79,10 @@ def last_verdicts(view: View) -> tuple[Verdicts | None, str]:
     return verdicts, "" if verdicts is not None else f"{len(matrix.ids):,} planned tests are not judged yet"
 
 
-def question(view: View) -> str:
-    """What Certify has chosen, in a line."""
-    with suppress(CrashfuseError):
-        criteria, matrix = criteria_asked(view), matrix_asked(view)
-        if criteria is not None and matrix is not None:
-            asked = counted(len(criteria.items), "criterion"), counted(len(matrix.ids), "planned test")
-            return f"{' · '.join(asked)} · confidence {criteria.confidence:g} · change"
-    return "Criteria and planned tests"
+def question(criteria: Criteria, matrix: Matrix) -> str:
+    """What was asked, in a line."""
+    n, planned = counted(len(criteria.items), "criterion"), counted(len(matrix.ids), "planned test")
+    return f"{n} · {planned} · confidence {criteria.confidence:g} · change"
 
 
 @dataclass(frozen=True, eq=False)
