@@ -19,18 +19,21 @@ TABS = {"Answer": answer.show, "Track record": results.show_record, "Validated d
 
 view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")
 address.default("approach", APPROACH, APPROACHES)
-with st.expander("Criteria and planned tests", icon=":material/tune:", expanded=not st.session_state.get(JUDGED)):
+asked = st.session_state.get(JUDGED, "")
+place = "question_answered" if asked else "question"  # which opens over its answer
+with st.expander(asked or "Criteria and planned tests", icon=":material/tune:", expanded=not asked, key=place):
     criteria = choose_criteria(view)
     matrix = choose_matrix(view)
-verdicts = None
+verdicts, question = None, ""
 if criteria is not None and matrix is not None:
     request = judge(view.campaign, criteria, matrix)
     usually = "It takes a minute or more; then other limits take no time."
     verdicts = result_or_none(
         request, invitation=f"No answer yet. {patience(chosen_config(), usually)}", button="Certify"
     )
-if (verdicts is not None) != st.session_state.get(JUDGED, False):  # the choices above fold away, or unfold
-    st.session_state[JUDGED] = verdicts is not None
+    question = "" if verdicts is None else results.question(criteria, matrix)
+if question != asked:  # the choices above fold away into it, or unfold
+    st.session_state[JUDGED] = question
     st.rerun()
 if verdicts is None:
     end_page()
@@ -38,4 +41,4 @@ verdicts = results.beside_earlier(verdicts, request.key)
 since = verdicts.certification.since
 key = request.key, None if since is None else since.earlier.digest
 judgement = Judgement(verdicts, view.display, notes_of(view), key)
-show_tabs(TABS, judgement, key="certify_tab", export=results.show_files)
+show_tabs(TABS, judgement, key="certify_tab", export=answer.show_files)

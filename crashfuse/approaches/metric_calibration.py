@@ -202,7 +202,7 @@ def representative_pulses(
     ensemble Kalman filter (Evensen, Ocean Dynamics 53, 2003), repeated because they are not linear. Where the average
     is too flat, the draw nearest to these medians is changed. A metric that some draws lack is left as it is.
     """
-    draws, chosen = _drawn(prediction).astype(np.float64), list(numbers)
+    draws, chosen, speed_mps = _drawn(prediction).astype(np.float64), list(numbers), prediction.condition.speed_mps
     names = [name for name in MATCHED if np.isfinite(drawn[name]).all() and np.ptp(drawn[name])]
     if not names:
         return np.vstack([prediction.accel_mps2, draws[chosen]])
@@ -217,7 +217,7 @@ def representative_pulses(
         wanted = np.array(rows, dtype=np.float64).reshape(shares.shape)
         nearest, least = pulses, np.full(len(pulses), np.inf)
         for _ in range(_MOST_STEPS):
-            reached = metric_values(pulses, prediction.condition.speed_mps, occupant=occupant, predicted=True)
+            reached = metric_values(pulses, speed_mps, occupant=occupant, predicted=True, names=names)
             missing = wanted - np.array([reached[name] for name in names]).T
             away = np.nan_to_num(np.abs(missing / wanted).max(axis=1), nan=np.inf)
             nearest, least = np.where((away < least)[:, None], pulses, nearest), np.fmin(away, least)

@@ -25,7 +25,7 @@ from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Fit
+from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.study.expected_rating import RatingDistribution
 from crashfuse.study.running import prepare
 
@@ -116,12 +116,13 @@ class Forecaster:
 
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
-        estimate = self.fit.estimate(condition)
+        (estimate,) = estimates_at([self.fit], condition, with_state=False)
         prediction, drawn, occupant = estimate.prediction, estimate.drawn, estimate.occupant
         found = metric_distributions(drawn, self.fit.metric_errors)
-        of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
-        known = {name: float(value) if np.isfinite(value) else None for name, value in of_pulse.items()}
-        known |= {name: own.median for name, own in found.items() if own is not None}
+        known = {name: None if own is None else own.median for name, own in found.items()}
+        unknown = [name for name, own in found.items() if own is None]
+        of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant, names=unknown)
+        known |= {name: float(value) for name, value in of_pulse.items() if np.isfinite(value)}
         away = np.abs(self.speeds_mps - condition.speed_mps)
         agreements, here = np.array(list(self.fit.agreements.values())), prediction.agreement
         for window, ratings in self.rated.items():

@@ -43,9 +43,7 @@ def certify(arguments: argparse.Namespace) -> None:
             approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
-    certification = judged.certification
-    if earlier is not None:
-        certification = certification.beside(earlier)
+    certification = judged.certification if earlier is None else judged.certification.beside(earlier)
     latest = next(iter(file_store.certifications(campaign).values()), None) if earlier is None else earlier
     before = None if latest is None else latest.digest
     with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:

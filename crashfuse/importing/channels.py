@@ -145,9 +145,7 @@ def agreeing_channels(case: Case) -> Channels:
     near = agree[most]
     majority = near.sum() * 2 > len(chosen)
     on_time = bool(stated_zero(record, resample_evenly(chosen[0], record.source)[0]))
-    reference = signals[most]
-    if on_time and not majority:
-        reference = min(signals, key=lambda signal: abs(signal.onset_s))
+    reference = min(signals, key=lambda signal: abs(signal.onset_s)) if on_time and not majority else signals[most]
     factor = ACCELERATION_UNITS.get(units.pop() or "")
     texts = [signal.compared(reference, factor) for signal in signals]
     careful = "Careful: averaged channels differ, {}."

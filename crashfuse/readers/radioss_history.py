@@ -79,9 +79,7 @@ class TimeHistory:
         """The quality of the run; Radioss always computes hourglass energy."""
         names = ("INTERNAL", "KINETIC", "ROTATION", "CONTACT", "HOURGLASS")
         energies = {name: of for name in names if (of := self.model.get(f"{name} ENERGY")) is not None}
-        total = None
-        if {"INTERNAL", "KINETIC"} <= energies.keys():
-            total = np.sum([*energies.values()], axis=0)
+        total = np.sum([*energies.values()], axis=0) if {"INTERNAL", "KINETIC"} <= energies.keys() else None
         work, added = self.model.get("EXTERNAL WORK"), self.model.get("PERCENTAGE ADDED MASS")
         internal, hourglass = energies.get("INTERNAL"), energies.get("HOURGLASS")
         return solver_run.quality_by_histories(total, work, internal, hourglass, added)

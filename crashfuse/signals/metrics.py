@@ -185,8 +185,9 @@ def metric_values(
     dt_s: float = DT_S,
     occupant: OccupantModel = USUAL_OCCUPANT,
     predicted: bool = False,
+    names: Iterable[str] = _READINGS,
 ) -> dict[str, FloatArray]:
-    """All metrics of pulses, shape (..., n), in the units of :func:`pulse_metrics`; each of shape (...).
+    """Metrics of pulses, shape (..., n), in the units of :func:`pulse_metrics`; each of shape (...).
 
     Those ``predicted`` stop beyond the record as in :func:`crashfuse.signals.pulse.with_late_stops`. If the record ends
     too early: infinite (t0, max_crush), minus infinity (mean, olc), or NaN, which is either (vpi).
@@ -194,7 +195,7 @@ def metric_values(
     motion = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
     if predicted:
         motion = with_late_stops(motion)
-    return {name: reading.of(motion, occupant) for name, reading in _READINGS.items()}
+    return {name: _READINGS[name].of(motion, occupant) for name in names}
 
 
 def pulse_metrics(

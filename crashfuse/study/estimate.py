@@ -164,10 +164,11 @@ def is_beyond(condition: Condition) -> bool:
     return condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG
 
 
-def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
+def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool = True) -> list[Estimate]:
     """Predictions of several approaches, fitted to one campaign, at a condition, with numbers rounded as for storage.
 
-    A UsageError if the speed or a weight is not above 0, or beyond any barrier test.
+    Their states take as long as two predictions. A UsageError if the speed or a weight is not above 0, or beyond any
+    barrier test.
     """
     require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
@@ -204,7 +205,8 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
         left_out_mps2 = {test: pulse.accel_mps2 for test, pulse in fit.left_out.items()}
         judged = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
-        estimates.append(Estimate(fit.approach.name, prediction, fit.state, fit.seconds + seconds, *judged))
+        state = fit.state if with_state else {}
+        estimates.append(Estimate(fit.approach.name, prediction, state, fit.seconds + seconds, *judged))
     return estimates
 
 

@@ -18,13 +18,13 @@ import numpy as np
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.displacement_domain.approach import measured_bias
 from crashfuse.approaches.displacement_domain.bias import BiasPoints
-from crashfuse.approaches.metric_calibration import drawn_metrics
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
+from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.rating_explanation import rating_range
@@ -123,7 +123,7 @@ def with_both_folds(
     share = 1.5 / (len(departure.neighbours) + 2)
     apart = np.diff(np.floor(np.arange(len(prediction.draws_mps2) + 1) * share)) > 0
     draws = prediction.draws_mps2 + np.multiply.outer(apart - learned, difference)
-    metrics = drawn_metrics(replace(prediction, draws_mps2=draws))
+    metrics = metric_values(draws, prediction.condition.speed_mps, predicted=True, names=("peak", "max_crush"))
     shown = [
         (acceleration(float(np.median(metrics["peak"][fold])) * G), f"{np.median(metrics['max_crush'][fold]):.0f} mm")
         for fold in (~apart, apart)

@@ -128,10 +128,8 @@ def show_conditions(view: View) -> None:
         show_table(about, "about")
     if not (walls := wall_table(campaign)).empty:
         st.markdown("**The force of the barrier beside mass and pulse**")
-        draw, alt = (
-            partial(campaign.plot, "wall", display=view.display),
-            "Force of the barrier; dotted: mass times deceleration",
-        )
+        draw = partial(campaign.plot, "wall", display=view.display)
+        alt = "Force of the barrier; dotted: mass times deceleration"
         show_cached_figure(draw, alt, "wall", campaign.fingerprint, view.display, name="wall")
         show_table(walls, "walls")
 

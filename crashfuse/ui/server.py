@@ -200,7 +200,7 @@ def prepare() -> tuple[Middleware, ...]:
     try:
         visitors.begin_log()
         if visitors.check_login(st.get_option("secrets.files")):
-            visitors.insist_on_login()
+            visitors.login_insisted.set()
     except (CrashfuseError, OSError) as error:
         sys.exit(f"crashfuse: {error}")
     handler = signal.getsignal(signal.SIGTERM)

@@ -99,10 +99,10 @@ def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) ->
     user.wait(lambda: "peak%7E%7E%7E25" in user.browser.current_url.replace("~", "%7E"))
     user.presses_until(lambda: user.texts(MAIN, "Wrong so far"), "Certify", f"{MAIN} button")
     user.wait(lambda: not user.all('input[aria-label="Confidence"]'), "The criteria never folded away.")
-    user.press("Criteria and planned tests", "summary")
+    user.press(" · change", "summary")
     user.fill("Confidence", "0.85")
     user.wait(lambda: "confidence=0.85" in user.browser.current_url)
-    user.press("Criteria and planned tests", "summary")
+    user.press(" · change", "summary")
     user.press("would miss", ".st-key-planned_tests button")
     user.sees("Peak deceleration, at most 25")
     assert "cell=M2" in user.browser.current_url

@@ -304,7 +304,7 @@ def test_what_belongs_to_a_campaign_goes_with_it(
     shutil.copytree(campaign_on_disk, other)
     session = certified(visit("certify", **LINK))
     choices = session.app.expander[0]
-    assert (choices.label, choices.proto.expanded) == ("Criteria and planned tests", False)
+    assert (choices.label, choices.proto.expanded) == ("2 criteria · 3 planned tests · confidence 0.9 · change", False)
     session.press(of_row(session, "M1"))
     assert session.app.query_params["cell"] == "M1"
     session.go("data").open_folder(str(other)).go("certify")
@@ -370,8 +370,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Track record"}
     elsewhere = certified(visit("certify", **link))
     assert "Of 6 verdicts that both have" in elsewhere.words
-    names = elsewhere.press("Export").downloads
-    assert sorted(names) == sorted([*FILES, "changes.csv"])
+    assert sorted(elsewhere.press("Export").downloads) == sorted([*FILES, "changes.csv"])
 
 
 def test_verdicts_that_were_kept_are_chosen_from_a_list(asking: Path, visit: Visit) -> None:

@@ -295,7 +295,7 @@ def test_what_a_single_test_allows_is_said_on_every_page(visit: Visit, open_camp
     assert session.go("train").buttons == ["Export", "Train on all tests"]
     for page in ("compare", "study"):
         session.go(page)
-        assert "T1 is the only test of this campaign: without it there is nothing to learn from." in session.words
+        assert "T1 is the only test: without it there is nothing to learn from." in session.words
         assert not session.buttons
     assert session.go("predict").buttons
 

@@ -279,7 +279,7 @@ def test_a_log_in_stays_required_if_its_file_is_lost(visit: Visit, monkeypatch: 
     """Streamlit would then know of no log-in, and let in everybody."""
     lost = threading.Event()
     lost.set()
-    monkeypatch.setattr(visitors, "_insisted", lost)
+    monkeypatch.setattr(visitors, "login_insisted", lost)
     session = visit("train")
     assert "Nobody can log in at the moment." in session.words
     assert not session.app.selectbox

@@ -1,5 +1,6 @@
 """The tab Answer: skip, run, would miss or cannot say, with reasons, caveats and what-ifs."""
 
+from dataclasses import replace
 from functools import partial
 
 import pandas as pd
@@ -15,6 +16,7 @@ from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.outliers import departures
+from crashfuse.ui.certify import results
 from crashfuse.ui.certify.results import Judgement, judge
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.computation import Request
@@ -99,10 +101,8 @@ def _choose(cell: str) -> None:
 def _show_matrix(judgement: Judgement) -> None:
     n = len(judgement.certification.matrix.ids)
     with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
-        draw, alt = (
-            partial(judgement.verdicts.plot, display=judgement.display),
-            "Verdicts by planned test and criterion",
-        )
+        draw = partial(judgement.verdicts.plot, display=judgement.display)
+        alt = "Verdicts by planned test and criterion"
         show_clickable(draw, alt, _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts")
     told = "Probability that a test there meets the criterion. Click a cell for its reason."
     st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict.")
@@ -175,8 +175,18 @@ def _show_variants(certification: Certification) -> None:
         elif job.result is not None:
             variant = Variant.of(name, certification, job.result.certification)
             saved, changed = "{} of {}".format(*variant.saved), changed_text(variant)
-            table.append({"What if": name, "Need not be run": saved, "What changes": changed or "no answer"})
+            table.append({"What if": name, "Need not be run": saved, "What changes": changed or "nothing"})
         else:
             show_end(job)
     if table:
         show_table(pd.DataFrame(table), key="what if")
+
+
+def show_files(judgement: Judgement) -> None:
+    """Offer them; what the page shows *without* a test is in them, as other limits and confidences always are."""
+    certification, asked = judgement.certification, st.session_state["what_if"]
+    without = [name for name in _variants(certification) if name in asked and name.startswith(_WITHOUT)]
+    known = {name: other for name in without if (other := _asked_otherwise(certification, name).result) is not None}
+    others = (Variant.of(name, certification, other.certification) for name, other in known.items())
+    with_all = replace(certification, variants=(*certification.variants, *others))
+    results.show_files(replace(judgement, verdicts=Verdicts(with_all)))

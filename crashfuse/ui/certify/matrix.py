@@ -25,7 +25,7 @@ from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.text import plain
 from crashfuse.wording import IN_SI, SYSTEMS, UnitSystem, counted, speed
 
-JUDGED = "judged"  # session key: whether the conditions that are chosen have verdicts
+JUDGED = "judged"  # session key: what is chosen, in a line, if it has verdicts
 _FILE = "matrix.csv"
 _OWN, _UPLOAD, _TYPED = "The campaign’s", "Upload", "Typed in"
 _STEPS = {"mph": 5, "km/h": 10}  # between speeds to start with

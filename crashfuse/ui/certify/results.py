@@ -34,6 +34,7 @@ from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
 from crashfuse.ui.kit.results import fill, show_table
 from crashfuse.ui.kit.text import plain
+from crashfuse.wording import counted
 
 _CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
 _MANY, _MANY_PX = 3, 620  # criteria whose record scrolls
@@ -76,6 +77,12 @@ def last_verdicts(view: View) -> tuple[Verdicts | None, str]:
         return None, "no tests are planned yet"
     verdicts = judge(view.campaign, criteria, matrix).result
     return verdicts, "" if verdicts is not None else f"{len(matrix.ids):,} planned tests are not judged yet"
+
+
+def question(criteria: Criteria, matrix: Matrix) -> str:
+    """What was asked, in a line."""
+    n, planned = counted(len(criteria.items), "criterion"), counted(len(matrix.ids), "planned test")
+    return f"{n} · {planned} · confidence {criteria.confidence:g} · change"
 
 
 @dataclass(frozen=True, eq=False)

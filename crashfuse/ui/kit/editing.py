@@ -180,9 +180,7 @@ def edit_notes(view: View, notes: Sequence[Note]) -> None:
             st.form_submit_button("Add", icon=":material/add:", on_click=_add_note, args=(view,))
         if refused := st.session_state.pop(_NOTE_REFUSED, ""):
             st.warning(plain(refused), icon=":material/warning:")
-        kept = f"kept in {FILE} of the campaign folder"
-        if not can_be_edited(view.folder):
-            kept = "lost when this tab is closed"
+        kept = f"kept in {FILE}" if can_be_edited(view.folder) else "lost when this tab is closed"
         st.caption(f"Notes go into the report; one with a time is a mark on the figures over time. They are {kept}.")
 
 

@@ -44,17 +44,14 @@ _HOLDS = {
     "criteria.toml": "The criteria, for the campaign folder.",
     "matrix.csv": "The planned tests, for the campaign folder.",
     "certification.json": "All of it, to hold a later one against it.",
-    "comparison.csv": "Ratings of both studies.",
     "learning_curve.csv": "Mean ratings by number of tests.",
     "metrics.csv": "Pulse metrics with 95 % intervals.",
     "models.zip": "Unpack it for crashfuse predict --models.",
     "next_tests.csv": "Every candidate and its gain.",
     "pulses.csv": "Predicted pulses with both bands.",
-    "pulses.parquet": "As pulses.csv.",
     "scores.csv": "Ratings by test, approach and window.",
     "side_by_side.csv": "Metrics of this prediction and others.",
     "speed_groups.csv": "As scores.csv, with speed groups left out.",
-    "sweep.csv": "Pulse metrics over speed.",
 }
 _PULSE_LABELS = {name: SOLVERS[name].label if name in SOLVERS else "ISO-MME" for name in PULSE_FORMATS}
 

@@ -229,7 +229,7 @@ def _keep_up(shown: address.Place) -> None:
 
 def route(page: Page) -> None:
     """Set up the frame and run the page given in the address."""
-    navigation.set_style()
+    st.html(navigation.STYLE)
     visitors.require_login(page.url_path)
     if not page.url_path:  # the address without a page
         page.run()

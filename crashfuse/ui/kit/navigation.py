@@ -31,6 +31,7 @@ _LOGO = (
 _SIDEBAR_PX = 320
 _TO_OPEN = "page to open"  # session key
 _BROWSER = Path(__file__).parent / "browser"
+STYLE = _BROWSER / "style.css"  # look beyond the theme: density, tabs, focus
 
 
 def pages() -> dict[str, Page]:
@@ -100,11 +101,6 @@ def _open_first_page() -> None:
     from crashfuse.ui.kit import address
 
     st.switch_page(pages()["data"], query_params=address.given())
-
-
-def set_style() -> None:
-    """Give the page its look beyond the theme: density, tabs, focus."""
-    st.html(_BROWSER / "style.css")
 
 
 def watch_browser() -> None:

@@ -51,9 +51,7 @@ def stop_with_a_single_test(campaign: Campaign) -> None:
     """End a page that leaves tests out if there is only one."""
     if len(campaign.tests) > 1:
         return
-    only = (
-        f"{plain(campaign.test_ids[0])} is the only test of this campaign: without it there is nothing to learn from."
-    )
+    only = f"{plain(campaign.test_ids[0])} is the only test: without it there is nothing to learn from."
     st.info(only, icon=":material/looks_one:")
     show_link("predict", "Predict another condition")
     end_page()

@@ -44,7 +44,7 @@ _NOTED = "log-in noted"  # session key
 _KEPT, _MOST_VISITORS = "visitors.json", 200  # what they want in every session; the latest of them
 _LARGEST = 64 << 10  # bytes of a small file
 _PATIENCE_S = 5.0  # to wait for another who writes it
-_insisted = threading.Event()
+login_insisted = threading.Event()  # while this process runs, even if the secrets file is lost meanwhile
 _linking = threading.Lock()
 
 
@@ -166,15 +166,10 @@ def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:
     return bool(asked)
 
 
-def insist_on_login() -> None:
-    """Ask for a log-in as long as this process runs, even if the secrets file is lost meanwhile."""
-    _insisted.set()
-
-
 def require_login(page: str) -> None:
     """On a server that asks for a log-in, show nothing else before it; a link to a page is followed after it."""
     auth: dict[str, Any] = dict(st.secrets.get("auth", {})) if st.secrets.load_if_toml_exists() else {}
-    if not (auth or _insisted.is_set()):
+    if not (auth or login_insisted.is_set()):
         return
     if logged_in():
         if not st.session_state.get(_NOTED):
