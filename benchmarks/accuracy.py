@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
-from tables import write
+from tables import add_data_option, write
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
@@ -42,7 +42,7 @@ def main() -> None:
     """Run the studies, print their tables and write them."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("campaigns", type=Path, nargs="*", default=[Path("sample_data")])
-    arguments.add_argument("--data", type=Path, help="folder of CSV files whose rows of these campaigns are replaced")
+    add_data_option(arguments)
     chosen = arguments.parse_args()
     tables: dict[str, list[dict[str, object]]] = {}
     ways: tuple[LeaveOut, ...] = ("test", "speed group")

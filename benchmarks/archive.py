@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from tables import write
+from tables import add_data_option, write
 from vehicles import KINDS
 
 from crashfuse.campaign import Campaign
@@ -59,7 +59,7 @@ def main() -> None:
     parser.add_argument("--kind", choices=list(KINDS), default="sister", help="of the archive's vehicles")
     parser.add_argument("--archive", type=int, nargs="*", default=[9101, 9102, 9103, 9104], help="their seeds")
     parser.add_argument("--judged", type=int, nargs="*", default=[9109, 9110, 9111], help="seeds of the others")
-    parser.add_argument("--data", type=Path, help="folder of archive.csv")
+    add_data_option(parser)
     parser.add_argument("--out", type=Path, help="file of the archive")
     given = parser.parse_args()
     archive = learn_archive([_campaign(given.kind, seed) for seed in given.archive])

@@ -5,7 +5,10 @@ conditions of Zeng et al. 2023, Table 1, or one of any kind, with a calibrated C
 and those of any kind, lie evenly over speed. The limits lie in the middle of what occurs at 60 further conditions, so
 that guessing is wrong half the time; every verdict is compared with a test that nothing was learned from. Printed:
 coverage and width of the metrics' intervals, verdicts by kind and how many were wrong, Brier scores beside those of the
-raw CAE with its own error as band, the probabilities in bins, and seconds.
+raw CAE with its own error as band, the probabilities in bins, and seconds. With ``--data`` the tables are written as
+CSV: ``certification.csv`` (whole tests), ``certification_metrics.csv``, ``certification_bins.csv`` and
+``all_at_once.csv`` (the probability that all criteria are met, by draws, by Boole's inequality, and as if criteria were
+independent).
 """
 
 import argparse
@@ -16,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from tables import add_data_option, write
 from vehicles import KINDS, metrics_of
 
 from crashfuse.approaches.cae import Cae
@@ -23,9 +27,10 @@ from crashfuse.approaches.metric_calibration import Distribution, metric_errors
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify_matrix
-from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.criteria import CONFIDENCE, Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.track_record import at_most, share_bounds, wrong_shares
+from crashfuse.certification.track_record import largest_share, share_bounds, wrong_shares
+from crashfuse.certification.verdict import all_met, reaches
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
@@ -41,6 +46,9 @@ LIMITED = ("peak", "max_crush", "sm25", "olc", "vpi")
 
 _QUANTILES = (0.5, 0.75, 0.9)
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+_KINDS = {"sister": "sisters of the sample", "any": "of any kind", "calibrated": "with a calibrated CAE model"}
+_DIGITS = {"inside": 2}
+_WAYS = ("share of draws", "Boole's inequality", "independent")
 
 
 def random_campaign(seed: int, n_tests: int, kind: str) -> tuple[Campaign, tuple[CrashTest, ...]]:
@@ -116,48 +124,90 @@ def _judged(
 def _whole_tests(
     campaign: Campaign, new: tuple[CrashTest, ...], matrix: Matrix, config: StudyConfig
 ) -> list[dict[str, Any]]:
-    """How many tests need not be run, and how many of these miss a criterion, by how high the limits are."""
-    measured, found = shown(new), []
+    """Whether each further test meets all criteria, and with which probability by each way, by how high limits are."""
+    measured, rows = shown(new), []
     for share in _QUANTILES:
         at_most = limits(measured, share)
-        waived = certify_matrix(campaign, limiting(at_most), matrix, config, cache=Cache()).waived
+        certification = certify_matrix(campaign, limiting(at_most), matrix, config, cache=Cache())
         met = (measured <= at_most).all(axis=1)
-        risks = 1 - np.array(list(waived.values())).reshape(-1, 3)
-        missed, (most, expected, least) = int((~met[list(waived)]).sum()), risks.sum(axis=0)
-        row = {"limits": share, "tests": len(new), "would meet all": int(met.sum()), "need not be run": len(waived)}
-        row["wrong"] = (~met[list(waived)]).tolist()
-        found.append({**row, "missed one": missed, "expected": expected, "said at least": least, "said at most": most})
-    return found
+        for test, row in certification.rows.items():
+            chances = all_met(row)
+            independent = float(np.prod([verdict.probability or 0.0 for verdict in row]))
+            by_way = dict(zip(_WAYS, (chances.probability, chances.at_least, independent), strict=True))
+            words = {verdict.word for verdict in row}
+            known = words <= {"met", "not met", "open"} and all(verdict.probability is not None for verdict in row)
+            need = {
+                "waived": test in certification.waived,
+                "each met": words == {"met"} and not row[0].run,
+                "known": known,
+            }
+            rows.append({"vehicle": campaign.name, "share": share, "met": met[test], **need, **by_way})
+    return rows
 
 
-def _summary(table: pd.DataFrame) -> None:
+def _whole_table(whole: pd.DataFrame, vehicles: dict[str, str]) -> pd.DataFrame:
+    """Tests that need not be run, and those of them that miss a criterion, by how high the limits are."""
+    rows = []
+    for share, tests in whole.groupby("share"):
+        saved = tests[tests["waived"]]
+        wrong = wrong_shares((~saved["met"]).tolist(), vehicles=saved["vehicle"].tolist())
+        bounds = {name: f"{100 * largest_share(*own):.1f} %" for name, own in wrong.items()}
+        row: dict[str, object] = {**vehicles, "share that meets a limit": share, "conditions": len(tests)}
+        row |= {"would meet all": int(tests["met"].sum()), "need not be run": len(saved)}
+        row |= {"of these missed one": wrong["verdicts"].wrong, "bound": bounds["verdicts"]}
+        expected = f"{(1 - saved[_WAYS[0]]).sum():.1f}"
+        with_one = f"{wrong['vehicles'].wrong} of {wrong['vehicles'].n}"
+        row |= {"missed ones expected": expected, "vehicles with one": with_one}
+        rows.append({**row, "bound by vehicle": bounds["vehicles"]})
+    return pd.DataFrame(rows)
+
+
+def _at_once_table(whole: pd.DataFrame, vehicles: dict[str, str], confidence: float) -> pd.DataFrame:
+    """Scores of the probability that all criteria are met, and whom it would spare a test."""
+    known, rows = whole[whole["known"]], []
+    for way in _WAYS:
+        chance = known[way].clip(1e-3, 1 - 1e-3)
+        saved = known[known["each met"] & known[way].map(lambda p: reaches(p, confidence))]
+        row: dict[str, object] = {**vehicles, "all five at once": way, "probabilities": len(known)}
+        row |= {"Brier score": f"{((known[way] - known['met']) ** 2).mean():.3f}"}
+        row |= {"log score": f"{-np.log(chance.where(known['met'], 1 - chance)).mean():.3f}"}
+        row |= {"need not be run": len(saved), "of these missed one": int((~saved["met"]).sum())}
+        rows.append({**row, "expected": f"{(1 - saved[way]).sum():.1f}"})
+    return pd.DataFrame(rows)
+
+
+def _by_metric(table: pd.DataFrame, vehicles: dict[str, str]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Scores of the verdicts by metric, then of all; and the probabilities in bins."""
     known = table[np.isfinite(table["measured"]) & table["probability"].notna()].copy()
     known["decided"] = known["verdict"].isin(["met", "not met"])
     known["wrong"] = known["decided"] & ((known["verdict"] == "met") != known["met"])
-    known["brier"] = (known["probability"] - known["met"]) ** 2
-    known["brier_cae"] = (known["cae"].astype(float) - known["met"]) ** 2
-    both = known[known["lower"].notna() & known["upper"].notna()].copy()
-    both["inside"] = (both["lower"] <= both["measured"]) & (both["measured"] <= both["upper"])
-    both["half_width"] = (both["upper"] - both["lower"]) / 2 / both["measured"]
-    by = known.groupby("metric", sort=False)
-    shown = by[["decided", "brier", "brier_cae"]].mean()
-    shown["wrong"] = by["wrong"].sum() / by["decided"].sum()
-    shown = shown.join(both.groupby("metric", sort=False)[["inside", "half_width"]].mean())
-    print(shown.to_string(float_format="{:.3f}".format))
-    decided, wrong = int(known["decided"].sum()), int(known["wrong"].sum())
-    print(
-        f"all: {len(known)} cells, decided {decided / len(known):.3f}, wrong {wrong / max(decided, 1):.4f}, outside "
-        f"{(known['verdict'] == 'outside').mean():.3f}; open ones a median of "
-        f"{known.loc[known['verdict'] == 'open', 'away'].median():.3f} from the limit; Brier "
-        f"{known['brier'].mean():.4f}, raw CAE {known['brier_cae'].mean():.4f}"
-    )
+    known["Brier score"] = (known["probability"] - known["met"]) ** 2
+    known["of the raw CAE"] = (known["cae"].astype(float) - known["met"]) ** 2
+    both = known["lower"].notna() & known["upper"].notna()
+    known["inside"] = ((known["lower"] <= known["measured"]) & (known["measured"] <= known["upper"])).where(both)
+    known["half width"] = ((known["upper"] - known["lower"]) / 2 / known["measured"]).where(both)
+    rows = []
+    for metric, own in [*known.groupby("metric", sort=False), ("all", known)]:
+        decided, wrong = int(own["decided"].sum()), int(own["wrong"].sum())
+        means = own[["Brier score", "of the raw CAE", "inside", "half width"]].astype(float).mean()
+        row: dict[str, object] = {
+            **vehicles,
+            "metric": metric,
+            "verdicts": len(own),
+            "decided": decided,
+            "wrong": wrong,
+        }
+        rows.append(row | {name: f"{value:.{_DIGITS.get(str(name), 3)}f}" for name, value in means.items()})
+    bins = []
     for low, high in pairwise(_BINS):
         own = known[(known["probability"] >= low) & (known["probability"] < high + (high == 1))]
         if n := len(own):
             met = int(own["met"].sum())
-            bounds = "–".join(f"{end:.3f}" for end in share_bounds(met, n))
-            mean = own["probability"].mean()
-            print(f"  {low:.2f}–{high:.2f}: {n} of mean probability {mean:.3f}, {met / n:.3f} met ({bounds})")
+            ends = "–".join(f"{end:.3f}" for end in share_bounds(met, n))
+            of_bin = {**vehicles, "probability": f"{low:.2f}–{high:.2f}", "verdicts": n}
+            mean = f"{own['probability'].mean():.3f}"
+            bins.append({**of_bin, "mean": mean, "share met": f"{met / n:.3f}", "two-sided 95 % interval": ends})
+    return pd.DataFrame(rows), pd.DataFrame(bins)
 
 
 def _own_record(folder: str, approach: str) -> None:
@@ -185,25 +235,23 @@ def main() -> None:
     parser.add_argument("--kind", choices=list(KINDS), default="sister", help="of vehicle")
     parser.add_argument("--approach", default="fused")
     parser.add_argument("--campaign", nargs="+", default=[], help="campaign folders: their own records instead")
+    add_data_option(parser)
     given = parser.parse_args()
     for folder in given.campaign:
         _own_record(folder, given.approach)
     if given.campaign:
         return
-    tables, whole = zip(
-        *(
-            _judged(seed, *random_campaign(seed, given.tests, given.kind), given.approach)
-            for seed in range(given.first, given.first + given.vehicles)
-        ),
-        strict=True,
-    )
-    _summary(pd.concat(tables))
-    of_limits = pd.DataFrame(row for rows in whole for row in rows).groupby("limits")
-    print(of_limits.sum().drop(columns="wrong").to_string(float_format="{:.1f}".format))
-    for share, wrong in of_limits["wrong"]:
-        vehicles = np.repeat(np.arange(len(wrong)), wrong.map(len)).tolist()
-        bounds = wrong_shares(wrong.sum(), vehicles=vehicles)
-        print(f"limits {share}, exact 95 % bounds:", *(f"{unit} {at_most(*own)}" for unit, own in bounds.items()))
+    seeds = range(given.first, given.first + given.vehicles)
+    judged = [_judged(seed, *random_campaign(seed, given.tests, given.kind), given.approach) for seed in seeds]
+    vehicles = {"vehicles": f"{given.vehicles} {_KINDS[given.kind]}", "seeds": f"{seeds[0]}–{seeds[-1]}"}
+    whole = pd.DataFrame(row for _, rows in judged for row in rows)
+    metrics, bins = _by_metric(pd.concat(table for table, _ in judged), vehicles)
+    tables = {"certification": _whole_table(whole, vehicles), "certification_metrics": metrics}
+    tables |= {"certification_bins": bins, "all_at_once": _at_once_table(whole, vehicles, CONFIDENCE)}
+    for name, table in tables.items():
+        print(f"\n{name}\n{table.to_string(index=False)}")
+        if given.data is not None:
+            write(table, given.data / f"{name}.csv", "vehicles")
 
 
 if __name__ == "__main__":

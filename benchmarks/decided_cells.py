@@ -5,7 +5,8 @@ to 11 tests. At 40 unseen crashes of each, limits at 0.9 to 1.1 of the value of 
 probability of staying below is 0.95 and more, or 0.05 and less. Printed: the share of decided limits, that of somebody
 who knows the vehicle and only not how a single test of it scatters (24 repeats at three speeds), the share of decided
 ones that the crash contradicts, how many intervals hold, and their width beside what errors ask for. With ``--tests 4
---archive FILE`` vehicles have four tests, and an archive of ``benchmarks/archive.py`` teaches them.
+--archive FILE`` vehicles have four tests, and an archive of ``benchmarks/archive.py`` teaches them. With ``--data`` the
+table is written to ``decided_cells.csv``.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import argparse
 import numpy as np
 import pandas as pd
 from certification import random_campaign
+from tables import add_data_option, write
 from vehicles import KINDS, metrics_of
 
 from crashfuse.approaches.metric_calibration import metric_distributions
@@ -75,17 +77,20 @@ def main() -> None:
     parser.add_argument("--any", type=int, nargs="*", default=[*range(8101, 8115)], help="seeds of those of any kind")
     parser.add_argument("--tests", type=int, help="of each vehicle, instead of 8 to 11")
     parser.add_argument("--archive", type=load_archive, help="file of the archive that teaches them")
+    add_data_option(parser)
     given = parser.parse_args()
     cells = pd.concat(
         _cells(kind, seed, given.tests, given.archive) for kind in ("sister", "any") for seed in getattr(given, kind)
     )
     cells["square"] = cells.pop("error") ** 2
-    for by in (["kind", "metric"], ["kind"]):
-        table = cells.groupby(by, sort=False).mean(numeric_only=True)
-        table["wrong"] /= table["decided"]
-        table["asked"] = 3.92 * np.sqrt(table.pop("square"))
-        table.insert(0, "of known", table["decided"] / table["known"])
-        print(table.to_string(float_format="{:.3f}".format))
+    everything = cells.assign(metric="all")
+    table = pd.concat([cells, everything]).groupby(["kind", "metric"], sort=False).mean(numeric_only=True)
+    table["wrong"] /= table["decided"]
+    table["asked"] = 3.92 * np.sqrt(table.pop("square"))
+    table.insert(0, "of known", table["decided"] / table["known"])
+    print(table.to_string(float_format="{:.3f}".format))
+    if given.data is not None:
+        write(table.map("{:.3f}".format).reset_index(), given.data / "decided_cells.csv", "kind")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 from joblib import Parallel, delayed
-from tables import write
+from tables import add_data_option, write
 from threadpoolctl import threadpool_limits
 from vehicles import World
 
@@ -97,9 +97,7 @@ def main() -> None:
     arguments.add_argument("--vehicles", type=int, default=0, help="random vehicles, besides the campaigns")
     arguments.add_argument("--first", type=int, default=1000, help="seed of the first; below 1000 some took part")
     arguments.add_argument("--workers", type=int, default=2)
-    arguments.add_argument(
-        "--data", type=Path, help="folder of few_tests.csv; its rows of these campaigns are replaced"
-    )
+    add_data_option(arguments)
     chosen = arguments.parse_args()
     folders = chosen.campaigns or ([] if chosen.vehicles else [Path("sample_data")])
     for folder in folders:

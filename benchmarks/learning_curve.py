@@ -3,7 +3,8 @@
 Each seed is another vehicle, drawn at random. A campaign of random tests gets its learning curve, and from it
 the gain expected of one more test. Then four further tests are run at random conditions, each is added alone, and
 twenty unseen tests, evenly spaced over speed, are predicted with and without it. The displacement domain stands for the
-fused prediction, whose networks take too long to train for each vehicle.
+fused prediction, whose networks take too long to train for each vehicle. With ``--data`` the table is written to
+``one_more_test.csv``.
 """
 
 import argparse
@@ -12,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
+from tables import add_data_option, write
 from threadpoolctl import threadpool_limits
 from vehicles import World
 
@@ -50,24 +52,26 @@ def _vehicle(seed: int, n_tests: int) -> dict[str, float]:
         "lower": more.lower,
         "upper": more.upper,
         "measured": float(gain.mean()),
-        "error": float(gain.std(ddof=1) / np.sqrt(_UNSEEN)),
+        "standard error": float(gain.std(ddof=1) / np.sqrt(_UNSEEN)),
     }
 
 
 def main() -> None:
-    """Measure and print a Markdown table."""
+    """Measure, print and write a table."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--seeds", type=int, default=8)
     arguments.add_argument("--tests", type=int, default=9)
     arguments.add_argument("--workers", type=int, default=2)
+    add_data_option(arguments)
     chosen = arguments.parse_args()
     seeds = range(1, chosen.seeds + 1)
     rows = Parallel(chosen.workers)(delayed(_vehicle)(seed, chosen.tests) for seed in seeds)
     table = pd.DataFrame(rows, index=pd.Index(seeds, name="vehicle"))
-    print("| vehicle | " + " | ".join(table) + " |\n|---:|" + "---:|" * len(table.columns))
-    for seed, row in table.iterrows():
-        print(f"| {seed} | " + " | ".join(f"{value:.4f}" for value in row) + " |")
+    shown = table.map("{:.4f}".format).reset_index().astype({"vehicle": str})
+    print(shown.to_string(index=False))
     print(f"Mean expected {table['expected'].mean():.4f}, measured {table['measured'].mean():.4f}")
+    if chosen.data is not None:
+        write(shown, chosen.data / "one_more_test.csv", "vehicle")
 
 
 if __name__ == "__main__":

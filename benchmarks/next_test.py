@@ -5,7 +5,7 @@ drawn anew, independently. Three tests have been run: two near 25 mph and one ne
 three drawn from the eleven of Zeng et al. 2023, Table 1, most of them also near 25 and 35 mph. Then one, two and three
 more are added: chosen one by one by :func:`crashfuse.study.next_test.rank_next_tests`, drawn at random from
 the range, or spaced evenly over its speeds at the middle weights. All predict the same further tests across the
-range.
+range. With ``--data`` the mean ratings are written to ``next_test.csv``.
 """
 
 import argparse
@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
+from tables import add_data_option, write
 from threadpoolctl import threadpool_limits
 from vehicles import SAMPLE_RANGE, World
 
@@ -102,6 +103,7 @@ def main() -> None:
     arguments.add_argument("--first", type=int, default=0, help="the first seed")
     arguments.add_argument("--start", choices=("clusters", "paper"), default="clusters")
     arguments.add_argument("--workers", type=int, default=2)
+    add_data_option(arguments)
     chosen = arguments.parse_args()
     seeds = range(chosen.first, chosen.first + chosen.seeds)
     tables = Parallel(chosen.workers)(delayed(_study)(seed, chosen.start) for seed in seeds)
@@ -117,6 +119,16 @@ def main() -> None:
     print("\nRanked minus the other way, vehicle by vehicle:\n")
     paired = pd.concat(differences, names=["more", "way", "seed"])
     _print(paired.groupby(["more", "way"]).agg(_mean_and_error), "tests added | against")
+    if chosen.data is not None:
+        means = by_vehicle["rating"].groupby(["more", "way"]).mean().unstack()
+        means = means.apply(lambda way: way.fillna(means["none"])).rename_axis("further tests").reset_index()
+        columns = {"ranked": "by rank", "even": "evenly spaced", "random": "random"}
+        table = means[["further tests", *columns]].rename(columns=columns)
+        write(table.astype({"further tests": str}).map(_three_digits), chosen.data / "next_test.csv", "further tests")
+
+
+def _three_digits(value: object) -> object:
+    return f"{value:.3f}" if isinstance(value, float) else value
 
 
 def _mean_and_error(values: pd.Series) -> str:

@@ -2,7 +2,8 @@
 
 Vehicles are drawn at random (``benchmarks/vehicles.py``), sisters of the sample's and others of any kind. Each of 40
 conditions of a vehicle is tested twice by one specimen with one sensor noise: there, and up to 1 km/h and 2 % of each
-weight off. Printed: the root mean square of the difference in percent, and of what the emulator leaves of it.
+weight off. Printed, and with ``--data`` written to ``off_condition.csv``: the root mean square of the difference in
+percent, and of what the emulator leaves of it.
 """
 
 import argparse
@@ -10,6 +11,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pandas as pd
+from tables import add_data_option, write
 from vehicles import KINDS, metrics_of
 
 from crashfuse.cae.model import CaeModel
@@ -46,11 +48,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
     parser.add_argument("--sister", type=int, nargs="*", default=[301, 302, 303], help="their seeds")
     parser.add_argument("--any", type=int, nargs="*", default=[701, 702, 703, 721], help="seeds of those of any kind")
+    add_data_option(parser)
     given = parser.parse_args()
     rows = [row for kind in ("sister", "any") for seed in getattr(given, kind) for row in _differences(kind, seed)]
     table = pd.DataFrame(rows).replace([np.inf, -np.inf], np.nan).dropna()
     shown = table.groupby(["metric", "kind"], sort=False)[["off", "left"]].agg(lambda own: np.sqrt((own**2).mean()))
     print(shown.unstack("kind").to_string(float_format="{:.2f}".format))
+    if given.data is not None:
+        rows = []
+        for kind, vehicles in (("sister", "sisters of the sample"), ("any", "of any kind")):
+            seeds = getattr(given, kind)
+            for way, what in (("off", "difference"), ("left", "left")):
+                values = shown.xs(kind, level="kind")[way]
+                row = {name: f"{value:.1f}" for name, value in values.items()}
+                about = {"vehicles": f"{len(seeds)} {vehicles}", "seeds": " ".join(map(str, seeds))}
+                rows.append({**about, "root mean square in %": what} | row)
+        write(pd.DataFrame(rows), given.data / "off_condition.csv", "vehicles")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 Peak (CFC 60) and maximum crush of both families of random vehicles at 40, 48 and 56 km/h: mean, standard deviation and
 the central 90 % of those that stop within 100 ms. ``MEASURED.csv`` has one row a full-frontal test, with ``speed_kph``,
-``calc_peak_g`` and ``calc_crush_mm``; tests within 1.5 km/h of a speed count.
+``calc_peak_g`` and ``calc_crush_mm``; tests within 1.5 km/h of a speed count. With ``--data`` the table is written to
+``population.csv``.
 """
 
 import argparse
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from many_vehicles import crashes
+from tables import add_data_option, write
 from vehicles import World, recorded
 
 from crashfuse.condition import Condition
@@ -46,27 +48,36 @@ def _measured(file: Path) -> dict[float, tuple[FloatArray, ...]]:
     return {speed: (rows["calc_peak_g"].to_numpy(), rows["calc_crush_mm"].to_numpy()) for speed, rows in near.items()}
 
 
-def _cell(values: FloatArray, digits: int) -> str:
+def _columns(what: str, values: FloatArray, digits: int) -> dict[str, str]:
     low, high = np.quantile(values, [0.05, 0.95])
-    return f"{values.mean():.{digits}f} ± {values.std():.{digits}f} ({low:.0f}–{high:.0f})"
+    ends = {"5 %": f"{low:.0f}", "95 %": f"{high:.0f}"}
+    numbers = {"mean": f"{values.mean():.{digits}f}", "sd": f"{values.std():.{digits}f}", **ends}
+    return {f"{what}, {name}": number for name, number in numbers.items()}
 
 
 def main() -> None:
-    """Print a Markdown table."""
+    """Print the table and write it."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("measured", type=Path, nargs="?")
     arguments.add_argument("--vehicles", type=int, default=400)
+    add_data_option(arguments)
     chosen = arguments.parse_args()
-    groups = {
-        "judged by": _simulated(_judged_by, chosen.vehicles),
-        "learned from": _simulated(crashes, chosen.vehicles),
+    groups = {  # drawn by these modules: those that predictions are judged by, and those that were learned from
+        "vehicles.py": _simulated(_judged_by, chosen.vehicles),
+        "many_vehicles.py": _simulated(crashes, chosen.vehicles),
     }
     if chosen.measured:
         groups["measured"] = _measured(chosen.measured)
-    print("| vehicles | speed in km/h | n | peak in g | crush in mm |\n|---|---:|---:|---|---|")
-    for name, speeds in groups.items():
-        for speed, (peak, crush) in speeds.items():
-            print(f"| {name} | {speed:.0f} | {len(peak)} | {_cell(peak, 1)} | {_cell(crush, 0)} |")
+    table = pd.DataFrame(
+        {"vehicles": name, "speed (km/h)": f"{speed:.0f}", "vehicles or tests": len(peak)}
+        | _columns("peak (g)", peak, 1)
+        | _columns("crush (mm)", crush, 0)
+        for name, speeds in groups.items()
+        for speed, (peak, crush) in speeds.items()
+    )
+    print(table.to_string(index=False))
+    if chosen.data is not None:
+        write(table, chosen.data / "population.csv", "vehicles")
 
 
 if __name__ == "__main__":

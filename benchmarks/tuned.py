@@ -3,7 +3,8 @@
 Each seed is a vehicle of any kind (``benchmarks/vehicles.py``) with eight tests over speed. Its CAE model is tuned to
 two of them, as an engineer would: the forces of each crush zone are scaled along the crush until both pulses fit. Each
 test is then left out and predicted from the others. Printed, by approach: the mean relative error of peak, crush, SM25,
-OLC and VPI and the mean rating, of tests that the model was tuned to, of the other tests, and of new ones.
+OLC and VPI and the mean rating, of tests that the model was tuned to, of the other tests, and of new ones. With
+``--data`` the table is written to ``tuned.csv``.
 """
 
 import argparse
@@ -12,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from certification import LIMITED, limiting, limits, shown
+from tables import add_data_option, write
 from vehicles import CRUSH_M, World, by_zone, recorded, runs_of
 
 from crashfuse.campaign import Campaign
@@ -109,11 +111,20 @@ def main() -> None:
     parser.add_argument("--vehicles", type=int, default=6)
     parser.add_argument("--first", type=int, default=801, help="seed of the first vehicle")
     parser.add_argument("--approach", nargs="+", default=["cae", "fused"])
+    add_data_option(parser)
     given = parser.parse_args()
+    seeds = range(given.first, given.first + given.vehicles)
     for approach in given.approach:
-        rows = [row for seed in range(given.first, given.first + given.vehicles) for row in _rows(seed, approach)]
-        table = pd.DataFrame(rows).astype({"error": float, "rating": float})
-        print(approach, table.groupby("tests")[["error", "rating"]].mean().round(4).to_string(), sep="\n", flush=True)
+        table = pd.DataFrame(row for seed in seeds for row in _rows(seed, approach))
+        means = table.astype({"error": float, "rating": float}).groupby("tests", sort=False)[["error", "rating"]].mean()
+        print(approach, means.round(4).to_string(), sep="\n", flush=True)
+        if given.data is not None:
+            shown = {
+                "error (%)": (100 * means["error"]).map("{:.1f}".format),
+                "rating": means["rating"].map("{:.2f}".format),
+            }
+            about = {"approach": approach, "vehicles": f"{seeds[0]}–{seeds[-1]}", "tests": means.index}
+            write(pd.DataFrame({**about, **shown}), given.data / "tuned.csv", "approach")
 
 
 if __name__ == "__main__":

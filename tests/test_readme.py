@@ -15,7 +15,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 def test_the_two_commands_install_and_run_what_exists() -> None:
     """Both install from the checkout; the first starts the dashboard on the sample, the second runs the tests."""
-    start, check = (block.strip().split(" && ") for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL))
+    start, check, _ = (block.strip().split(" && ") for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL))
     assert start[0] == "python -m pip install -c constraints.txt ."
     assert check == [
         'python -m pip install -c constraints.txt -e ".[test]"',
@@ -36,9 +36,15 @@ def test_the_cpu_build_of_torch_is_the_one_that_the_constraints_ask_for(page: st
 def test_the_public_workflow_runs_the_same_two_commands() -> None:
     """Whatever the README asks of a newcomer is proven on every platform."""
     workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
-    start, check = (block.strip() for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL))
+    start, check, _ = (block.strip() for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL))
     assert f"run: {check}\n" in workflow
     assert f"run: {start.partition(' && ')[0]} && crashfuse --help\n" in workflow  # the dashboard itself never ends
+
+
+def test_what_certify_prints_is_as_on_its_page() -> None:
+    """Where the commands are run, and what is shown is compared with what they print."""
+    [printed] = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+    assert printed in (ROOT / "docs" / "how-to" / "certify.md").read_text(encoding="utf-8")
 
 
 def test_the_citation_names_this_version() -> None:
