@@ -3,7 +3,7 @@
 Each seed is another vehicle: that of the sample campaign, with forces, gaps and folds of the CAE model and of the truth
 drawn anew, independently. Three tests have been run: two near 25 mph and one near 35 mph, or with ``--start paper``
 three drawn from the eleven of Zeng et al. 2023, Table 1, most of them also near 25 and 35 mph. Then one, two and three
-more are added: chosen one by one by :func:`crashfuse.study.next_test.rank_next_tests`, drawn at random from
+more are added: chosen one by one by :func:`crashfuse.study.planning.rank_next_tests`, drawn at random from
 the range, or spaced evenly over its speeds at the middle weights. All predict the same further tests across the
 range. With ``--data`` the mean ratings are written to ``next_test.csv``.
 """
@@ -26,7 +26,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, Pulse
 from crashfuse.signals.rating import rate_windows
-from crashfuse.study.next_test import rank_next_tests
+from crashfuse.study.planning import rank_next_tests
 from crashfuse.synthetic.sample import TABLE_1
 from crashfuse.units import LB, MPH, G
 

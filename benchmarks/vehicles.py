@@ -23,7 +23,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
-from crashfuse.study.next_test import ConditionRange
+from crashfuse.study.planning import ConditionRange
 from crashfuse.synthetic.specimens import CAE_MODEL, SENSOR_NOISE_MPS2, TRUTH, scattered
 from crashfuse.synthetic.vehicle import Coupling, CrushZone, Vehicle, simulate
 from crashfuse.units import LB, MPH

@@ -33,9 +33,8 @@ from crashfuse.study import archive_learning
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.history import PastResult, keep
-from crashfuse.study.next_test import ConditionRange
+from crashfuse.study.planning import ConditionRange, speeds_between, sweep_speed, usual_speeds, weights_sentence
 from crashfuse.study.saved_models import load_model, model_file, save_model
-from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
 from crashfuse.wording import speed
 
 

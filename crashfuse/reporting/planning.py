@@ -23,8 +23,15 @@ from crashfuse.reporting.result_tables import next_tests_table, sweep_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import FASTEST_MPS, Fit
-from crashfuse.study.next_test import ConditionRange, NextTest, rank_next_tests
-from crashfuse.study.sweep import Sweep, speeds_between, sweep_speed, usual_speeds
+from crashfuse.study.planning import (
+    ConditionRange,
+    NextTest,
+    Sweep,
+    rank_next_tests,
+    speeds_between,
+    sweep_speed,
+    usual_speeds,
+)
 from crashfuse.units import MPH
 from crashfuse.wording import speed
 

@@ -18,10 +18,9 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.metrics import Metric
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.next_test import NextTest
 from crashfuse.study.one_more_test import Cost, gains, plus_minus, summary
+from crashfuse.study.planning import NextTest, Sweep
 from crashfuse.study.study import Study
-from crashfuse.study.sweep import Sweep
 from crashfuse.units import KN, MPH, MS, G
 from crashfuse.wording import MPH_LB, UnitSystem, number, signed
 

@@ -37,9 +37,8 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
-from crashfuse.study.next_test import ConditionRange, NextTest, rank_next_tests
+from crashfuse.study.planning import ConditionRange, NextTest, missing_over_speed, rank_next_tests, weights_sentence
 from crashfuse.study.recommendation import Recommendation
-from crashfuse.study.sweep import missing_over_speed, weights_sentence
 from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import MOST_PINS, pinned
 from crashfuse.ui.kit.campaigns import View

@@ -22,10 +22,9 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.next_test import NextTest
+from crashfuse.study.planning import NextTest, sweep_speed
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
-from crashfuse.study.sweep import sweep_speed
 from crashfuse.units import KPH, LB, MPH, G
 
 SCALES = {"displacement_domain": 0.9, "cae": 0.7}  # an order of our own, which tables keep

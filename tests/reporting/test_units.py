@@ -31,9 +31,8 @@ from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.next_test import ConditionRange, NextTest
+from crashfuse.study.planning import ConditionRange, NextTest, Sweep
 from crashfuse.study.study import Fold, Study
-from crashfuse.study.sweep import Sweep
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.wording import KPH_KG, MPH_LB, Sentence, UnitSystem, speed
 

@@ -10,10 +10,10 @@ from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.left_out_account import account, worst_test
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.outliers import Departure
+from crashfuse.study.planning import weights_sentence
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
-from crashfuse.study.sweep import weights_sentence
 from crashfuse.units import G
 from tests.golden import assert_golden
 from tests.study import test_comparison, test_left_out_account, test_one_more_test, test_recommendation

@@ -198,7 +198,7 @@ def test_on_study(open_campaign: Path, visit: "Visit") -> None:
 
 def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.MonkeyPatch) -> None:
     """Over time beside a pinned prediction and a test, over displacement, energy, over speed, the test to run next."""
-    monkeypatch.setattr("crashfuse.study.sweep.speeds_between", lambda low, high: np.linspace(low, high, 4))
+    monkeypatch.setattr("crashfuse.study.planning.speeds_between", lambda low, high: np.linspace(low, high, 4))
     at = {"speed_mph": 30.0, "front_weight_lb": 2050.0, "rear_weight_lb": 1500.0}
     pin = Condition.of(**{**at, "speed_mph": 20.0})
     link = {name: str(value) for name, value in at.items()}

@@ -18,7 +18,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import page as report_page
 from crashfuse.signals.metrics import Metric, pulse_metrics
 from crashfuse.signals.occupant import OccupantModel
-from crashfuse.study.next_test import NextTest
+from crashfuse.study.planning import NextTest
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.results import aligned
 from crashfuse.ui.kit.text import as_read

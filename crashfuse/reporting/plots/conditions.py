@@ -15,8 +15,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.study.next_test import NextTest
-from crashfuse.study.sweep import Sweep, uncovered_speeds
+from crashfuse.study.planning import NextTest, Sweep, uncovered_speeds
 from crashfuse.units import MPH
 
 _MAX_RUNS = 600  # more points only fill the same cloud, and browsers draw each one separately

@@ -17,8 +17,8 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, sentences
+from crashfuse.study.planning import missing_over_speed, weights_sentence
 from crashfuse.study.recommendation import recommend_for
-from crashfuse.study.sweep import missing_over_speed, weights_sentence
 
 _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper

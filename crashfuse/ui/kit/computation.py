@@ -27,11 +27,11 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.learning_curve import LearningCurve, is_curve_cached, learning_curve
+from crashfuse.study.planning import sweep_speed, usual_speeds
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.study.running import fold_key, run_study
 from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Fold, Study
-from crashfuse.study.sweep import sweep_speed, usual_speeds
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.campaigns import data_stamp
 from crashfuse.ui.kit.jobs import Job, Jobs

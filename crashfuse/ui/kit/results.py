@@ -25,7 +25,7 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.next_test import NextTest
+from crashfuse.study.planning import NextTest
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.navigation import component

@@ -12,7 +12,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.conditions import condition_space, sweep_figure
 from crashfuse.reporting.plots.palette import COLOURS
 from crashfuse.signals.metrics import Metric
-from crashfuse.study.sweep import Sweep
+from crashfuse.study.planning import Sweep
 from crashfuse.units import LB, MPH
 
 INSIDE, OUTSIDE = "Tests", "Tests outside it: extrapolation"
