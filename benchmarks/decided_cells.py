@@ -41,8 +41,8 @@ def _cells(kind: str, seed: int, n_tests: int | None, archive: VehicleArchive | 
         pd.DataFrame(metrics_of(test.pulse.accel_mps2, at) for test in world.test([at] * _REPEATS, first=5000))
         for at in by_speed[8::12]
     ]
-    scatter = np.sqrt(np.mean([(own.std() / own.mean()) ** 2 for own in repeats], axis=0))
-    known = dict(zip(repeats[0], scatter, strict=True))
+    finite = (own.where(np.isfinite(own)) for own in repeats)  # slow repeats may end before a metric is known
+    known = np.sqrt(pd.concat([(own.std() / own.mean()) ** 2 for own in finite], axis=1).mean(axis=1))
     fit, rows = Fit.of(campaign, "fused", StudyConfig(), cache=Cache()), []
     for test in unseen:
         found = metric_distributions(fit.estimate(test.condition).drawn, fit.metric_errors)
