@@ -71,6 +71,7 @@ class Certification:
     seconds: dict[str, float]  # to learn, leaving tests out included, and to judge the matrix
     since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it
     variants: tuple[Variant, ...] = ()  # other limits and confidences; other seeds, presets and tests if asked for
+    key: str = ""  # that seals its files, if one does
 
     def __repr__(self) -> str:
         size = f"{len(self.criteria.items)} × {len(self.matrix.ids)} verdicts"
@@ -304,10 +305,11 @@ def hold(
         if verdict.run:
             verdict = beside_tests(verdict, *_measured(verdict, record))
         if apart:
-            may = Sentence("another test may fold as it did.")
+            may = Sentence("another test may come out as it did.")
             if verdict.folds:
                 alike, otherwise = (probability_text(share, criteria.confidence) for share in verdict.folds)
-                may = Sentence("met with probability {} if a test folds as it did, else {}.", otherwise, alike)
+                which = "{} either way." if alike == otherwise else "{} if a test comes out as it did, else {}."
+                may = Sentence(f"met with probability {which}", otherwise, alike)
             caveat = Sentence("{} stands apart at about this speed: {}", read_out(apart), may)
             verdict = _with_reason(verdict, caveat)
         return _beside_removed(verdict, removed)

@@ -164,7 +164,7 @@ class Changes:
 
 def saved_and_missed(certification: Certification) -> tuple[int, int]:
     """As :meth:`TrackRecord.waived`, with tests that earlier certifications waived and that were run since."""
-    saved = certification.record.saved(certification.criteria)
+    saved = {test: any(own.values()) for test, own in certification.record.saved(certification.criteria).items()}
     if certification.since is not None:
         for tests in Changes.of(certification).waived_outcomes.values():
             tuned = certification.since.tuned

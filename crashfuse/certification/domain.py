@@ -35,6 +35,8 @@ class Domain:
     masses_kg: tuple[float, float]
     factors: dict[str, tuple[str, ...]]
     cae: CaeLibrary
+    tested_kg: tuple[float, float]  # masses of the tests
+    inside: tuple[str, ...]  # tests that lay inside the domain of the others when their speed group was left out
     tuned: tuple[str, ...] = ()  # tests that check nothing, as the CAE model was tuned to them
 
     @classmethod
@@ -50,13 +52,17 @@ class Domain:
         for test, group in zip(tests, groups, strict=True):
             rest = [t.condition.speed_mps for t in tests if t.id not in group]
             gaps.append(float(np.abs(np.array(rest) - test.condition.speed_mps).min()) if rest else 0.0)
-        told = gaps if for_record else _of_those_inside(campaign, tests, groups, gaps)
+        pairs = list(zip(tests, groups, gaps, strict=True))
+        inside = pairs if for_record else _those_inside(campaign, pairs)
         masses = np.array([test.condition.mass_kg for test in tests])
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
         below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
-        ends = float(masses.min()) - slack, float(masses.max()) + slack
-        reach = max((*told, SPEED_STEP_MPS))
-        return cls(n_tests, tuple(speeds.tolist()), reach, below, above, ends, campaign.factors, campaign.cae, tuned)
+        lightest, heaviest = float(masses.min()), float(masses.max())
+        reach = max((*(gap for *_, gap in inside), SPEED_STEP_MPS))
+        return cls(
+            n_tests, tuple(speeds.tolist()), reach, below, above, (lightest - slack, heaviest + slack),
+            campaign.factors, campaign.cae, (lightest, heaviest), tuple(test.id for test, *_ in inside), tuned,
+        )  # fmt: skip
 
     @property
     def speed_ranges_mps(self) -> tuple[tuple[float, float], ...]:
@@ -128,10 +134,11 @@ class Domain:
         return (*found, *(self.not_counted if found else ()), *self.cae.extrapolation(condition))
 
 
-def _of_those_inside(
-    campaign: Campaign, tests: Sequence[CrashTest], groups: Sequence[tuple[str, ...]], gaps: Sequence[float]
-) -> list[float]:
-    """The gaps of tests whose speed lay inside what the others check, when their group was left out."""
-    others = {group: Domain.of(campaign.without(group), for_record=True) for group in groups if len(group) < len(tests)}
-    known = [row for row in zip(tests, groups, gaps, strict=True) if row[1] in others]
-    return [gap for test, group, gap in known if not others[group].exceeded_by(test.condition)]
+_Gap = tuple[CrashTest, tuple[str, ...], float]  # a test, its speed group, and how far the nearest other one is
+
+
+def _those_inside(campaign: Campaign, gaps: Sequence[_Gap]) -> list[_Gap]:
+    """Those whose speed lay inside what the others check, when their group was left out."""
+    groups = {group for _, group, _ in gaps if len(group) < len(gaps)}
+    others = {group: Domain.of(campaign.without(group), for_record=True) for group in groups}
+    return [gap for gap in gaps if gap[1] in others and not others[gap[1]].exceeded_by(gap[0].condition)]

@@ -168,6 +168,15 @@ def _decided(trials: Sequence[Trial]) -> tuple[int, int]:
     return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
 
 
+def _with_interval(trials: Sequence[Trial]) -> list[Trial]:
+    return [t for t in trials if (t.verdict.lower, t.verdict.upper) != (None, None)]
+
+
+def _held(trials: Sequence[Trial]) -> tuple[int, int]:
+    n = len(strictest_per_metric(trials))
+    return n - len(strictest_per_metric([trial for trial in trials if not trial.held])), n
+
+
 def trial_bounds(trials: Sequence[Trial]) -> dict[str, WrongShare]:
     """:func:`wrong_shares` of the decided ones of these trials, and of their tests."""
     decided = [trial for trial in trials if trial.verdict.decided]
@@ -261,15 +270,25 @@ class TrackRecord:
 
     @cached_property
     def telling(self) -> "TrackRecord":
-        """Verdicts on limits that left-out tests came near, or belied; one a metric of a test."""
+        """Verdicts on limits that left-out tests came near, or belied; one a metric of a test each time."""
         names = {trial.verdict.criterion.name for trial in self.counted if trial.near or trial.wrong}
         return TrackRecord(strictest_per_metric([t for t in self.counted if t.verdict.criterion.name in names]))
 
     @property
+    def near_limit(self) -> "TrackRecord":
+        """Verdicts *met* and *not met* on tests that came near the limit, or belied it; one a metric and test."""
+        near = [trial for trial in self.counted if trial.verdict.decided and (trial.near or trial.wrong)]
+        return TrackRecord(strictest_per_metric(near, each_time=False))
+
+    @property
     def intervals(self) -> tuple[int, int]:
-        """How many 95 % intervals held what was measured, and of how many; one a metric."""
-        n = len(strictest_per_metric(self._with_interval))
-        return n - len(self.missed_intervals), n
+        """How many 95 % intervals inside the domain held what was measured, and of how many; one a metric each time."""
+        return _held(_with_interval(self._inside))
+
+    @property
+    def intervals_outside(self) -> tuple[int, int]:
+        """The same of tests outside what the others check."""
+        return _held(_with_interval([trial for trial in self.counted if trial.verdict.word == "outside"]))
 
     @property
     def whole_pulses(self) -> dict[LeftOut, tuple[int, int]]:
@@ -280,11 +299,7 @@ class TrackRecord:
     @property
     def missed_intervals(self) -> tuple[Trial, ...]:
         """Trials whose interval did not hold what was measured, one a metric each time."""
-        return strictest_per_metric([trial for trial in self._with_interval if not trial.held])
-
-    @property
-    def _with_interval(self) -> list[Trial]:
-        return [t for t in self._inside if (t.verdict.lower, t.verdict.upper) != (None, None)]
+        return strictest_per_metric([trial for trial in _with_interval(self._inside) if not trial.held])
 
     @property
     def too_narrow(self) -> bool:
@@ -295,17 +310,21 @@ class TrackRecord:
     def waived(self, criteria: Criteria) -> tuple[int, int, int]:
         """How many tests were left out, need not have been run, and of these missed a criterion."""
         saved = self.saved(criteria)
-        return len({trial.held_out for trial in self.counted}), len(saved), sum(saved.values())
+        return (
+            len({trial.held_out for trial in self.counted}),
+            len(saved),
+            sum(any(own.values()) for own in saved.values()),
+        )
 
-    def saved(self, criteria: Criteria) -> dict[str, bool]:
-        """Tests that need not have been run, left out in either way, and whether each missed a criterion."""
+    def saved(self, criteria: Criteria) -> dict[str, dict[LeftOut, bool]]:
+        """Tests that need not have been run, by how they were left out, and whether each then missed a criterion."""
         rows: dict[tuple[str, LeftOut], list[Trial]] = {}
         for trial in self.counted:
             rows.setdefault((trial.held_out, trial.left_out), []).append(trial)
-        saved: dict[str, bool] = {}
-        for (test, _), row in rows.items():
+        saved: dict[str, dict[LeftOut, bool]] = {}
+        for (test, way), row in rows.items():
             if len(row) == len(criteria.items) and needs_no_test([t.verdict for t in row], criteria.confidence):
-                saved[test] = saved.get(test, False) or any(trial.wrong for trial in row)
+                saved.setdefault(test, {})[way] = any(trial.wrong for trial in row)
         return saved
 
     def support(self, criterion: Criterion) -> Support:

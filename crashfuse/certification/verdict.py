@@ -113,7 +113,7 @@ def judge(
 ) -> tuple[Verdict, ...]:
     """Verdicts on all criteria at a condition by its forecast; ``outside`` says why it is beyond what was checked.
 
-    Where ``tests`` were run an open verdict is on another one, and does not advise to test; what they measured is None.
+    Where ``tests`` were run an open verdict is on another one; what they measured is None.
     """
     verdicts = []
     for criterion in criteria.items:
@@ -145,9 +145,9 @@ def _reason(verdict: Verdict, confidence: float) -> str:
         return f"{short} is too short for the {verdict.criterion.label} here; only a longer record can tell."
     chances = verdict.probability, 1 - verdict.probability
     met, missed = (probability_text(p, confidence).replace(">", "over ") for p in chances)
-    another, advice = (" by another test", "") if verdict.run else ("", ": test it, or redesign")
+    another = " by another test" if verdict.run else ""
     came = {"met": f"met with probability {met}.", "not met": f"missed with probability {missed}."}
-    told = came.get(verdict.word, f"met{another} with probability {met} only{advice}.")
+    told = came.get(verdict.word, f"met{another} with probability {met} only.")
     return joined([verdict.expected, told], ", ")
 
 

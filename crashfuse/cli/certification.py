@@ -44,6 +44,8 @@ def certify(arguments: argparse.Namespace) -> None:
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
     certification = judged.certification if earlier is None else judged.certification.beside(earlier)
+    if key is not None:
+        certification = replace(certification, key=seal.key_name(key.public_key()))
     latest = next(iter(file_store.certifications(campaign).values()), None) if earlier is None else earlier
     before = None if latest is None else latest.digest
     with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
@@ -63,7 +65,7 @@ def certify(arguments: argparse.Namespace) -> None:
     say_written(arguments.out, "certification")
     print(f"SHA-256 of {FILE}: {hashlib.sha256(content).hexdigest()}")
     if key is not None:
-        print(f"Sealed by the key {seal.key_name(key.public_key())}{_following(before)}.")
+        print(f"Sealed by the key {certification.key}{_following(before)}.")
 
 
 def make_key(arguments: argparse.Namespace) -> None:

@@ -72,8 +72,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
     counts = counts_table(certification).set_index("criterion")
     brier, (tests, saved, wrong) = record.brier or (None, None), record.waived(criteria)
     saved_with_since, missed_with_since = saved_and_missed(certification)
-    (inside, intervals), (telling, telling_wrong) = record.intervals, record.telling.decided
-    since = certification.since is not None
+    (inside, intervals), (inside_outside, outside) = record.intervals, record.intervals_outside
     return {
         **provenance(campaign, campaign.test_ids, config),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -81,7 +80,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "cae_tuned": {test.id: test.cae_tuned for test in campaign.tests if test.cae_tuned is not None},
         "about": {test.id: dict(test.about) for test in campaign.tests if test.about},
         "tests_sha256": {test.id: test.digest for test in campaign.tests},
-        "command": certify_command(campaign, config, campaign.units, since=since, costs=costs),
+        "command": certify_command(certification, campaign.units),
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
         "criteria": {
             "confidence": criteria.confidence,
@@ -105,10 +104,12 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "domain": {
             "tests": domain.n_tests,
             "speeds_mph": [speed / MPH for speed in domain.speeds_mps],
+            "inside_left_out": domain.inside,
             "between_tests_mph": domain.reach_mps / MPH,
             "below_slowest_mph": domain.below_mps / MPH,
             "above_fastest_mph": domain.above_mps / MPH,
             "mass_lb": [mass / LB for mass in domain.checked_masses_kg],
+            "tested_mass_lb": [mass / LB for mass in domain.tested_kg],
             "factors": {name: list(values) for name, values in domain.factors.items()},
         },
         "verdicts": certification.counts,
@@ -123,8 +124,10 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "decided_tests": share_columns(record.bounds()["tests"]),
             "waived": {"tests": tests, **share_columns(WrongShare(wrong, saved))},
             "waived_with_those_since": share_columns(WrongShare(missed_with_since, saved_with_since)),
-            "telling": share_columns(WrongShare(telling_wrong, telling)),
+            "saved": {test: list(ways) for test, ways in record.saved(criteria).items()},
+            "near_limit": share_columns(record.near_limit.bounds()["verdicts"]),
             "intervals": {"n": intervals, "inside": inside},
+            "intervals_outside": {"n": outside, "inside": inside_outside},
             "tuned": {unit: share_columns(share) for unit, share in trial_bounds(record.tuned).items()},
             "whole_pulses": {way: {"n": n, "inside": inside} for way, (inside, n) in record.whole_pulses.items()},
             "brier": brier[0],

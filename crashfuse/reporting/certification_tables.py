@@ -67,13 +67,14 @@ def track_record_table(certification: Certification) -> pd.DataFrame:
     """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion."""
     basis, record = _bases(certification.campaign), certification.record
     bounds = [share.at_most for share in record.bounds().values()]
+    tuned = {test.id: test.cae_tuned for test in certification.campaign.tests}  # None where nobody says
     rows = [
         (
             t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
             v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
-            v.criterion.unit, not (tuned or record.repeats(t)), t.shift, *bounds, tuned,
+            v.criterion.unit, is_counted and not record.repeats(t), t.shift, *bounds, tuned.get(t.held_out),
         )
-        for tuned, trials in ((False, (*record.trials, *record.since)), (True, record.tuned))
+        for is_counted, trials in ((True, (*record.trials, *record.since)), (False, record.tuned))
         for t in trials
         for v in [t.verdict]
     ]  # fmt: skip

@@ -89,7 +89,6 @@ def _of_tests(certification: Certification) -> dict[str, object]:
         "pedigree": ", ".join(f"{name.replace('_', ' ')} {n}" for name, n in stated.items()) or None,
         "doubtful": read_out([test.id for test in tests if test.faults]) or "none",
         "walls": sum(test.wall is not None for test in tests),
-        "paired": sum(campaign.cae.paired_run(test.condition) is not None for test in tests),
     }
 
 

@@ -10,7 +10,7 @@ from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
-from crashfuse.certification.criteria import Costs
+from crashfuse.certification.certify import Certification
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_explanation import rating_sentences
@@ -105,18 +105,13 @@ def certification_settings(campaign: Campaign, config: StudyConfig, confidence: 
     }
 
 
-def certify_command(
-    campaign: Campaign,
-    config: StudyConfig,
-    units: UnitSystem = MPH_LB,
-    *,
-    since: bool = False,
-    costs: Costs | None = None,
-) -> str:
+def certify_command(certification: Certification, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a certification from its criteria and matrix as files."""
-    files = ["--criteria", "criteria.toml", "--matrix", "matrix.csv", *["--since", "EARLIER"] * since]
+    costs, files = certification.criteria.costs, ["--criteria", "criteria.toml", "--matrix", "matrix.csv"]
+    others = ["--since", "EARLIER"] * (certification.since is not None) + ["--seal", "KEY"] * bool(certification.key)
     prices = [] if costs is None else ["--costs", f"{costs.test:.10g}", f"{costs.wrong_answer:.10g}"]
-    return _command("certify", [*files, *prices, *_settings(config), *_archive(campaign)], units)
+    settings = [*_settings(certification.config), *_archive(certification.campaign)]
+    return _command("certify", [*files, *others, *prices, *settings], units)
 
 
 def learning_curve_command(

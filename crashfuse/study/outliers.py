@@ -53,6 +53,7 @@ class Departure:
     bias_between_mps2: tuple[float, ...]
     ratings: tuple[float, ...]
     ratings_between: tuple[float, ...]
+    alone: tuple[str, ...] = ()  # factors with the value that none of its neighbours has
 
     @property
     def apart(self) -> bool:
@@ -68,10 +69,12 @@ class Departure:
         least, most = acceleration(min(self.bias_mps2)), acceleration(max(self.bias_between_mps2))
         template = (
             "{} differs from the other {} tests at about {} by {} or more (RMS over crush), these from each other by "
-            "{} or less. A test there may fold either way: check its record, or judge {} by both."
+            "{} or less. {}: check its record, or judge {} by both."
         )
-        at = speed(self.speed_mps)
-        return Sentence(template, self.test, len(self.neighbours), at, least, most, at)
+        at, why = speed(self.speed_mps), "A test there may fold either way"
+        if self.alone:
+            why = f"It alone has {', '.join(self.alone)}, which may be why, or it folded otherwise"
+        return Sentence(template, self.test, len(self.neighbours), at, least, most, why, at)
 
     @property
     def evidence(self) -> str:
@@ -128,7 +131,7 @@ def with_both_folds(
         (acceleration(float(np.median(metrics["peak"][fold])) * G), f"{np.median(metrics['max_crush'][fold]):.0f} mm")
         for fold in (~apart, apart)
     ]
-    template = "Tests at about {} fold in two ways: as {} (here peak {}, crush {}), or as {} (peak {}, crush {})."
+    template = "Tests at about {} came out in two ways: as {} (here peak {}, crush {}), or as {} (peak {}, crush {})."
     usual = speed(test.condition.speed_mps), read_out(departure.neighbours), *shown[0]
     sentence = Sentence(template, *usual, departure.test, *shown[1])
     expected = prediction.accel_mps2 - learned * difference
@@ -184,7 +187,13 @@ def _departure(
         tuple(_rated_both_ways(*pair, window_ms) for pair in pairs) for pairs in (away, between)
     )
     ids, speed_mps = tuple(other.id for other in others), test.condition.speed_mps
-    return Departure(test.id, ids, speed_mps, float(window_ms), bias, bias_between, ratings, ratings_between)
+    factors = [dict(other.condition.factors) for other in others]
+    alone = tuple(
+        f"{name} {value}"
+        for name, value in test.condition.factors
+        if value and all(own.get(name, "") not in ("", value) for own in factors)
+    )
+    return Departure(test.id, ids, speed_mps, float(window_ms), bias, bias_between, ratings, ratings_between, alone)
 
 
 def _bias_difference(one: BiasPoints, other: BiasPoints) -> float:

@@ -294,12 +294,12 @@ def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certi
     assert (told["n"], told["wrong"]) == (9, 1)
     assert pytest.approx(0.05, abs=5e-4) == 0.571**9 + 9 * 0.429 * 0.571**8
     record = certification.record
-    (decided, _), (telling, _) = record.decided, record.telling.decided
-    assert 0 < telling < decided
+    (decided, _), (near, _) = record.decided, record.near_limit.decided
+    assert 0 < near < decided
     kept = certification_record(certification)["track_record"]
     assert isinstance(kept, dict)
-    at_most = pytest.approx(1 - 0.05 ** (1 / telling), abs=1e-4)
-    assert kept["telling"] == {"n": telling, "wrong": 0, "wrong_at_most": at_most}
+    at_most = pytest.approx(1 - 0.05 ** (1 / near), abs=1e-4)
+    assert kept["near_limit"] == {"n": near, "wrong": 0, "wrong_at_most": at_most}
     inside, n = record.intervals
     assert kept["intervals"] == {"n": n, "inside": inside}
     assert n > 0
@@ -365,7 +365,7 @@ def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: C
     assert len(cells) == len(certification.cells) + len(certification.record.counted)
     assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # domain, record, reliability, matrix
     assert certification.campaign.fingerprint in text
-    assert certify_command(certification.campaign, certification.config) in text
+    assert certify_command(certification) in text
     for place in ("summary", "domain", "record"):
         assert all(str(escape(sentence)) in text for sentence in sentences(certification, place))
     assert all(str(escape(sentence)) in text for told in exceptions(certification).values() for sentence in told)
@@ -407,11 +407,12 @@ def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certificat
     assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # the matrix as one figure, in colours alone
 
 
-def test_the_command_is_parsed_back_to_its_settings(campaign: Campaign) -> None:
-    """Approach, preset, seed and device, as they were."""
+def test_the_command_is_parsed_back_to_its_settings(certification: Certification) -> None:
+    """Approach, preset, seed and device, as they were; that it was sealed."""
     config = StudyConfig(approaches=("displacement_domain",), preset="fast", seed=7, device="cpu")
-    _, *command = certify_command(campaign, config, costs=Costs(5.0, 100.0)).split()
+    criteria = replace(certification.criteria, costs=Costs(5.0, 100.0))
+    _, *command = certify_command(replace(certification, config=config, criteria=criteria, key="ab")).split()
     parsed = cli.parser().parse_args(command)
     assert (parsed.approach, parsed.preset, parsed.seed, parsed.device) == ("displacement_domain", "fast", 7, "cpu")
-    assert parsed.costs == [5.0, 100.0]
+    assert (parsed.costs, parsed.seal) == ([5.0, 100.0], Path("KEY"))
     assert (parsed.criteria, parsed.matrix) == (Path("criteria.toml"), Path("matrix.csv"))

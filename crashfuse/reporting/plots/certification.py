@@ -124,7 +124,7 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
         low, high = map(display.speeds, ends)
         figure.add_scatter(
             x=[low, high, high, low, low], y=[mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
-            name="Checked by leaving tests out", legendgroup="checked", showlegend=number == 0, fill="toself",
+            name="Validated domain", legendgroup="checked", showlegend=number == 0, fill="toself",
             fillcolor=f"rgba{(*hex_to_rgb(_CHECKED), 0.18)}", line_color=_CHECKED, line_width=1, line_dash="dash",
             hoverinfo="skip",
         )  # fmt: skip

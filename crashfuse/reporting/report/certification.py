@@ -38,15 +38,14 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         for table, file in [(make(certification, display), _FILES.get(name, "certification.csv"))]
         for left in [len(table) - _MOST_ROWS]
     }
-    command = certify_command(
-        campaign, certification.config, display.system, since=since is not None, costs=criteria.costs
-    )
+    command = certify_command(certification, display.system)
     origin = campaign, certification.config, command, display, campaign.test_ids
     return render(
         "certification",
         "certification by analysis",
         *origin,
         date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        key=certification.key,
         words=WORDS,
         said={place: sentences(certification, place) for place in PLACES},
         exceptions=exceptions(certification),
