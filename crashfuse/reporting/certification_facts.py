@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.forecasts import quantity
-from crashfuse.certification.verdict import WORDS, Verdict, all_met
+from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.reporting import evidence_facts
 from crashfuse.reporting.certification_tables import ANSWER_WORDS
@@ -80,10 +80,10 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("since.too_narrow", "test.not_used", "criterion.unsupported"),
     ),
     "record": (
-        *(*_RECORD, "cae.paired", "record.intervals", "record.too_narrow", "record.whole", "record.no_gain"),
+        *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.no_gain"),
         *("record.none", "tests.cae_tuned"),
     ),
-    "domain": ("domain.checked", "domain.reach"),
+    "domain": ("domain.checked",),
     "changes": (
         *("since.beside", "since.settings", "since.tested", *_SINCE, "since.wrong", "since.compared"),
         *("since.turned", "since.newly_waived", "since.withdrawn"),
@@ -167,10 +167,8 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     ids, confidence = certification.matrix.ids, certification.criteria.confidence
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
     told = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
-    if run := certification.run:
-        words = [verdict.word for i in run for verdict in certification.rows[i]]
-        there = ", ".join(f"{words.count(word)} {word}" for word in WORDS if word in words)
-        told += f"; of these where a test was run and is learned from ({listed(list(run))}): {there}"
+    if n := sum(len(certification.rows[i]) for i in certification.run):
+        told += f"; {n} of these where a test was run that is learned from"
     yield fact("matrix.counts", f"{size}, confidence {confidence:g}: {told}.", **certification.counts)
     n, of = certification.saved
     once = [f"{i} as {other}" for i, other in certification.counted_once.items()]
@@ -186,11 +184,6 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
             if answer in _WITH_PROBABILITY and len(details) > _FEW:
                 details = _least_of_alike(certification, details, notes)
             text = {i: joined([t for t in (details[i], notes.get(i)) if t], "; ") for i in details}
-            if answer == "would miss" and len(details) <= _FEW:
-                text = {
-                    i: joined([details[i], _surest_miss(certification, i), *filter(None, [notes.get(i)])], "; ")
-                    for i in details
-                }
             listing = listed_conditions(ids, text)
             if answer == "outside" and len(details) <= _EXPLAINED:
                 listing = joined([joined([i, certification.rows[i][0].reason], ": ") for i in details])
@@ -242,11 +235,6 @@ def _detail(certification: Certification, i: str) -> str:
     asked = {"would miss": "not met", "test or redesign": "open", "record for longer": "open"}.get(answer)
     longer = answer == "record for longer"
     return ", ".join(v.criterion.name for v in row if v.word == asked and (v.probability is None) <= longer)
-
-
-def _surest_miss(certification: Certification, i: str) -> str:
-    chances = [1 - v.probability for v in certification.rows[i] if v.word == "not met" and v.probability is not None]
-    return f"probability {probability_text(max(chances), certification.criteria.confidence)}" if chances else ""
 
 
 def _least_of_alike(

@@ -99,7 +99,7 @@ class Verdicts:
 
 FIGURES: Mapping[str, Callable[[Certification, Display], go.Figure]] = {
     "verdicts": verdict_matrix,
-    "record": lambda certification, display: record_figure(certification.record, display),
+    "record": lambda own, display: record_figure(own.record, own.criteria.items, display),
     "reliability": lambda certification, _: reliability(certification.record),
     "domain": validated_domain,
 }

@@ -118,7 +118,9 @@ FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "next test": lambda campaign, display: next_tests(ranked(campaign), campaign.tests, display),
     "verdicts": lambda campaign, display: verdict_matrix(certification(campaign), display),
     "domain": lambda campaign, display: validated_domain(certification(campaign), display),
-    "record": lambda campaign, display: record_figure(certification(campaign).record, display),
+    "record": lambda campaign, display: record_figure(
+        (found := certification(campaign)).record, found.criteria.items, display
+    ),
 }
 
 
