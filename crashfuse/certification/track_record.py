@@ -97,12 +97,12 @@ class Support:
             return None
         if not reaches(self.most, confidence):
             why = "About every tenth verdict on this metric was wrong on random vehicles"
-            return f"{why}: no record supports more than a confidence of {self.most:g}."
+            return f"{why}: no record supports more than {self.most:g}."
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
         return (
             f"The record ({self.wrong} of {self.decided} verdicts wrong, at most {MOST_OF_A_TEST} a test) supports a "
-            f"confidence of {probability_text(self.confidence, confidence)}, not {confidence:g}; it would take "
-            f"{needed} verdicts with no more than {self.wrong} wrong."
+            f"confidence of {probability_text(self.confidence, confidence)}, not {confidence:g}; that takes "
+            f"{needed} verdicts with at most {self.wrong} wrong."
         )
 
     def reservation(self, confidence: float) -> str | None:
@@ -113,8 +113,8 @@ class Support:
             return None
         bound = f" (at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %)" if self.own_decided else ""
         return (
-            f"On this metric alone {self.own_wrong} of {self.own_decided} verdicts, one a test, were wrong{bound}, "
-            f"which does not support the confidence; with other criteria, at most {MOST_OF_A_TEST} a test, "
+            f"On this metric alone {self.own_wrong} of {self.own_decided} verdicts, one a test, were wrong{bound}: "
+            f"no support for the confidence; with other criteria, at most {MOST_OF_A_TEST} a test, "
             f"{self.wrong} of {self.decided}."
         )
 

@@ -37,13 +37,13 @@ SUBJECTS = {
     "condition.outside": "Conditions outside the validated domain",
     "condition.too_short": "Open, as recordings end too early",
     "criterion.occupant": "Criteria by another occupant model",
-    "since.moved": "Verdicts on tests run since that depend on where these were run",
+    "since.moved": "Verdicts on tests run since that depend on their place",
     "since.too_narrow": "Intervals that tests run since contradict",
     "record.too_narrow": "Intervals that left-out tests contradict",
     "record.bin": "Probabilities that left-out tests contradict",
     "record.no_gain": "Probabilities no better than those of the raw CAE",
     "criterion.untouched": "Criteria whose limit no left-out test came near",
-    "criterion.few": "Criteria whose own record does not support the confidence alone",
+    "criterion.few": "Criteria with too few verdicts of their own",
 }
 """What speaks against the verdicts, by code, the most important first: its heading among the exceptions."""
 DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
@@ -206,7 +206,7 @@ def _costs(certification: Certification) -> Iterator[Fact]:
     asked = f"{'only ' * (confidence < pays)}{confidence:g} was asked for"
     if criteria.declared is None:
         nearest = ", the nearest that can be asked for" * (confidence != pays)
-        asked = f"no other confidence was declared, so that asked for follows from the costs: {confidence:g}{nearest}"
+        asked = f"none was declared, so it follows from the costs: {confidence:g}{nearest}"
     told = f"Skipping a test pays from a confidence of {pays:g} ({costs}, declared with the criteria); {asked}."
     values = {**asdict(costs), "pays_from": pays, "confidence": confidence, "follows": criteria.declared is None}
     yield fact("costs.confidence", told, **values)
@@ -332,13 +332,13 @@ def _not_used(certification: Certification) -> Iterator[Fact]:
     campaign, since = certification.campaign, certification.since
     removed = () if since is None else since.gone_runs
     planned, unused = dict(certification.matrix.items), dict(campaign.unused)
-    told = "{}: {} was run there{} and is left out of use ({}): the verdicts do not know it."
+    told = "{}: {} was run there{}; the verdicts do not use it ({})."
     for i, names in _unused_at(certification).items():
         for name in names:
             if name in unused and name not in {test.test for test in removed}:
                 off = "" if unused[name].is_at(planned[i]) else Sentence(", at {},", unused[name])
                 yield fact("test.not_used", Sentence(told, i, name, off, campaign.reason_of(name)), test=name)
-    told = "{} was run at {}; its record is not used any more{}. By the criteria of then: missed {}, unknown {}."
+    told = "{} was run at {}, not used any more{}. By the criteria of then: missed {}, unknown {}."
     for test in removed:
         criteria = [] if since is None else since.earlier.criteria.items
         shown = {criterion.name: test.measured.get(quantity(criterion)) for criterion in criteria}

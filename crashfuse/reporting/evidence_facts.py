@@ -130,11 +130,12 @@ def domain_facts(domain: Domain) -> Iterator[Fact]:
         "domain.checked",
         Sentence(
             "Validated domain: {}, front and rear weight together {}{}; within the range of the CAE runs. By rule it "
-            f"reaches {{}} from {domain.n_tests} tests at {{}} and {{}}, and over gaps below {{}}. Left out with all "
-            f"others at about their speed, {len(domain.inside)} lay inside that of the others: {{}}.",
-            speeds, weight(*domain.checked_masses_kg, between=" to "), factors, speed(domain.reach_mps),
+            f"goes beyond {domain.n_tests} tests at {{}} and {{}}: up to {{}}, over gaps below {{}}, and in weight. "
+            f"Left out with their speed group, {len(domain.inside)} lay inside that of the others: {{}}.",
+            speeds, weight(*domain.checked_masses_kg, between=" to "), factors,
             speed(domain.speeds_mps[0], domain.speeds_mps[-1], between=" to "),
-            weight(*domain.tested_kg, between=" to "), speed(SPEED_STEP_MPS), listed(domain.inside) or "none",
+            weight(*domain.tested_kg, between=" to "), speed(domain.reach_mps), speed(SPEED_STEP_MPS),
+            listed(domain.inside) or "none",
         ),
         tests=domain.n_tests, inside=domain.inside,
     )  # fmt: skip
@@ -200,19 +201,17 @@ def _tested(changes: Changes) -> Iterator[Fact]:
         if some:
             yield fact("since.tested", Sentence("{}: {}.", told, listed(some)), tests=[str(own) for own in some])
     given = {trial.held_out: trial.given for trial in since.all_trials}
-    for is_older, told in (
-        (True, "Verdicts older than their test, by the dates of both"),
-        (False, "Verdicts not older than their test, by the dates of both"),
-        (None, "Verdicts on tests without a date (about_date)"),
-    ):
+    ages = {True: "dated before their test", False: "not dated before it", None: "on tests without a date (about_date)"}
+    for is_older, told in ages.items():
         if tests := [test for test, older in since.is_older.items() if older is is_older]:
             stated = [f"{t} ({given[t][0]}{', sealed' if given[t][1] else ''})" if given[t][0] else t for t in tests]
-            yield fact("since.dated", f"{told}: {listed(stated)}.", tests=tests, older=is_older)
+            yield fact("since.dated", f"Verdicts {told}: {listed(stated)}.", tests=tests, older=is_older)
     for trial in since.all_trials:
         criterion = trial.verdict.criterion
         if trial.verdict.decided and criterion.is_met_by(trial.measured + trial.shift) is not trial.met:
             told = "Where {} was run decides whether its verdict came true: {} ({}), said to be {}, {}, counts as {}."
-            said = (trial.verdict.word, _measured(trial), "wrong" if trial.wrong else "right")
+            measured = measured_text(criterion, trial.measured, trial.shift)
+            said = (trial.verdict.word, measured, "wrong" if trial.wrong else "right")
             names = (trial.held_out, criterion.name, criterion.limits, *said)
             yield fact("since.moved", Sentence(told, *names), test=trial.held_out, wrong=trial.wrong, shift=trial.shift)
 
@@ -226,7 +225,7 @@ def _compared(changes: Changes) -> Iterator[Fact]:
     yield fact(
         "since.compared",
         f"Of {counted(len(pairs), 'verdict')} that both have, as they were: {same}; decided since: {gained}; no longer "
-        f"decided: {lost}. Not compared, as a condition or a limit is another: {gone} of then, {added} of now.",
+        f"decided: {lost}. Not compared (other condition or limit): {gone} of then, {added} of now.",
         both=len(pairs), same=same, gained=gained, lost=lost, gone=gone, added=added,
     )  # fmt: skip
     turned = {
@@ -255,7 +254,7 @@ def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
     sentence = Sentence(
         "{}, {}: {} ({}) at {} was said to be {} (probability {}); measured {}.",
         trial.held_out, how, criterion.name, criterion.limits, verdict.condition, verdict.word, probability,
-        _measured(trial),
+        measured_text(criterion, trial.measured, trial.shift),
     )  # fmt: skip
     return fact(code, sentence, test=trial.held_out, criterion=criterion.name, said=verdict.word)
 
@@ -263,19 +262,16 @@ def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
 def _intervals(kind: str, record: TrackRecord, what: str, too_narrow: bool) -> Iterator[Fact]:
     (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
     missed = [
-        Sentence("{} {} {}, not {}", trial.held_out, limit.name, _measured(trial), limit.interval(v.lower, v.upper))
+        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured, limit.interval(v.lower, v.upper))
         for trial in record.missed_intervals
         for v, limit in [(trial.verdict, trial.verdict.criterion)]
+        for measured in [measured_text(limit, trial.measured, trial.shift)]
     ]
     if n:
         also = f", and {inside_outside} of {n_outside} outside the validated domain," * bool(n_outside)
         which = Sentence("; missed: {}", listed(missed)) if missed else ""
         sentence = Sentence(f"{inside} of {counted(n, 'interval')}{also} held what {what}{{}}.", which)
         yield fact(f"{kind}.{'too_narrow' if too_narrow else 'intervals'}", sentence, inside=inside, n=n)
-
-
-def _measured(trial: Trial) -> Quantity | Sentence:
-    return measured_text(trial.verdict.criterion, trial.measured, trial.shift)
 
 
 def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:

@@ -186,8 +186,7 @@ def _departure(
         tuple(_rated_both_ways(*pair, window_ms) for pair in pairs) for pairs in (away, between)
     )
     ids, speed_mps = tuple(other.id for other in others), test.condition.speed_mps
-    factors = [dict(other.condition.factors) for other in others]
-    known = {name: {own.get(name, "") for own in factors} for name, _ in test.condition.factors}
+    known = {name: {dict(own.condition.factors).get(name, "") for own in others} for name, _ in test.condition.factors}
     alone = tuple(f"{name} {v}" for name, v in test.condition.factors if v and not {v, ""} & known[name])
     return Departure(test.id, ids, speed_mps, float(window_ms), bias, bias_between, ratings, ratings_between, alone)
 

@@ -251,7 +251,7 @@ def test_a_record_supports_the_confidence_that_it_makes_likely(decided: int, wro
     assert (said is None) is supports
     if said is not None:
         needed = 9 if wrong == 0 else 29
-        assert f"take {needed} verdicts with no more than {wrong} wrong" in said
+        assert f"takes {needed} verdicts with at most {wrong} wrong" in said
     said = Support(47, 0, 47, 0, near=True).shortfall(0.99)  # 0.9896 is not shown as 0.99
     assert said is not None
     assert 0.989 <= float(said.partition("supports a confidence of ")[2].partition(", not")[0]) < 0.99
