@@ -109,7 +109,7 @@ def criterion_facts(certification: Certification) -> Iterator[Fact]:
 def support_text(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
     """What the record says of a criterion at this confidence."""
     support = record.support(criterion)
-    right = f"expected to be right is {probability_text(support.confidence, confidence)}, proven only the bound beside"
+    right = f"{probability_text(support.confidence, confidence)} are expected to be right; only the bounds are proven"
     return (
         support.shortfall(confidence)
         or support.reservation(confidence)

@@ -101,6 +101,7 @@ def test_a_left_out_test_need_not_have_been_run_if_every_criterion_was_met() -> 
     assert record.waived(Criteria((CRUSH, PEAK), 0.95)) == (5, 2, 1)
     assert record.waived(Criteria((CRUSH, PEAK), 0.94)) == (5, 3, 1)
     assert TrackRecord(()).waived(Criteria((CRUSH,))) == (0, 0, 0)
+    assert record.saved(Criteria((CRUSH, PEAK), 0.95))["B"] == {"test": True, "speed group": True}
 
 
 def test_no_record_supports_much_confidence_in_a_metric_that_is_often_wrong() -> None:
@@ -158,7 +159,8 @@ def test_a_criterion_under_a_second_name_supports_nothing_more() -> None:
     second = tuple(trial("met", 495.0, held_out=f"T{i}", criterion=again) for i in range(6))
     record = TrackRecord((*first, *second))
     assert record.decided == (12, 0)
-    assert record.near_limit.decided == (6, 0)
+    others = tuple(trial("met", 495.0, 0.99, held_out=f"T{i}", left_out="speed group") for i in range(7))
+    assert (record.near_limit.decided, TrackRecord((*first, *others)).near_limit.decided) == ((6, 0), (7, 0))
     assert record.support(CRUSH) == Support(6, 0, 6, 0, near=True)
     strict = Criterion("strict", "max_crush", at_most=490.0)
     wrong = trial("met", 495.0, held_out="T0", criterion=strict)
@@ -177,7 +179,7 @@ def test_intervals_that_held_what_was_measured_are_counted_once_a_metric() -> No
             trial("open", 900.0, None, held_out="C", interval=(None, None)),
         )
     )
-    assert record.intervals == (3, 5)
+    assert (record.intervals, record.intervals_outside) == ((3, 5), (0, 1))
 
 
 def test_near_means_within_one_width_of_the_interval() -> None:

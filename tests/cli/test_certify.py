@@ -113,7 +113,8 @@ def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path
     record = json.loads((out / "certification.json").read_bytes())
     assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "credibility.csv", "report.html"}
     assert {"tests.csv", "criteria.toml", "cae_pulses.parquet", "../past.cfa"} <= set(record["seal"]["rests_on"])
-    assert "Sedan, Van and Coupe; SHA-256" in (out / "report.html").read_text(encoding="utf-8")
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert all(own in report for own in ("Sedan, Van and Coupe; SHA-256", f"key <code>{record['seal']['key']}</code>"))
     assert record["command"].partition("--archive ")[2].startswith("archive.cfa")
     assert certify(planned, tmp_path / "after", "--since", str(out), "--seal", str(key)) == cli.DONE
     after = json.loads((tmp_path / "after" / "certification.json").read_bytes())

@@ -1,6 +1,7 @@
 """Figures of a certification show every verdict with its word, and where each condition lies."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import plotly.graph_objects as go
@@ -233,11 +234,7 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
 
 @pytest.mark.parametrize(
     ("draw", "trials"),
-    [
-        (reliability, ()),
-        (lambda record: record_figure(record, [CRUSH]), ()),
-        (reliability, (trial("A", 440.0, word="outside"),)),
-    ],
+    [(reliability, ()), (partial(record_figure, criteria=()), ()), (reliability, (trial("A", 440.0, word="outside"),))],
 )
 def test_where_there_is_nothing_to_compare_with_the_figure_says_so(draw: object, trials: tuple[Trial, ...]) -> None:
     """Of a single test, or where every left-out test is outside; without axes."""
