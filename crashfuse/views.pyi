@@ -26,6 +26,5 @@ from .reporting.result_tables import repeat_scores as repeat_scores
 from .reporting.result_tables import scores_table as scores_table
 from .reporting.result_tables import study_metrics as study_metrics
 from .reporting.result_tables import study_pulses as study_pulses
-from .reporting.results import write_certification as write_certification
 from .reporting.results import write_result as write_result
 from .study.one_more_test import Cost as Cost

@@ -17,6 +17,7 @@ from crashfuse.wording import Sentence, joined, speed, weight
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
 _FARTHEST_BEYOND_MPS = 5 * MPH  # the slowest or fastest test
 _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
+_Gap = tuple[CrashTest, tuple[str, ...], float]  # a test, its speed group, and how far the nearest other one is
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,15 +49,16 @@ class Domain:
             campaign = campaign.without(tuned)
         tests = sorted(campaign.tests, key=lambda test: test.condition.speed_mps)
         speeds = np.array([test.condition.speed_mps for test in tests])
-        groups, gaps = [campaign.speed_group(test.id) for test in tests], []
-        for test, group in zip(tests, groups, strict=True):
+        gaps = list[_Gap]()
+        for test in tests:
+            group = campaign.speed_group(test.id)
             rest = [t.condition.speed_mps for t in tests if t.id not in group]
-            gaps.append(float(np.abs(np.array(rest) - test.condition.speed_mps).min()) if rest else 0.0)
-        pairs = list(zip(tests, groups, gaps, strict=True))
-        inside = pairs if for_record else _those_inside(campaign, pairs)
+            gap = float(np.abs(np.array(rest) - test.condition.speed_mps).min()) if rest else 0.0
+            gaps.append((test, group, gap))
+        inside = gaps if for_record else _those_inside(campaign, gaps)
         masses = np.array([test.condition.mass_kg for test in tests])
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
-        below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
+        below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for *_, gap in (gaps[0], gaps[-1]))
         lightest, heaviest = float(masses.min()), float(masses.max())
         reach = max((*(gap for *_, gap in inside), SPEED_STEP_MPS))
         return cls(
@@ -132,9 +134,6 @@ class Domain:
             if value and name in self.factors and value not in self.factors[name]:
                 found.append(f"No test has {name} {value}; tested: {', '.join(self.factors[name])}.")
         return (*found, *(self.not_counted if found else ()), *self.cae.extrapolation(condition))
-
-
-_Gap = tuple[CrashTest, tuple[str, ...], float]  # a test, its speed group, and how far the nearest other one is
 
 
 def _those_inside(campaign: Campaign, gaps: Sequence[_Gap]) -> list[_Gap]:

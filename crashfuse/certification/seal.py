@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PureWindowsPath
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from crashfuse.campaign_folder.load import AT_THE_TOP, PULSES
 from crashfuse.errors import DataError, Problem, UsageError, printable, shortened
@@ -49,19 +49,8 @@ def key_name(key: "Ed25519PublicKey") -> str:
     return hashlib.sha256(key.public_bytes_raw()).hexdigest()[:32]
 
 
-def private_key(path: Path) -> "Ed25519PrivateKey":
-    """Read a private key; a DataError if it is none of Ed25519."""
-    key: Ed25519PrivateKey = _key(path, "private")
-    return key
-
-
-def public_key(path: Path) -> "Ed25519PublicKey":
-    """Read a public key; a DataError if it is none of Ed25519."""
-    key: Ed25519PublicKey = _key(path, "public")
-    return key
-
-
-def _key(path: Path, word: str) -> Any:  # noqa: ANN401 - of either kind
+def read_key(path: Path, word: Literal["private", "public"]) -> Any:  # noqa: ANN401 - of either kind
+    """Read a private or a public key; a DataError if it is none of Ed25519."""
     kinds = {"private": _ed25519().Ed25519PrivateKey, "public": _ed25519().Ed25519PublicKey}
     from cryptography.hazmat.primitives.serialization import load_pem_private_key, load_pem_public_key
 
@@ -174,7 +163,7 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
     """Hold a certification against its seal, by a trusted key or its own; a DataError has every changed file."""
     key, signatures, lines = _signed(folder / SEAL)
     content, problems = read(folder / FILE, "the sealed file"), []
-    if trusted is not None and key_name(given := public_key(trusted)) != key_name(key):
+    if trusted is not None and key_name(given := read_key(trusted, "public")) != key_name(key):
         expected, found = f"a seal by the key {key_name(given)}", f"one by the key {key_name(key)}"
         raise DataError(Problem(SEAL, expected, found, "ask its maker, and do not trust it until then"))
     if not _holds(key, signatures["lines_signature"], _of_lines(lines)):

@@ -97,24 +97,24 @@ class Support:
             return None
         if not reaches(self.most, confidence):
             why = "About every tenth verdict on this metric was wrong on random vehicles"
-            return f"{why}: no record supports more than a confidence of {self.most:g}."
+            return f"{why}: no record supports more than {self.most:g}."
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
         return (
             f"The record ({self.wrong} of {self.decided} verdicts wrong, at most {MOST_OF_A_TEST} a test) supports a "
-            f"confidence of {probability_text(self.confidence, confidence)}, not {confidence:g}; it would take "
-            f"{needed} verdicts with no more than {self.wrong} wrong."
+            f"confidence of {probability_text(self.confidence, confidence)}, not {confidence:g}; that takes "
+            f"{needed} verdicts with at most {self.wrong} wrong."
         )
 
     def reservation(self, confidence: float) -> str | None:
         """Why a record that supports this confidence says little about the criterion itself."""
         if not self.near:
-            return "No left-out test came near this limit: the record says nothing about it."
+            return "No left-out test came near this limit: its verdicts in the record prove nothing about it."
         if reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
             return None
         bound = f" (at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %)" if self.own_decided else ""
         return (
-            f"On this metric alone {self.own_wrong} of {self.own_decided} verdicts, one a test, were wrong{bound}, "
-            f"which does not support the confidence; with other criteria, at most {MOST_OF_A_TEST} a test, "
+            f"On this metric alone {self.own_wrong} of {self.own_decided} verdicts, one a test, were wrong{bound}: "
+            f"no support for the confidence; with other criteria, at most {MOST_OF_A_TEST} a test, "
             f"{self.wrong} of {self.decided}."
         )
 
@@ -268,12 +268,6 @@ class TrackRecord:
         """:func:`trial_bounds` of one criterion or of all."""
         return trial_bounds(self.counted if criterion is None else self.of(criterion))
 
-    @cached_property
-    def telling(self) -> "TrackRecord":
-        """Verdicts on limits that left-out tests came near, or belied; one a metric of a test each time."""
-        names = {trial.verdict.criterion.name for trial in self.counted if trial.near or trial.wrong}
-        return TrackRecord(strictest_per_metric([t for t in self.counted if t.verdict.criterion.name in names]))
-
     @property
     def near_limit(self) -> "TrackRecord":
         """Verdicts *met* and *not met* on tests that came near the limit, or belied it; one a metric and test."""
@@ -309,12 +303,8 @@ class TrackRecord:
 
     def waived(self, criteria: Criteria) -> tuple[int, int, int]:
         """How many tests were left out, need not have been run, and of these missed a criterion."""
-        saved = self.saved(criteria)
-        return (
-            len({trial.held_out for trial in self.counted}),
-            len(saved),
-            sum(any(own.values()) for own in saved.values()),
-        )
+        tests, saved = {trial.held_out for trial in self.counted}, self.saved(criteria).values()
+        return len(tests), len(saved), sum(any(ways.values()) for ways in saved)
 
     def saved(self, criteria: Criteria) -> dict[str, dict[LeftOut, bool]]:
         """Tests that need not have been run, by how they were left out, and whether each then missed a criterion."""
@@ -331,7 +321,9 @@ class TrackRecord:
         """What the record says of a criterion."""
         own = self.of(criterion)
         later = [trial for trial in self.since if quantity(trial.verdict.criterion) == quantity(criterion)]
-        every = _capped_per_test(strictest_per_metric((*own, *self.telling.trials, *self.since)))
+        near_ones = {trial.verdict.criterion for trial in self.counted if trial.near or trial.wrong}
+        counted = [trial for trial in self.counted if trial.verdict.criterion in {criterion, *near_ones}]
+        every = _capped_per_test(strictest_per_metric((*counted, *self.since)))
         of_its_own = _decided(strictest_per_metric((*own, *later), each_time=False))
         before = _decided(strictest_per_metric(self.since, each_time=False))
         near = any(trial.near for trial in (*own, *(trial for trial in later if trial.verdict.criterion == criterion)))

@@ -145,9 +145,8 @@ def _reason(verdict: Verdict, confidence: float) -> str:
         return f"{short} is too short for the {verdict.criterion.label} here; only a longer record can tell."
     chances = verdict.probability, 1 - verdict.probability
     met, missed = (probability_text(p, confidence).replace(">", "over ") for p in chances)
-    another = " by another test" if verdict.run else ""
     came = {"met": f"met with probability {met}.", "not met": f"missed with probability {missed}."}
-    told = came.get(verdict.word, f"met{another} with probability {met} only.")
+    told = came.get(verdict.word, f"met{' by another test' * bool(verdict.run)} with probability {met} only.")
     return joined([verdict.expected, told], ", ")
 
 

@@ -29,7 +29,7 @@ def certify(arguments: argparse.Namespace) -> None:
     if arguments.since and arguments.out.resolve() in (arguments.since.resolve(), arguments.since.resolve().parent):
         raise UsageError(f"{arguments.out} holds the earlier certification; name another folder for --out.")
     earlier = read_earlier(arguments.since) if arguments.since else None
-    key = None if arguments.seal is None else seal.private_key(arguments.seal)
+    key = None if arguments.seal is None else seal.read_key(arguments.seal, "private")
     others = arguments.criteria, arguments.matrix, arguments.archive
     inputs = {} if key is None else seal.rests_on(arguments.campaign, *others)
     (campaign, display), notes = opened(arguments, "certification"), read_notes(arguments.campaign)
@@ -75,7 +75,7 @@ def make_key(arguments: argparse.Namespace) -> None:
 
 def verify(arguments: argparse.Namespace) -> None:
     """Hold a certification against its seal, and sign it as reviewer if asked to."""
-    reviewing = None if arguments.seal is None else seal.private_key(arguments.seal)
+    reviewing = None if arguments.seal is None else seal.read_key(arguments.seal, "private")
     sealed = seal.verify(arguments.folder, arguments.key, arguments.campaign)
     if reviewing is not None:
         seal.review(arguments.folder, reviewing)

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.forecasts import quantity
-from crashfuse.certification.verdict import WORDS, Verdict, all_met
+from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.reporting import evidence_facts
 from crashfuse.reporting.certification_tables import ANSWER_WORDS
@@ -37,13 +37,13 @@ SUBJECTS = {
     "condition.outside": "Conditions outside the validated domain",
     "condition.too_short": "Open, as recordings end too early",
     "criterion.occupant": "Criteria by another occupant model",
-    "since.moved": "Verdicts on tests run since that depend on where these were run",
+    "since.moved": "Verdicts on tests run since that depend on their place",
     "since.too_narrow": "Intervals that tests run since contradict",
     "record.too_narrow": "Intervals that left-out tests contradict",
     "record.bin": "Probabilities that left-out tests contradict",
     "record.no_gain": "Probabilities no better than those of the raw CAE",
     "criterion.untouched": "Criteria whose limit no left-out test came near",
-    "criterion.few": "Criteria whose own record does not support the confidence alone",
+    "criterion.few": "Criteria with too few verdicts of their own",
 }
 """What speaks against the verdicts, by code, the most important first: its heading among the exceptions."""
 DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
@@ -80,10 +80,10 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("since.too_narrow", "test.not_used", "criterion.unsupported"),
     ),
     "record": (
-        *(*_RECORD, "cae.paired", "record.intervals", "record.too_narrow", "record.whole", "record.no_gain"),
+        *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.no_gain"),
         *("record.none", "tests.cae_tuned"),
     ),
-    "domain": ("domain.checked", "domain.reach"),
+    "domain": ("domain.checked",),
     "changes": (
         *("since.beside", "since.settings", "since.tested", *_SINCE, "since.wrong", "since.compared"),
         *("since.turned", "since.newly_waived", "since.withdrawn"),
@@ -167,10 +167,8 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     ids, confidence = certification.matrix.ids, certification.criteria.confidence
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
     told = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
-    if run := certification.run:
-        words = [verdict.word for i in run for verdict in certification.rows[i]]
-        there = ", ".join(f"{words.count(word)} {word}" for word in WORDS if word in words)
-        told += f"; of these where a test was run and is learned from ({listed(list(run))}): {there}"
+    if n := sum(len(certification.rows[i]) for i in certification.run):
+        told += f"; {n} of these where a test was run that is learned from"
     yield fact("matrix.counts", f"{size}, confidence {confidence:g}: {told}.", **certification.counts)
     n, of = certification.saved
     once = [f"{i} as {other}" for i, other in certification.counted_once.items()]
@@ -186,11 +184,6 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
             if answer in _WITH_PROBABILITY and len(details) > _FEW:
                 details = _least_of_alike(certification, details, notes)
             text = {i: joined([t for t in (details[i], notes.get(i)) if t], "; ") for i in details}
-            if answer == "would miss" and len(details) <= _FEW:
-                text = {
-                    i: joined([details[i], _surest_miss(certification, i), *filter(None, [notes.get(i)])], "; ")
-                    for i in details
-                }
             listing = listed_conditions(ids, text)
             if answer == "outside" and len(details) <= _EXPLAINED:
                 listing = joined([joined([i, certification.rows[i][0].reason], ": ") for i in details])
@@ -213,7 +206,7 @@ def _costs(certification: Certification) -> Iterator[Fact]:
     asked = f"{'only ' * (confidence < pays)}{confidence:g} was asked for"
     if criteria.declared is None:
         nearest = ", the nearest that can be asked for" * (confidence != pays)
-        asked = f"no other confidence was declared, so that asked for follows from the costs: {confidence:g}{nearest}"
+        asked = f"none was declared, so it follows from the costs: {confidence:g}{nearest}"
     told = f"Skipping a test pays from a confidence of {pays:g} ({costs}, declared with the criteria); {asked}."
     values = {**asdict(costs), "pays_from": pays, "confidence": confidence, "follows": criteria.declared is None}
     yield fact("costs.confidence", told, **values)
@@ -242,11 +235,6 @@ def _detail(certification: Certification, i: str) -> str:
     asked = {"would miss": "not met", "test or redesign": "open", "record for longer": "open"}.get(answer)
     longer = answer == "record for longer"
     return ", ".join(v.criterion.name for v in row if v.word == asked and (v.probability is None) <= longer)
-
-
-def _surest_miss(certification: Certification, i: str) -> str:
-    chances = [1 - v.probability for v in certification.rows[i] if v.word == "not met" and v.probability is not None]
-    return f"probability {probability_text(max(chances), certification.criteria.confidence)}" if chances else ""
 
 
 def _least_of_alike(
@@ -344,13 +332,13 @@ def _not_used(certification: Certification) -> Iterator[Fact]:
     campaign, since = certification.campaign, certification.since
     removed = () if since is None else since.gone_runs
     planned, unused = dict(certification.matrix.items), dict(campaign.unused)
-    told = "{}: {} was run there{} and is left out of use ({}): the verdicts do not know it."
+    told = "{}: {} was run there{}; the verdicts do not use it ({})."
     for i, names in _unused_at(certification).items():
         for name in names:
             if name in unused and name not in {test.test for test in removed}:
                 off = "" if unused[name].is_at(planned[i]) else Sentence(", at {},", unused[name])
                 yield fact("test.not_used", Sentence(told, i, name, off, campaign.reason_of(name)), test=name)
-    told = "{} was run at {}; its record is not used any more{}. By the criteria of then: missed {}, unknown {}."
+    told = "{} was run at {}, not used any more{}. By the criteria of then: missed {}, unknown {}."
     for test in removed:
         criteria = [] if since is None else since.earlier.criteria.items
         shown = {criterion.name: test.measured.get(quantity(criterion)) for criterion in criteria}

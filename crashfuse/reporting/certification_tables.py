@@ -270,8 +270,9 @@ def _record(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
-    texts, met = answer_texts(certification), certification.waived | certification.uncertain
-    confidence = certification.criteria.confidence
+    texts, confidence = answer_texts(certification), certification.criteria.confidence
+    aside = ("run", "record for longer", "outside")
+    met = {i: all_met(certification.rows[i]).probability for i, o in certification.answers.items() if o not in aside}
     return pd.DataFrame(
         {
             "Condition": i,
@@ -279,7 +280,7 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
             **dict(condition.factors),
             "Validated domain": "outside" if certification.domain.outside(condition) else "inside",
             ANSWER: texts[i],
-            "All met at once": probability_text(met[i].probability, confidence) if i in met else "–",
+            "All met at once": probability_text(met.get(i), confidence),
         }
         for i, condition in certification.matrix.items
     )

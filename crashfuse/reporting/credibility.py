@@ -88,6 +88,7 @@ def _of_tests(certification: Certification) -> dict[str, object]:
         "filter": campaign.filter_class or "not given",
         "pedigree": ", ".join(f"{name.replace('_', ' ')} {n}" for name, n in stated.items()) or None,
         "doubtful": read_out([test.id for test in tests if test.faults]) or "none",
+        "paired": sum(campaign.cae.paired_run(test.condition) is not None for test in tests),
         "walls": sum(test.wall is not None for test in tests),
     }
 
@@ -104,6 +105,7 @@ def _of_answers(certification: Certification) -> dict[str, object]:
         "planned": len(conditions),
         "criteria": ", ".join(criterion.name for criterion in criteria),
         **{name: score and f"{score:.4f}" for name, score in zip(("brier", "brier_cae"), brier, strict=True)},
+        "planned_paired": sum(certification.campaign.cae.paired_run(own) is not None for own in conditions),
         "covered": sum(not certification.campaign.cae.extrapolation(condition) for condition in conditions),
         "near": sum(record.support(criterion).near for criterion in criteria),
         "asked": len(criteria),

@@ -6,7 +6,7 @@ from itertools import groupby
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes, saved_and_missed
-from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, WrongShare, at_most, largest_share
 from crashfuse.crash_test import SPEED_STEP_MPS
@@ -20,8 +20,6 @@ _NAMED = 20  # in a sentence
 _ONE_BY_ONE = 6  # conditions, or fewer
 _RANGES = 8
 _DIGEST = 12  # characters of it in a sentence
-_NARROW = "Too few: the band of whole pulses is too narrow. "
-_WHOLE = "No verdict rests on it."
 
 
 def fact(code: str, sentence: str, **values: object) -> Fact:
@@ -32,23 +30,42 @@ def fact(code: str, sentence: str, **values: object) -> Fact:
 def record_facts(certification: Certification) -> Iterator[Fact]:
     """How often verdicts on left-out tests were wrong, intervals too narrow, and probabilities contradicted."""
     record, criteria = certification.record, certification.criteria
-    yield _paired(certification)
     if not record.trials:
         why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
         yield fact("record.none", f"There is no record: {why}.")
         return
-    yield _decided(record, criteria)
-    yield _waived(record, criteria)
-    _, saved, _ = record.waived(criteria)
+    (n, wrong), bounds, near = record.decided, record.bounds(), record.near_limit
+    once = len({(trial.held_out, trial.verdict.criterion) for trial in record.counted if trial.verdict.decided})
+    (near_n, missed), (met, not_met) = near.decided, (near.counts()[word][0] for word in ("met", "not met"))
+    yield fact(
+        "record.decided",
+        f"Record of left-out tests: {counted(n, 'verdict')} met or not met, {bounds_text(bounds)}; "
+        f"{len(record.counted) - n} open or outside. No bound holds for another vehicle. With each test once {once} "
+        f"of the {n} remain. On tests within an interval's width of the limit, or wrong, one a metric and test: "
+        f"{met} met, {not_met} not met, {missed} wrong ({at_most(missed, near_n)}).",
+        n=n, once=once, wrong=wrong, near=near_n, near_wrong=missed,
+        bounds={unit: share.at_most for unit, share in bounds.items()},
+    )  # fmt: skip
+    tests, saved, missed = record.waived(criteria)
+    by_way = dict[str, list[str]]()
+    for test, ways in record.saved(criteria).items():
+        by_way.setdefault(" and ".join(map(how_left_out, ways)), []).append(test)
+    which = "".join(f" They are, {way}: {listed(some)}." for way, some in by_way.items())
+    yield fact(
+        "record.waived",
+        f"Of {counted(tests, 'test')}, left out alone and with the speed group, {saved} need not have been run; "
+        f"{missed} of these missed a criterion ({at_most(missed, saved)}, exact 95 % bound).{which}",
+        tests=tests, n=saved, wrong=missed,
+    )  # fmt: skip
     n, missed = saved_and_missed(certification)
     if n > saved:
-        told = "With tests that earlier certifications said need not be run, and that were run since"
+        told = "With tests run since that earlier certifications waived"
         yield fact("since.waived", f"{told}: {missed} of {n} missed one ({at_most(missed, n)}).", n=n, wrong=missed)
     yield from _intervals("record", record, "the left-out test measured, made to hold 95 %", record.too_narrow)
     if whole := record.whole_pulses:
         narrow = any(largest_share(*own) < WHOLE_SHARE for own in whole.values())
-        told = f"{whole_sentence({_way(way): own for way, own in whole.items()})} {_NARROW * narrow}{_WHOLE}"
-        yield fact("record.whole", told, narrow=narrow, **whole)
+        told = f"{whole_sentence({how_left_out(way): own for way, own in whole.items()})} No verdict rests on this band"
+        yield fact("record.whole", f"{told}{', which is too narrow' * narrow}.", narrow=narrow, **whole)
     if record.brier is not None and record.brier[0] >= record.brier[1]:
         ours, cae = (f"{score:.4f}" if score >= 5e-5 else "below 0.0001" for score in record.brier)
         told = "Brier score of the probabilities of metrics, ratings aside (0 is perfect)"
@@ -61,62 +78,6 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
             told = f"{own.low:g} to {own.high:g}, {own.probability:.3f} on average: {round(own.met * own.n)} of {own.n}"
             ends = f"(exact 95 % bounds {own.lower:.3f} to {own.upper:.3f})"
             yield fact("record.bin", f"{told} met it {ends}.", low=own.low, n=own.n, met=own.met)
-
-
-def _paired(certification: Certification) -> Fact:
-    campaign, conditions = certification.campaign, certification.matrix.conditions
-    tests, planned = (
-        sum(campaign.cae.paired_run(condition) is not None for condition in some)
-        for some in ([test.condition for test in campaign.tests], conditions)
-    )
-    unchecked = ", which tests with a run do not check" * bool(tests)
-    every = tests + planned == len(campaign.tests) + len(conditions)
-    elsewhere = "" if every else f" Elsewhere the CAE pulse is emulated{unchecked}."
-    return fact(
-        "cae.paired",
-        f"Tests with a CAE run at their condition: {tests} of {len(campaign.tests)}, kept when the test is left out; "
-        f"planned tests: {planned} of {len(conditions)}.{elsewhere}",
-        tests=tests, planned=planned,
-    )  # fmt: skip
-
-
-def _decided(record: TrackRecord, criteria: Criteria) -> Fact:
-    (n, wrong), bounds, near, counts = record.decided, record.bounds(), record.near_limit, record.counts()
-    once = len({(t.held_out, t.verdict.criterion) for t in record.counted if t.verdict.decided})
-    untouched = [criterion for criterion in criteria.items if not record.support(criterion).near]
-    far = sum(record.bounds(criterion)["verdicts"].n for criterion in untouched)
-    names, of_these = ", ".join(criterion.name for criterion in untouched), ""
-    if far:
-        of_these += f" {far} of the {n} are on limits that no test came near: {names}."
-    if once < n:
-        of_these += f" With each test once they are {once}."
-    at_limit = ", ".join(f"{near.counts()[word][0]} {word}" for word in ("met", "not met"))
-    return fact(
-        "record.decided",
-        f"Record of left-out tests: {counted(n, 'verdict')} met or not met, {bounds_text(bounds)}; "
-        f"{counts['open'][0]} open, {counts['outside'][0]} outside.{of_these} On tests within one interval's width of "
-        f"the limit, or wrong, one a metric and test: {at_limit}, {near.decided[1]} wrong "
-        f"({at_most(near.decided[1], near.decided[0])}). No bound holds for another vehicle.",
-        n=n, once=once, untouched=far, wrong=wrong, near=near.decided[0], near_wrong=near.decided[1],
-        bounds={unit: share.at_most for unit, share in bounds.items()},
-    )  # fmt: skip
-
-
-def _waived(record: TrackRecord, criteria: Criteria) -> Fact:
-    (tests, n, wrong), by_way = record.waived(criteria), dict[str, list[str]]()
-    for test, ways in record.saved(criteria).items():
-        by_way.setdefault(" and ".join(map(_way, ways)), []).append(test)
-    which = "".join(f" Left out {way}: {listed(some)}." for way, some in by_way.items())
-    return fact(
-        "record.waived",
-        f"Of {counted(tests, 'test')}, left out alone and with the speed group, {n} need not have been run; "
-        f"{wrong} of these missed a criterion ({at_most(wrong, n)}, exact 95 % bound).{which}",
-        tests=tests, n=n, wrong=wrong,
-    )  # fmt: skip
-
-
-def _way(way: str) -> str:
-    return "alone" if way == "test" else f"with the {way}"
 
 
 def bounds_text(bounds: Mapping[str, WrongShare]) -> str:
@@ -148,7 +109,7 @@ def criterion_facts(certification: Certification) -> Iterator[Fact]:
 def support_text(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
     """What the record says of a criterion at this confidence."""
     support = record.support(criterion)
-    right = f"expected to be right is {probability_text(support.confidence, confidence)}, proven only the bound beside"
+    right = f"{probability_text(support.confidence, confidence)} are expected to be right; only the bounds are proven"
     return (
         support.shortfall(confidence)
         or support.reservation(confidence)
@@ -165,30 +126,19 @@ def domain_facts(domain: Domain) -> Iterator[Fact]:
         return
     speeds = joined([Sentence("{}", speed(*ends, between=" to ")) for ends in domain.speed_ranges_mps], " and ")
     factors = "".join(f"; {name} {', '.join(values)}" for name, values in domain.factors.items())
-    slowest, fastest = (float(end[0]) for end in domain.cae.range)
-    below, above = domain.speeds_mps[0] - slowest, fastest - domain.speeds_mps[-1]
     yield fact(
         "domain.checked",
         Sentence(
-            "Validated domain: {}, front and rear weight together {}{}; and within the range of the CAE runs. The "
-            f"{domain.n_tests} tests lie at {{}} and {{}}; farther it is extended by rule. Left out with all others at "
-            f"about their speed, {len(domain.inside)} of them lay inside what the others check: {{}}.",
+            "Validated domain: {}, front and rear weight together {}{}; within the range of the CAE runs. By rule it "
+            f"goes beyond {domain.n_tests} tests at {{}} and {{}}: up to {{}}, over gaps below {{}}, and in weight. "
+            f"Left out with their speed group, {len(domain.inside)} lay inside that of the others: {{}}.",
             speeds, weight(*domain.checked_masses_kg, between=" to "), factors,
             speed(domain.speeds_mps[0], domain.speeds_mps[-1], between=" to "),
-            weight(*domain.tested_kg, between=" to "), listed(domain.inside) or "none",
+            weight(*domain.tested_kg, between=" to "), speed(domain.reach_mps), speed(SPEED_STEP_MPS),
+            listed(domain.inside) or "none",
         ),
         tests=domain.n_tests, inside=domain.inside,
     )  # fmt: skip
-    ends = [
-        value
-        for room, most in ((below, domain.below_mps), (above, domain.above_mps))
-        for value in (speed(max(min(room, most), 0.0)), ", where the CAE runs end" * (room < most))
-    ]
-    told = (
-        "A condition is at most {} from the nearest test or in a gap of less than {} between such ranges, {} below the "
-        "slowest{} and {} above the fastest{}."
-    )
-    yield fact("domain.reach", Sentence(told, speed(domain.reach_mps), speed(SPEED_STEP_MPS), *ends))
 
 
 def change_facts(changes: Changes) -> Iterator[Fact]:
@@ -251,19 +201,17 @@ def _tested(changes: Changes) -> Iterator[Fact]:
         if some:
             yield fact("since.tested", Sentence("{}: {}.", told, listed(some)), tests=[str(own) for own in some])
     given = {trial.held_out: trial.given for trial in since.all_trials}
-    for is_older, told in (
-        (True, "Verdicts older than their test, by the dates of both"),
-        (False, "Verdicts not older than their test, by the dates of both"),
-        (None, "Verdicts on tests without a date (about_date)"),
-    ):
+    ages = {True: "dated before their test", False: "not dated before it", None: "on tests without a date (about_date)"}
+    for is_older, told in ages.items():
         if tests := [test for test, older in since.is_older.items() if older is is_older]:
             stated = [f"{t} ({given[t][0]}{', sealed' if given[t][1] else ''})" if given[t][0] else t for t in tests]
-            yield fact("since.dated", f"{told}: {listed(stated)}.", tests=tests, older=is_older)
+            yield fact("since.dated", f"Verdicts {told}: {listed(stated)}.", tests=tests, older=is_older)
     for trial in since.all_trials:
         criterion = trial.verdict.criterion
         if trial.verdict.decided and criterion.is_met_by(trial.measured + trial.shift) is not trial.met:
             told = "Where {} was run decides whether its verdict came true: {} ({}), said to be {}, {}, counts as {}."
-            said = (trial.verdict.word, _measured(trial), "wrong" if trial.wrong else "right")
+            measured = measured_text(criterion, trial.measured, trial.shift)
+            said = (trial.verdict.word, measured, "wrong" if trial.wrong else "right")
             names = (trial.held_out, criterion.name, criterion.limits, *said)
             yield fact("since.moved", Sentence(told, *names), test=trial.held_out, wrong=trial.wrong, shift=trial.shift)
 
@@ -277,7 +225,7 @@ def _compared(changes: Changes) -> Iterator[Fact]:
     yield fact(
         "since.compared",
         f"Of {counted(len(pairs), 'verdict')} that both have, as they were: {same}; decided since: {gained}; no longer "
-        f"decided: {lost}. Not compared, as a condition or a limit is another: {gone} of then, {added} of now.",
+        f"decided: {lost}. Not compared (other condition or limit): {gone} of then, {added} of now.",
         both=len(pairs), same=same, gained=gained, lost=lost, gone=gone, added=added,
     )  # fmt: skip
     turned = {
@@ -306,7 +254,7 @@ def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
     sentence = Sentence(
         "{}, {}: {} ({}) at {} was said to be {} (probability {}); measured {}.",
         trial.held_out, how, criterion.name, criterion.limits, verdict.condition, verdict.word, probability,
-        _measured(trial),
+        measured_text(criterion, trial.measured, trial.shift),
     )  # fmt: skip
     return fact(code, sentence, test=trial.held_out, criterion=criterion.name, said=verdict.word)
 
@@ -314,19 +262,16 @@ def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
 def _intervals(kind: str, record: TrackRecord, what: str, too_narrow: bool) -> Iterator[Fact]:
     (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
     missed = [
-        Sentence("{} {} {}, not {}", trial.held_out, limit.name, _measured(trial), limit.interval(v.lower, v.upper))
+        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured, limit.interval(v.lower, v.upper))
         for trial in record.missed_intervals
         for v, limit in [(trial.verdict, trial.verdict.criterion)]
+        for measured in [measured_text(limit, trial.measured, trial.shift)]
     ]
     if n:
         also = f", and {inside_outside} of {n_outside} outside the validated domain," * bool(n_outside)
         which = Sentence("; missed: {}", listed(missed)) if missed else ""
         sentence = Sentence(f"{inside} of {counted(n, 'interval')}{also} held what {what}{{}}.", which)
         yield fact(f"{kind}.{'too_narrow' if too_narrow else 'intervals'}", sentence, inside=inside, n=n)
-
-
-def _measured(trial: Trial) -> Quantity | Sentence:
-    return measured_text(trial.verdict.criterion, trial.measured, trial.shift)
 
 
 def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:

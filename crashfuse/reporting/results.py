@@ -6,9 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.notes import Note
-from crashfuse.certification.certify import Certification
-from crashfuse.certification.earlier import Earlier, read_earlier
 from crashfuse.certification.seal import REVIEW, SEAL
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
@@ -19,7 +16,6 @@ from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.exports import json_bytes, parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport
-from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import learning_curve_record, prediction_record, provenance, study_record
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.report.prediction import (
@@ -70,19 +66,6 @@ def write_result(kind: str, folder: str | Path, *result: object) -> None:
         for path, data in (content if isinstance(content, Mapping) else {"": content}).items():
             if data is not None:
                 write_atomically(Path(folder, name, path), data)
-
-
-def write_certification(
-    certification: Certification,
-    folder: str | Path,
-    display: Display = DEFAULT,
-    since: str | Path | Earlier | None = None,
-    notes: Sequence[Note] = (),
-) -> None:
-    """Write the files of a certification, see :meth:`crashfuse.reporting.verdicts.Verdicts.write`."""
-    earlier = read_earlier(Path(since)) if isinstance(since, str | Path) else since
-    beside = certification if earlier is None else certification.beside(earlier)
-    write_result("certification", folder, beside, display, notes)
 
 
 def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> None:

@@ -72,7 +72,8 @@ class Verdicts:
         for note in notes:
             require_a(Note, note, "crashfuse.Note(test, text)")
         shown = Display.of(self.certification.campaign.units, **display)
-        views.write_certification(self.certification, folder, shown, since, notes)
+        beside = self if since is None else self.beside(since)
+        views.write_result("certification", folder, beside.certification, shown, notes)
 
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
         """A figure of the page Certify.
@@ -99,7 +100,7 @@ class Verdicts:
 
 FIGURES: Mapping[str, Callable[[Certification, Display], go.Figure]] = {
     "verdicts": verdict_matrix,
-    "record": lambda certification, display: record_figure(certification.record, display),
+    "record": lambda own, display: record_figure(own.record, own.criteria.items, display),
     "reliability": lambda certification, _: reliability(certification.record),
     "domain": validated_domain,
 }

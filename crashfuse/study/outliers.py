@@ -71,9 +71,8 @@ class Departure:
             "{} differs from the other {} tests at about {} by {} or more (RMS over crush), these from each other by "
             "{} or less. {}: check its record, or judge {} by both."
         )
-        at, why = speed(self.speed_mps), "A test there may fold either way"
-        if self.alone:
-            why = f"It alone has {', '.join(self.alone)}, which may be why, or it folded otherwise"
+        alone = f"It alone has {', '.join(self.alone)}, which may be why, or it folded otherwise"
+        at, why = speed(self.speed_mps), alone if self.alone else "A test there may fold either way"
         return Sentence(template, self.test, len(self.neighbours), at, least, most, why, at)
 
     @property
@@ -187,12 +186,8 @@ def _departure(
         tuple(_rated_both_ways(*pair, window_ms) for pair in pairs) for pairs in (away, between)
     )
     ids, speed_mps = tuple(other.id for other in others), test.condition.speed_mps
-    factors = [dict(other.condition.factors) for other in others]
-    alone = tuple(
-        f"{name} {value}"
-        for name, value in test.condition.factors
-        if value and all(own.get(name, "") not in ("", value) for own in factors)
-    )
+    known = {name: {dict(own.condition.factors).get(name, "") for own in others} for name, _ in test.condition.factors}
+    alone = tuple(f"{name} {v}" for name, v in test.condition.factors if v and not {v, ""} & known[name])
     return Departure(test.id, ids, speed_mps, float(window_ms), bias, bias_between, ratings, ratings_between, alone)
 
 

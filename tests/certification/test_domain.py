@@ -69,6 +69,7 @@ def test_a_group_that_lay_outside_the_others_does_not_widen_what_is_checked(
     """The fastest test at 28 mph was predicted by the others; of those at 30 and 45 mph they gave no verdict."""
     campaign = with_tests(wide, *speeds_mph)
     assert Domain.of(campaign).reach_mps == pytest.approx(reach_mph * MPH)
+    assert ("T3" in Domain.of(campaign).inside) is (speeds_mph[-1] == 28.0)
     widest = max(after - before for before, after in pairwise(speeds_mph))
     assert Domain.of(campaign, for_record=True).reach_mps == pytest.approx(widest * MPH)
 

@@ -20,8 +20,7 @@ from crashfuse.certification.seal import (
     _write,
     key_name,
     make_keys,
-    private_key,
-    public_key,
+    read_key,
     rests_on,
     seal,
     sealed_by,
@@ -48,7 +47,7 @@ def sealed(tmp_path: Path, maker: Path) -> Path:
     folder.mkdir()
     (folder / FILE).write_text(json.dumps(RECORD), encoding="utf-8")
     (folder / "track_record.csv").write_bytes(TABLE)
-    seal(folder, private_key(maker), {"tests.csv": "ab"}, "cd")
+    seal(folder, read_key(maker, "private"), {"tests.csv": "ab"}, "cd")
     return folder
 
 
@@ -56,9 +55,9 @@ def test_keys_are_a_pair_that_no_one_else_reads(tmp_path: Path, capsys: Capture)
     """Mode 0600, never written over; the public one is in a form that other programs read."""
     path = tmp_path / "mine"
     assert cli.main(["key", str(path)]) == cli.DONE
-    name = key_name(public_key(tmp_path / "mine.pub"))
+    name = key_name(read_key(tmp_path / "mine.pub", "public"))
     assert name in capsys.readouterr().out
-    assert key_name(private_key(path).public_key()) == name
+    assert key_name(read_key(path, "private").public_key()) == name
     assert path.stat().st_mode & 0o777 == 0o600
     before = path.read_bytes()
     with pytest.raises(UsageError, match="is there already"):
@@ -69,7 +68,7 @@ def test_keys_are_a_pair_that_no_one_else_reads(tmp_path: Path, capsys: Capture)
 def test_a_seal_holds_what_it_rests_on_and_follows(sealed: Path, maker: Path, capsys: Capture) -> None:
     """The signature is one of Ed25519 over the very bytes of the file, so that any program can check it."""
     told = verify(sealed, maker.with_name("maker.pub"))
-    assert (told.key, told.before, told.reviewer) == (key_name(private_key(maker).public_key()), "cd", None)
+    assert (told.key, told.before, told.reviewer) == (key_name(read_key(maker, "private").public_key()), "cd", None)
     assert dict(told.rests_on) == {"tests.csv": "ab"}
     assert list(told.files) == ["track_record.csv"]
     values = json.loads((sealed / SEAL).read_text())
@@ -153,10 +152,13 @@ def test_whoever_seals_it_anew_has_another_key(sealed: Path, maker: Path, tmp_pa
     """What was changed and sealed again holds by its own key, and not by the one that the reviewer was given."""
     make_keys(tmp_path / "forger")
     (sealed / "track_record.csv").write_bytes(TABLE.replace(b"not met", b"met"))
-    seal(sealed, private_key(tmp_path / "forger"), {}, None)
-    assert verify(sealed).key == key_name(public_key(tmp_path / "forger.pub"))
+    seal(sealed, read_key(tmp_path / "forger", "private"), {}, None)
+    assert verify(sealed).key == key_name(read_key(tmp_path / "forger.pub", "public"))
     (problem,) = problems_of(lambda: verify(sealed, maker.with_name("maker.pub")))
-    assert (problem.where, key_name(public_key(maker.with_name("maker.pub"))) in problem.expected) == (SEAL, True)
+    assert (problem.where, key_name(read_key(maker.with_name("maker.pub"), "public")) in problem.expected) == (
+        SEAL,
+        True,
+    )
 
 
 def test_lines_that_a_forger_wrote_place_nothing(sealed: Path) -> None:
@@ -176,7 +178,7 @@ def test_a_review_is_signed_once_all_holds_and_one_key_for_both_is_told(
     make_keys(tmp_path / "reviewer")
     assert cli.main(["verify", str(sealed), "--seal", str(tmp_path / "reviewer")]) == cli.DONE
     assert "one key" not in capsys.readouterr().out
-    assert verify(sealed).reviewer == key_name(public_key(tmp_path / "reviewer.pub"))
+    assert verify(sealed).reviewer == key_name(read_key(tmp_path / "reviewer.pub", "public"))
     assert cli.main(["verify", str(sealed), "--seal", str(maker)]) == cli.DONE
     assert "Maker and reviewer have one key" in capsys.readouterr().out
     values = json.loads((sealed / REVIEW).read_text())
@@ -193,7 +195,7 @@ def test_a_review_is_signed_once_all_holds_and_one_key_for_both_is_told(
 def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, maker: Path, campaign_folder: Path) -> None:
     """Each by its place; changed ones, those that are gone and those that came are named."""
     (campaign_folder / "archive.cfa").write_bytes(b"past vehicles")
-    seal(sealed, private_key(maker), rests_on(campaign_folder), None)
+    seal(sealed, read_key(maker, "private"), rests_on(campaign_folder), None)
     assert verify(sealed, campaign=campaign_folder)
     assert {"archive.cfa", "tests.csv", "tests/T1.csv", "cae_pulses.parquet"} <= set(verify(sealed).rests_on)
     (campaign_folder / "tests.csv").write_bytes(b"x")
@@ -203,7 +205,7 @@ def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, make
     (campaign_folder / "criteria.toml").write_text("")  # those from elsewhere are looked for beside it
     other = sealed.parent / "criteria.toml"
     other.write_text("confidence = 0.9")
-    seal(sealed, private_key(maker), rests_on(campaign_folder, other, None), None)
+    seal(sealed, read_key(maker, "private"), rests_on(campaign_folder, other, None), None)
     assert {"criteria.toml", "../criteria.toml"} <= set(verify(sealed, campaign=campaign_folder).rests_on)
     other.write_text("other")
     (campaign_folder / "notes.csv").write_text("test,note\n")
@@ -216,11 +218,11 @@ def test_a_key_of_the_wrong_kind_is_refused_in_a_sentence(sealed: Path, maker: P
     other, locked, none = tmp_path / "rsa", tmp_path / "locked", tmp_path / "none"
     pem, pkcs8 = form.Encoding.PEM, form.PrivateFormat.PKCS8
     other.write_bytes(rsa.generate_private_key(65537, 2048).private_bytes(pem, pkcs8, form.NoEncryption()))
-    locked.write_bytes(private_key(maker).private_bytes(pem, pkcs8, form.BestAvailableEncryption(b"x")))
+    locked.write_bytes(read_key(maker, "private").private_bytes(pem, pkcs8, form.BestAvailableEncryption(b"x")))
     none.write_text("no key")
     public = maker.with_name("maker.pub")
     for path, found in ((public, "a public key"), (other, "RSA"), (locked, "password"), (none, "no key")):
-        (problem,) = problems_of(lambda path=path: private_key(path))  # type: ignore[misc]
+        (problem,) = problems_of(lambda path=path: read_key(path, "private"))  # type: ignore[misc]
         assert found in problem.found, path
     for path, found in ((maker, "a private key"), (none, "no key"), (tmp_path / "gone", "no such file")):
         (problem,) = problems_of(lambda path=path: verify(sealed, path))  # type: ignore[misc]
@@ -246,6 +248,6 @@ def test_a_sealed_name_elsewhere_is_not_read(sealed: Path, maker: Path) -> None:
     values["seal"]["files"] = {"../../etc/passwd": "00"}
     (sealed / FILE).write_text(json.dumps(values))
     signed = {"signature": (sealed / FILE).read_bytes(), "lines_signature": _of_lines({FILE: ""})}
-    _write(sealed / SEAL, private_key(maker), signed, lines={FILE: ""})
+    _write(sealed / SEAL, read_key(maker, "private"), signed, lines={FILE: ""})
     (problem,) = problems_of(lambda: verify(sealed))
     assert problem.where == FILE

@@ -101,6 +101,7 @@ def test_a_left_out_test_need_not_have_been_run_if_every_criterion_was_met() -> 
     assert record.waived(Criteria((CRUSH, PEAK), 0.95)) == (5, 2, 1)
     assert record.waived(Criteria((CRUSH, PEAK), 0.94)) == (5, 3, 1)
     assert TrackRecord(()).waived(Criteria((CRUSH,))) == (0, 0, 0)
+    assert record.saved(Criteria((CRUSH, PEAK), 0.95))["B"] == {"test": True, "speed group": True}
 
 
 def test_no_record_supports_much_confidence_in_a_metric_that_is_often_wrong() -> None:
@@ -147,7 +148,6 @@ def test_a_criterion_counts_on_others_only_if_a_test_came_near_their_limits() ->
     far = [trial("met", 5.0, held_out=f"F{i}", criterion=PEAK, interval=(4.0, 6.0)) for i in range(7)]
     record = TrackRecord((*near, *far))
     assert record.decided == (12, 0)
-    assert record.telling.decided == (5, 0)
     assert record.support(CRUSH) == Support(5, 0, 5, 0, near=True)
     assert record.support(PEAK) == Support(12, 0, 7, 0, near=False)
 
@@ -159,7 +159,8 @@ def test_a_criterion_under_a_second_name_supports_nothing_more() -> None:
     second = tuple(trial("met", 495.0, held_out=f"T{i}", criterion=again) for i in range(6))
     record = TrackRecord((*first, *second))
     assert record.decided == (12, 0)
-    assert (record.telling.decided, record.near_limit.decided) == ((6, 0), (6, 0))
+    others = tuple(trial("met", 495.0, 0.99, held_out=f"T{i}", left_out="speed group") for i in range(7))
+    assert (record.near_limit.decided, TrackRecord((*first, *others)).near_limit.decided) == ((6, 0), (7, 0))
     assert record.support(CRUSH) == Support(6, 0, 6, 0, near=True)
     strict = Criterion("strict", "max_crush", at_most=490.0)
     wrong = trial("met", 495.0, held_out="T0", criterion=strict)
@@ -178,7 +179,7 @@ def test_intervals_that_held_what_was_measured_are_counted_once_a_metric() -> No
             trial("open", 900.0, None, held_out="C", interval=(None, None)),
         )
     )
-    assert record.intervals == (3, 5)
+    assert (record.intervals, record.intervals_outside) == ((3, 5), (0, 1))
 
 
 def test_near_means_within_one_width_of_the_interval() -> None:
@@ -252,7 +253,7 @@ def test_a_record_supports_the_confidence_that_it_makes_likely(decided: int, wro
     assert (said is None) is supports
     if said is not None:
         needed = 9 if wrong == 0 else 29
-        assert f"take {needed} verdicts with no more than {wrong} wrong" in said
+        assert f"takes {needed} verdicts with at most {wrong} wrong" in said
     said = Support(47, 0, 47, 0, near=True).shortfall(0.99)  # 0.9896 is not shown as 0.99
     assert said is not None
     assert 0.989 <= float(said.partition("supports a confidence of ")[2].partition(", not")[0]) < 0.99

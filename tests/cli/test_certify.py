@@ -114,8 +114,8 @@ def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path
     assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "credibility.csv", "report.html"}
     assert {"tests.csv", "criteria.toml", "cae_pulses.parquet", "../past.cfa"} <= set(record["seal"]["rests_on"])
     report = (out / "report.html").read_text(encoding="utf-8")
-    assert "Sedan, Van and Coupe; SHA-256" in report
-    assert "changed the mean rating by +0.050" in report
+    seen = ("Sedan, Van and Coupe; SHA-256", "rating by +0.050", f"key <code>{record['seal']['key']}</code>")
+    assert all(text in report for text in seen)
     assert record["command"].partition("--archive ")[2].startswith("archive.cfa")
     assert certify(planned, tmp_path / "after", "--since", str(out), "--seal", str(key)) == cli.DONE
     after = json.loads((tmp_path / "after" / "certification.json").read_bytes())

@@ -20,13 +20,14 @@ from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.planning import NextTests, SpeedSweep
-from crashfuse.reporting.plots.certification import record_figure, validated_domain, verdict_matrix
+from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
 from crashfuse.reporting.plots.conditions import condition_space, next_tests, sweep_figure
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report
+from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
@@ -117,7 +118,7 @@ FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "next test": lambda campaign, display: next_tests(ranked(campaign), campaign.tests, display),
     "verdicts": lambda campaign, display: verdict_matrix(certification(campaign), display),
     "domain": lambda campaign, display: validated_domain(certification(campaign), display),
-    "record": lambda campaign, display: record_figure(certification(campaign).record, display),
+    "record": lambda campaign, display: Verdicts(certification(campaign)).plot("record", display=display),
 }
 
 

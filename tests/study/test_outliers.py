@@ -42,7 +42,9 @@ def test_the_odd_one_of_four_stands_apart_and_none_of_the_others(campaign: Campa
         "S1": False, "S2": False, "S3": False, "S4": True
     }  # fmt: skip
     odd = not_none(found["S4"])
-    assert odd.neighbours == ("S1", "S2", "S3")
+    assert (odd.neighbours, odd.alone) == (("S1", "S2", "S3"), ())
+    other = replace(group.tests[3], condition=replace(group.tests[3].condition, factors=(("drive", "RWD"),)))
+    assert not_none(departure(replace(group, tests=(*group.tests[:3], other)), "S4", model)).alone == ("drive RWD",)
     assert (len(odd.ratings), len(odd.ratings_between)) == (3, 3)
     assert departures(group) == (odd,)
     assert departures(replace(group)) == (odd,)  # as it was kept in the cache

@@ -13,7 +13,7 @@ from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import ANSWER, answer_texts
-from crashfuse.reporting.figures import WITH_GROUP
+from crashfuse.reporting.figures import WITH_GROUP, how_left_out
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, points_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
@@ -194,10 +194,12 @@ def reliability(record: TrackRecord) -> go.Figure:
     return figure
 
 
-def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
+def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: Display = DEFAULT) -> go.Figure:
     """Draw by criterion what left-out tests were predicted to show and showed, in order of speed, and the limits."""
-    trials = sorted(record.counted, key=lambda trial: trial.verdict.condition.speed_mps)
-    criteria, tests = _in_order(record), list(dict.fromkeys(trial.held_out for trial in trials))
+    criteria = [criterion for criterion in criteria if record.of(criterion)]
+    trials = [trial for trial in record.counted if trial.verdict.criterion in criteria]
+    trials.sort(key=lambda trial: trial.verdict.condition.speed_mps)
+    tests = list(dict.fromkeys(trial.held_out for trial in trials))
     figure = points_figure(max(120 + 210 * len(criteria), 330))
     if not criteria:
         _say(figure, _NONE)
@@ -219,15 +221,6 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     figure.update_layout(hoverlabel_align="left", margin_l=72, margin_t=96 if wrong else 72)
     figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
     return figure
-
-
-def _in_order(record: TrackRecord) -> list[Criterion]:
-    """All criteria in their order, although the records of some tests may be too short for some."""
-    by_test: dict[tuple[str, str], list[Criterion]] = {}
-    for trial in record.trials:
-        by_test.setdefault((trial.held_out, trial.left_out), []).append(trial.verdict.criterion)
-    fullest_first = sorted(by_test.values(), key=len, reverse=True)
-    return list(dict.fromkeys(criterion for some in fullest_first for criterion in some))
 
 
 def _draw_trials(
@@ -271,7 +264,7 @@ def _told(trial: Trial, display: Display) -> str:
     interval = display.words(criterion.interval(verdict.lower, verdict.upper))
     return "<br>".join(
         [
-            f"<b>{trial.held_out}</b>, left out {'alone' if trial.left_out == 'test' else 'with its speed group'}",
+            f"<b>{trial.held_out}</b>, {how_left_out(trial.left_out)}",
             f"predicted {value}, 95 % of tests {interval}",
             f"measured {measured}: {'met' if trial.met else 'not met'}",
             f"verdict: {verdict.word}{', wrong' * trial.wrong}",

@@ -7,7 +7,6 @@ import plotly.graph_objects as go
 
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.certification_facts import PLACES, exceptions, sentences
 from crashfuse.reporting.certification_tables import SHOWN
@@ -29,7 +28,7 @@ _FILES = {"trials": "track_record.csv", "changes": "changes.csv"}  # that have a
 def certification_report(certification: Certification, display: Display = DEFAULT, notes: Sequence[Note] = ()) -> str:
     """HTML report of a certification, made for paper; with what became of an earlier one, if it is beside one."""
     campaign, criteria, windows_ms = certification.campaign, certification.criteria, certification.config.windows_ms
-    since = certification.since
+    since, judged = certification.since, [own for own in criteria.items if certification.record.of(own)]
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
     tables = {
         name: {"rows": table.head(_MOST_ROWS), "left": [f"{left:,} more rows are in {file}."] if left > 0 else []}
@@ -60,7 +59,10 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         earlier=None if since is None else since.earlier,
         domain_figure=validated_domain(certification, display),
         matrix_figures=list(_matrix_figures(certification, display)),
-        record_figures=list(_record_figures(certification, display)),
+        record_figures=[
+            record_figure(certification.record, judged[i : i + _CRITERIA_A_FIGURE], display)
+            for i in range(0, len(judged), _CRITERIA_A_FIGURE)
+        ],
         reliability=reliability(certification.record),
     )
 
@@ -72,12 +74,3 @@ def _matrix_figures(certification: Certification, display: Display) -> Iterator[
     if n > size * _MOST_FIGURES:
         return iter([verdict_matrix(certification, display, words=False)])
     return (verdict_matrix(certification, display, slice(i, i + size)) for i in range(0, n, size))
-
-
-def _record_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:
-    record, criteria = certification.record, certification.criteria.items
-    for i in range(0, len(criteria), _CRITERIA_A_FIGURE):
-        some = criteria[i : i + _CRITERIA_A_FIGURE]
-        trials = tuple(trial for trial in record.trials if trial.verdict.criterion in some)
-        if trials:
-            yield record_figure(TrackRecord(trials), display)

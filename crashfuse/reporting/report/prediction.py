@@ -24,8 +24,8 @@ _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
 
 NEXT_TEST_MEANING = (
-    "How much a test narrows the band is known before it is run: the variance of a Gaussian process depends on where "
-    "tests are, not on what they measure. The band is that of the displacement domain's bias, in the root mean square."
+    "How much a test narrows the band is known before it is run: a Gaussian process has its variance from where tests "
+    "are, not from what they measure. The band is that of the displacement domain's bias (RMS)."
 )
 
 
@@ -102,12 +102,12 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
 
 
 LEARNING_CURVE_MEANING = (
-    "From parts of the tests, chosen evenly over speed and at random, all other tests are predicted and rated. Every "
-    "mean counts each held-out test once."
+    "From parts of the tests, chosen evenly over speed and at random, all others are predicted and rated. A mean "
+    "counts each held-out test once."
 )
 ONE_MORE_MEANING = (
-    "Each gain is the mean difference on the same held-out tests, with its standard error. One more test follows from "
-    "rating = limit − a / n, fitted by least squares; its interval covers exponents of n from 0.5 to 2."
+    "Gains are mean differences on the same held-out tests, with standard errors. One more test follows from rating = "
+    "limit − a / n (least squares); its interval covers exponents of n from 0.5 to 2."
 )
 
 

@@ -1,6 +1,7 @@
 """Figures of a certification show every verdict with its word, and where each condition lies."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import plotly.graph_objects as go
@@ -216,7 +217,7 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
     """By test in order of speed, left out alone on the left of its speed group; a wrong verdict has a ring."""
     group = trial("slow", 440.0, word="open", speed_mps=5.0, left_out="speed group", said=(480.0, 400.0, 560.0))
     record = TrackRecord((trial("fast", 510.0, speed_mps=15.0), trial("slow", 440.0, speed_mps=5.0), group))
-    figure = record_figure(record)
+    figure = record_figure(record, [CRUSH])
     alone, apart, measured, wrong = figure.data[:4]
     assert list(figure.layout.xaxis.ticktext) == ["slow", "fast"]
     assert alone.x[0] < 0 < apart.x[0] < 0.5 < alone.x[1] < 1
@@ -226,23 +227,14 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
     np.testing.assert_allclose(sorted(measured.y), [440.0, 440.0, 510.0])
     np.testing.assert_allclose([*wrong.x, *wrong.y], [alone.x[1], 510.0])
     assert [(shape.y0, shape.y1) for shape in figure.layout.shapes] == [(500.0, 500.0)]
-    names = [[trace.name for trace in drawn.data] for drawn in (figure, record_figure(TrackRecord(record.trials[1:])))]
-    assert ["wrong verdict" in some for some in names] == [True, False]
+    others = record_figure(TrackRecord(record.trials[1:]), [CRUSH])
+    assert ["wrong verdict" in [trace.name for trace in drawn.data] for drawn in (figure, others)] == [True, False]
     assert figure.layout.yaxis.title.text == "Maximum dynamic crush<br>(mm)"
 
 
-def test_criteria_keep_their_order_where_one_test_lacks_the_first() -> None:
-    """The record of a slow test is too short for a metric; the others give the order."""
-    rating = {"criterion": RATING, "said": (0.9, 0.8, 0.95)}
-    record = TrackRecord((trial("A", 0.9, **rating), trial("B", 440.0), trial("B", 0.85, **rating)))  # type: ignore[arg-type]
-    assert [note.text for note in record_figure(record).layout.annotations] == [
-        "<b>crush</b>: at most 500 mm (dashed)",
-        "<b>rating</b>: at least 0.80 (dashed)",
-    ]
-
-
 @pytest.mark.parametrize(
-    ("draw", "trials"), [(reliability, ()), (record_figure, ()), (reliability, (trial("A", 440.0, word="outside"),))]
+    ("draw", "trials"),
+    [(reliability, ()), (partial(record_figure, criteria=()), ()), (reliability, (trial("A", 440.0, word="outside"),))],
 )
 def test_where_there_is_nothing_to_compare_with_the_figure_says_so(draw: object, trials: tuple[Trial, ...]) -> None:
     """Of a single test, or where every left-out test is outside; without axes."""
