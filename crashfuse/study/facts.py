@@ -15,17 +15,9 @@ from crashfuse.units import G
 from crashfuse.wording import Sentence, acceleration, joined, read_out
 
 IMPORTANCE = (
-    "test.stands_apart",
-    "test.in_doubt",
-    "test.beyond_window",
-    "tests.cae_tuned",
-    "condition.extrapolated",
-    "cae.ended_otherwise",
-    "cae.runs_fail",
-    "tests.left_out_of_use",
-    "campaign.archive",
-    "campaign.warning",
-    "campaign.notice",
+    *("test.stands_apart", "test.in_doubt", "test.beyond_window"),
+    *("tests.cae_tuned", "condition.extrapolated", "cae.ended_otherwise", "cae.runs_fail"),
+    *("tests.left_out_of_use", "campaign.archive", "campaign.warning", "campaign.notice"),
 )
 """Codes of facts, the most important one first: the order in which pages, reports and files have them."""
 
