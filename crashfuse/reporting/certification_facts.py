@@ -168,7 +168,7 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
     told = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
     if n := sum(len(certification.rows[i]) for i in certification.run):
-        told += f"; {n} of these where a test was run that is learned from"
+        told += f"; {n} of these at {listed(list(certification.run))}, tested already and learned from"
     yield fact("matrix.counts", f"{size}, confidence {confidence:g}: {told}.", **certification.counts)
     n, of = certification.saved
     once = [f"{i} as {other}" for i, other in certification.counted_once.items()]
