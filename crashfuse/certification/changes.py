@@ -117,7 +117,8 @@ class Changes:
     @property
     def too_narrow(self) -> bool:
         """Whether intervals held too little; one test alone, whose metrics hang together, is no sign of it."""
-        return self.record.too_narrow and len({trial.held_out for trial in self.record.missed_intervals}) > 1
+        missed = {own.held_out for own in self.record.missed_intervals if own.verdict.word != "outside"}
+        return self.record.too_narrow and len(missed) > 1
 
     @property
     def waived_outcomes(self) -> dict[str, Outcomes]:

@@ -292,8 +292,8 @@ class TrackRecord:
 
     @property
     def missed_intervals(self) -> tuple[Trial, ...]:
-        """Trials whose interval did not hold what was measured, one a metric each time."""
-        return strictest_per_metric([trial for trial in _with_interval(self._inside) if not trial.held])
+        """Trials whose interval did not hold what was measured, inside and outside, one a metric each time."""
+        return strictest_per_metric([trial for trial in _with_interval(self.counted) if not trial.held])
 
     @property
     def too_narrow(self) -> bool:
