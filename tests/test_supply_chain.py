@@ -195,7 +195,7 @@ def test_the_wheel_holds_the_package_and_the_dashboard_and_nothing_else(installe
     package = {f"crashfuse/{name}" for name in _files(ROOT / "crashfuse")}
     pages = {f"crashfuse/dashboard/pages/{name}" for name in _files(ROOT / "pages")}
     own = {"crashfuse/dashboard/app.py", "crashfuse/dashboard/.streamlit/config.toml"}
-    endings = {".py", ".pyi", ".typed", ".j2", ".css", ".html", ".js", ".safetensors", ".toml"}
+    endings = {".py", ".pyi", ".typed", ".j2", ".css", ".html", ".js", ".safetensors", ".toml", ".md", ".csv"}
     assert {Path(name).suffix for name in package} == endings
     assert len(package) > 100
     assert len(pages) >= 5

@@ -30,7 +30,7 @@ from crashfuse.study.repeatability import Repeatability
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import METRICS, PULSE_SHAPE, advice_on_page, as_read, chosen_units, plain
-from crashfuse.wording import UnitSystem
+from crashfuse.wording import UnitSystem, joined
 
 _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| %| of \d+)?|–|)( \[.*\]| \(.*\))?")
 """A cell with a number, perhaps with its interval or a remark, or without one."""
@@ -242,7 +242,7 @@ def coloured(table: pd.DataFrame) -> Styler:
 def show_recommendation(headline: Sequence[str], reasons: Sequence[str] = (), icon: str = "lightbulb") -> None:
     """Show the recommendation in a line; reasons unfold."""
     with st.container(horizontal=True, wrap=False, vertical_alignment="center", key="recommendation"):
-        use, *details = re.split(r"(?<=\\[.:]) ", plain(" ".join(headline)), maxsplit=1)  # escaped by then
+        use, *details = re.split(r"(?<=\\[.:]) ", plain(joined(headline)), maxsplit=1)  # escaped by then
         st.markdown(f":material/{icon}: **{use}** {''.join(details)}", width="content")
         if reasons:
             with st.popover("More", type="tertiary"):
