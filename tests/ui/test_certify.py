@@ -16,7 +16,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.reporting.certification_facts import exceptions, planned, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.verdicts import Verdicts
-from crashfuse.ui.certify.results import last_verdicts
+from crashfuse.ui.certify.results import Judgement, last_verdicts
 from crashfuse.ui.kit.campaigns import View
 from tests.ui.conftest import Session, Visit
 
@@ -159,6 +159,17 @@ def test_a_click_says_what_another_question_would_change(
     looser = of_library(asking, confidence=0.99).certification
     assert table["Need not be run"].tolist()[0] == "{} of {}".format(*looser.saved)
     assert table["What if"].tolist() == ["confidence 0.99", "limits 5 % stricter"]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("asking")
+def test_what_one_test_less_would_change_is_in_the_files(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the page shows it, beside the variants that are in them anyway."""
+    session = certified(visit("certify", **LINK, what_if="without T1")).run().finish()
+    taken: list[Judgement] = []
+    monkeypatch.setattr("crashfuse.ui.certify.results.show_files", taken.append)
+    session.press("Export")
+    assert "without T1" in [variant.name for variant in taken[-1].certification.variants]
 
 
 @pytest.mark.usefixtures("asking")
