@@ -107,11 +107,13 @@ def certification_settings(campaign: Campaign, config: StudyConfig, confidence: 
 
 def certify_command(certification: Certification, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a certification from its criteria and matrix as files."""
-    costs, files = certification.criteria.costs, ["--criteria", "criteria.toml", "--matrix", "matrix.csv"]
-    others = ["--since", "EARLIER"] * (certification.since is not None) + ["--seal", "KEY"] * bool(certification.key)
-    prices = [] if costs is None else ["--costs", f"{costs.test:.10g}", f"{costs.wrong_answer:.10g}"]
-    settings = [*_settings(certification.config), *_archive(certification.campaign)]
-    return _command("certify", [*files, *others, *prices, *settings], units)
+    costs, options = certification.criteria.costs, ["--criteria", "criteria.toml", "--matrix", "matrix.csv"]
+    options += ["--since", "EARLIER"] * (certification.since is not None) + ["--seal", "KEY"] * bool(certification.key)
+    options += [] if costs is None else ["--costs", f"{costs.test:.10g}", f"{costs.wrong_answer:.10g}"]
+    varied = {own.name.split()[0].replace("without", "tests") for own in certification.variants}
+    tried = [name for name in ("seed", "preset", "tests") if name in varied]
+    options += [*(["--robustness", *tried] if tried else []), *_settings(certification.config)]
+    return _command("certify", [*options, *_archive(certification.campaign)], units)
 
 
 def learning_curve_command(

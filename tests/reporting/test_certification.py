@@ -11,7 +11,7 @@ from markupsafe import escape
 from crashfuse import cli
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.certification.certify import Certification, Rows, certify_matrix
+from crashfuse.certification.certify import Certification, Rows, Variant, certify_matrix
 from crashfuse.certification.criteria import Costs, Criteria, Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import parse_earlier
@@ -406,11 +406,14 @@ def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certificat
 
 
 def test_the_command_is_parsed_back_to_its_settings(certification: Certification) -> None:
-    """Approach, preset, seed and device, as they were; that it was sealed."""
+    """Approach, preset, seed and device, as they were; that it was sealed, and what was tried."""
     config = StudyConfig(approaches=("displacement_domain",), preset="fast", seed=7, device="cpu")
     criteria = replace(certification.criteria, costs=Costs(5.0, 100.0))
-    _, *command = certify_command(replace(certification, config=config, criteria=criteria, key="ab")).split()
+    tried = tuple(Variant(name, (1, 2), {}) for name in ("limits 5 % stricter", "without T1", "seed 1"))
+    asked = replace(certification, config=config, criteria=criteria, key="ab", variants=tried)
+    _, *command = certify_command(asked).split()
     parsed = cli.parser().parse_args(command)
+    assert parsed.robustness == ["seed", "tests"]
     assert (parsed.approach, parsed.preset, parsed.seed, parsed.device) == ("displacement_domain", "fast", 7, "cpu")
     assert (parsed.costs, parsed.seal) == ([5.0, 100.0], Path("KEY"))
     assert (parsed.criteria, parsed.matrix) == (Path("criteria.toml"), Path("matrix.csv"))
