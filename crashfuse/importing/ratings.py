@@ -167,7 +167,7 @@ def _rated_rows(one: _Curve, other: _Curve, windows_ms: Sequence[float], also: S
     filtering = filtering if others == filtering else f"reference {filtering}, comparison {others}"
     for window, rating in rate_windows(reference, comparison, windows_ms).items():
         row = {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
-        yield row | further_metrics(rated_curves(reference, comparison, window), also)
+        yield row | further_metrics(rated_curves(reference, comparison, window), also) if also else row
 
 
 def _ratings_table(rows: Sequence[_Row]) -> pd.DataFrame:

@@ -108,11 +108,6 @@ class StudyConfig:
             _ = self.create(name).device
 
     @property
-    def of_fits(self) -> "StudyConfig":
-        """The config without what tables alone show, so that keys of what is computed do not depend on it."""
-        return replace(self, to_ttzv=False, also=())
-
-    @property
     def on_this_device(self) -> "StudyConfig":
         """The config with the device that its approaches use here: "auto" may mean another one on another machine."""
         devices = [device for name in self.approaches if (device := self.create(name).device)] or [self.device]

@@ -44,7 +44,10 @@ def by_importance(facts: Iterable[Fact], order: Sequence[str] = IMPORTANCE) -> t
 
 def distinct(facts: Iterable[Fact]) -> tuple[Fact, ...]:
     """The facts without those that say the same again."""
-    return tuple({fact.sentence: fact for fact in reversed([*facts])}.values())[::-1]
+    first: dict[str, Fact] = {}
+    for fact in facts:
+        first.setdefault(fact.sentence, fact)
+    return tuple(first.values())
 
 
 def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:

@@ -77,7 +77,7 @@ class PastResult:
     @property
     def id(self) -> str:
         """Twelve hexadecimal digits, equal for equal data, question and settings: a repetition replaces the record."""
-        settings = asdict(self.config.of_fits)
+        settings = asdict(self.config)
         del settings["to_ttzv"], settings["also"]  # of which nothing is kept
         asked = [self.fingerprint, settings, sorted(self.ratings), self.condition and self.condition.text]
         return hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:12]

@@ -266,7 +266,7 @@ def _joined(
 
 def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:
     """Key of all that determines the fold of a test; the config is one of ``split_configs``."""
-    settings = replace(config.of_fits, leave_out="test")
+    settings = replace(config, leave_out="test", to_ttzv=False, also=())  # both of tables alone
     return campaign.fingerprint, settings, config.left_out(campaign, test_id), test_id
 
 

@@ -78,7 +78,7 @@ class Fold:
     def further(self, approach: str, window_ms: float, names: Sequence[str]) -> dict[str, float]:
         """Measures of an approach's prediction beside its rating over [0, window_ms), by column."""
         predicted = Pulse(GRID_S, self.estimate(approach).prediction.accel_mps2)
-        return further_metrics(rated_curves(self.test.pulse, predicted, window_ms), names)
+        return further_metrics(rated_curves(self.test.pulse, predicted, window_ms), names) if names else {}
 
     @property
     def with_band(self) -> tuple[str, ...]:

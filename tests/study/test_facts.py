@@ -17,7 +17,7 @@ from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.verdicts import certify
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.facts import IMPORTANCE, by_importance, campaign_facts, condition_facts, window_facts
+from crashfuse.study.facts import IMPORTANCE, by_importance, campaign_facts, condition_facts, distinct, window_facts
 from crashfuse.study.running import run_study
 from crashfuse.units import MPH
 from tests.study.test_outliers import at_one_speed
@@ -48,6 +48,7 @@ def test_facts_have_codes_and_values_in_the_order_of_their_importance(apart: Cam
         "test.stands_apart", "cae.runs_fail", "tests.left_out_of_use", "campaign.warning", "campaign.notice"
     ]  # fmt: skip
     assert by_importance(reversed(facts)) == facts
+    assert distinct([*facts, *reversed(facts)]) == facts
     assert {fact.code for fact in facts} <= {*IMPORTANCE}
     first, runs, unused, *_ = (fact.record for fact in facts)
     assert first["test"] == "S4"
