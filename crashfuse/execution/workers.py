@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 import joblib
-from joblib.externals.loky import get_reusable_executor
+from joblib.executor import get_memmapping_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from crashfuse.campaign import Campaign
@@ -120,7 +120,10 @@ class Local(Workers):
     ) -> Iterator[dict[int, Any]]:
         """The processes share the campaign's memory, and are reused by the next study."""
         n = min(self.processes or joblib.cpu_count(), len(tasks))
-        executor = get_reusable_executor(n, timeout=60, initializer=_begin, initargs=(os.getpid(),), env=_ONE_THREAD)
+        # joblib keeps one executor for all: made its way, a Parallel of the caller's can follow
+        executor = get_memmapping_executor(
+            n, timeout=60, initializer=_begin, initargs=(os.getpid(),), env=_ONE_THREAD, max_nbytes=None
+        )
         with tempfile.TemporaryDirectory(prefix="crashfuse-", ignore_cleanup_errors=True) as folder:
             file = Path(folder, "campaign")
             joblib.dump(campaign, file)

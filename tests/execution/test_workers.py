@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
+import joblib
 import psutil
 import pytest
 
@@ -62,6 +63,13 @@ def deaths(tmp_path: Path) -> Path:
     folder = tmp_path / "deaths"
     folder.mkdir()
     return folder
+
+
+def test_joblib_goes_on_after_workers_as_before(campaign: Campaign, tmp_path: Path, deaths: Path) -> None:
+    """A notebook's own parallel work and a study's take turns: both have the one executor that joblib keeps."""
+    for _ in range(2):
+        assert done_by(Local(2), fatal_once(deaths, lives=0), campaign, tmp_path) == TASKS
+        assert joblib.Parallel(2)(joblib.delayed(abs)(number) for number in (-1, -2)) == [1, 2]
 
 
 def test_a_process_that_is_killed_costs_only_what_it_was_at(
