@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from crashfuse.approaches.displacement_domain.hierarchical_bias import SCATTER
 from crashfuse.approaches.mixture import PRIOR
 from crashfuse.campaign import Campaign
 from crashfuse.vehicle_archive import PastVehicle, Prior, VehicleArchive
@@ -26,4 +27,4 @@ def made_archive(*campaigns: Campaign) -> VehicleArchive:
 
 def _prior(names: list[str]) -> Prior:
     errors = {"peak": np.array([-1.0, 1.0] * len(names))}
-    return Prior(tuple(names), {}, PRIOR, errors, np.full((6, 60), -1.0))
+    return Prior(tuple(names), {}, PRIOR, errors, np.full((6, 60), -1.0), SCATTER)

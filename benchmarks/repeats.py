@@ -1,0 +1,70 @@
+"""How well few tests tell what a repeat would rate: ``python benchmarks/repeats.py [--archive FILE]``.
+
+Vehicles are drawn at random (``benchmarks/vehicles.py``); each of their tests is repeated 16 times. Printed by number
+of tests, with an archive of past vehicles (``benchmarks/archive.py --out FILE``) and without: what repeats rate over
+0–60 ms; the error of the estimate, its mean and standard deviation over the vehicles; how wide the intervals are and
+the share of repeats inside.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from vehicles import KINDS, World
+
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
+from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.rating import rate_many
+from crashfuse.study.repeatability import repeatability
+from crashfuse.vehicle_archive import load_archive
+
+_SIZES = (2, 3, 4, 6, 8)
+_WINDOW_MS = 60.0
+_REPEATS = 16
+_FIRST = 1000  # number of the first repeat: each has a specimen and noise of its own
+
+
+def _rated(world: World, number: int, test: CrashTest) -> FloatArray:
+    n, first = round(_WINDOW_MS / 1e3 / DT_S), _FIRST + _REPEATS * number
+    pulses = [repeat.pulse.accel_mps2[:n] for repeat in world.test([test.condition] * _REPEATS, first)]
+    return np.array([rating.overall for rating in rate_many(test.pulse.accel_mps2[:n], np.array(pulses), dt_s=DT_S)])
+
+
+def _judged(campaign: Campaign, repeats: dict[str, FloatArray]) -> dict[str, float]:
+    estimates = {name: windows[_WINDOW_MS] for name, windows in repeatability(campaign, (_WINDOW_MS,)).items()}
+    inside = [(estimates[name].lower <= rated) & (rated <= estimates[name].upper) for name, rated in repeats.items()]
+    true = np.mean(list(repeats.values()))
+    return {
+        "repeats rate": float(true),
+        "error": float(np.mean([estimate.value for estimate in estimates.values()]) - true),
+        "width": float(np.mean([estimate.upper - estimate.lower for estimate in estimates.values()])),
+        "inside": float(np.mean(inside)),
+    }
+
+
+def main() -> None:
+    """Estimate, repeat, print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kind", choices=list(KINDS), default="sister")
+    parser.add_argument("--vehicles", type=int, nargs="*", default=[9109, 9110, 9111, 9112, 9113, 9114], help="seeds")
+    parser.add_argument("--archive", type=Path, help="of past vehicles")
+    given = parser.parse_args()
+    rows = []
+    for seed in given.vehicles:
+        world = KINDS[given.kind](seed)
+        for size in _SIZES:
+            campaign = world.campaign(size, paired=seed % 2 == 0)
+            repeats = {test.id: _rated(world, number, test) for number, test in enumerate(campaign.tests)}
+            ways = {"without": campaign}
+            if given.archive is not None:
+                ways["with"] = campaign.with_archive(load_archive(given.archive))
+            rows += [{"tests": size, "archive": name} | _judged(used, repeats) for name, used in ways.items()]
+    groups = pd.DataFrame(rows).groupby(["tests", "archive"])
+    spread = groups["error"].std().rename("deviation")
+    print(groups.mean().join(spread).round(3).to_string())
+
+
+if __name__ == "__main__":
+    main()
