@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from tables import add_data_option, write
-from vehicles import KINDS
+from vehicles import KINDS, NAMES
 
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
@@ -90,7 +90,7 @@ def main() -> None:
             campaign = _campaign(kind, seed)
             taught = _rows(campaign.with_archive(archive), "")
             part = taught.join(_rows(campaign, " without")).reset_index()
-            widths = [column for column in taught if column.startswith("width")]
+            widths = [column for column in taught if column.startswith("width") and f"{column} without" in part]
             narrower = np.log(part[widths].to_numpy() / part[[f"{name} without" for name in widths]].to_numpy())
             part["width"] = np.exp(np.nanmean(narrower, axis=1))
             parts.append(part.assign(kind=kind, change=part["rating"] - part["rating without"]))
@@ -101,9 +101,9 @@ def main() -> None:
     table = groups[columns].mean().join(lowest).reset_index().round(3)
     print(table.to_string(index=False))
     if given.data is not None:
-        family = given.judged[0] // 100
-        names = {"sister": "sisters", "any": "of any kind", "relative": f"relatives of {family}"}
+        names = dict(NAMES)
         if given.kind == "relative":
+            names["relative"] += f" of {given.judged[0] // 100}"
             names["any"] += f", taught by {names['relative']}"
         written = table.assign(campaign=table.pop("kind").map(names)).rename(columns={"n_tests": "learned from"})
         written = written[["campaign", "learned from", *columns, *lowest]]

@@ -7,11 +7,13 @@ the share of repeats inside.
 """
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from vehicles import KINDS, World
+from tables import add_data_option, write
+from vehicles import KINDS, NAMES, World
 
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
@@ -19,6 +21,7 @@ from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.signals.rating import rate_many
 from crashfuse.study.repeatability import repeatability
 from crashfuse.vehicle_archive import load_archive
+from crashfuse.wording import number, signed
 
 _SIZES = (2, 3, 4, 6, 8)
 _WINDOW_MS = 60.0
@@ -26,8 +29,8 @@ _REPEATS = 16
 _FIRST = 1000  # number of the first repeat: each has a specimen and noise of its own
 
 
-def _rated(world: World, number: int, test: CrashTest) -> FloatArray:
-    n, first = round(_WINDOW_MS / 1e3 / DT_S), _FIRST + _REPEATS * number
+def _rated(world: World, place: int, test: CrashTest) -> FloatArray:
+    n, first = round(_WINDOW_MS / 1e3 / DT_S), _FIRST + _REPEATS * place
     pulses = [repeat.pulse.accel_mps2[:n] for repeat in world.test([test.condition] * _REPEATS, first)]
     return np.array([rating.overall for rating in rate_many(test.pulse.accel_mps2[:n], np.array(pulses), dt_s=DT_S)])
 
@@ -50,20 +53,27 @@ def main() -> None:
     parser.add_argument("--kind", choices=list(KINDS), default="sister")
     parser.add_argument("--vehicles", type=int, nargs="*", default=[9109, 9110, 9111, 9112, 9113, 9114], help="seeds")
     parser.add_argument("--archive", type=Path, help="of past vehicles")
+    add_data_option(parser)
     given = parser.parse_args()
     rows = []
     for seed in given.vehicles:
         world = KINDS[given.kind](seed)
         for size in _SIZES:
             campaign = world.campaign(size, paired=seed % 2 == 0)
-            repeats = {test.id: _rated(world, number, test) for number, test in enumerate(campaign.tests)}
+            repeats = {test.id: _rated(world, place, test) for place, test in enumerate(campaign.tests)}
             ways = {"without": campaign}
             if given.archive is not None:
                 ways["with"] = campaign.with_archive(load_archive(given.archive))
             rows += [{"tests": size, "archive": name} | _judged(used, repeats) for name, used in ways.items()]
     groups = pd.DataFrame(rows).groupby(["tests", "archive"])
-    spread = groups["error"].std().rename("deviation")
-    print(groups.mean().join(spread).round(3).to_string())
+    table = groups.mean().join(groups["error"].std().rename("deviation")).reset_index()
+    print(table.round(3).to_string(index=False))
+    if given.data is not None:
+        errors = zip(table["error"], table.pop("deviation"), strict=True)
+        shown = {name: table[name].map(partial(number, form=".3f")) for name in ("repeats rate", "width")}
+        shown |= {"error": [f"{signed(mean, 3)} ± {deviation:.3f}" for mean, deviation in errors]}
+        shown |= {"inside": table["inside"].map(partial(number, form=".2f"))}
+        write(table.assign(campaign=NAMES[given.kind], **shown), given.data / "repeats.csv")
 
 
 if __name__ == "__main__":

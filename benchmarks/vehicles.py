@@ -165,6 +165,7 @@ KINDS: Mapping[str, Callable[[int], World]] = {
     "calibrated": World.calibrated,
 }
 """Ways to draw a vehicle by its seed."""
+NAMES = {"sister": "sisters", "relative": "relatives", "any": "of any kind", "calibrated": "calibrated"}
 
 
 def metrics_of(accel_mps2: FloatArray, condition: Condition) -> dict[str, float]:

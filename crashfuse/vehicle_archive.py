@@ -154,7 +154,7 @@ def load_archive(path: str | Path) -> VehicleArchive:
         whole, *without = priors
         return VehicleArchive(vehicles, whole, tuple(without), pd.DataFrame(**record["record"]), int(record["seed"]))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        found = str(error) if isinstance(error, ValueError) else "another kind of file"
+        found = str(error) if isinstance(error, ValueError) else "one of another version, or another kind of file"
         raise DataError(Problem(str(path), "an archive as crashfuse saved it", found, _AGAIN)) from error
 
 

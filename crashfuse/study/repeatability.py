@@ -50,7 +50,7 @@ _LEAST_LACK = 1e-4  # of a rating to 1: identical pulses lack nothing, and have 
 _LEAST_SPREAD = 0.1
 _REACH = 1.96  # standard deviations on each side of a central 95 % interval
 _MODEL_SPREAD, _SPREAD_OF_A_TEST = 0.15, 2.0
-_GROWING = 2  # row of SCATTER that decides most
+_PAST_COUNT = 3  # tests that past vehicles count as
 _STEPS = 200  # of the displacement grid on which a difference is drawn
 _SHARES = np.linspace(0.0, 1.0, 101)
 _BEYOND = 1.5  # times the test's crush; nothing is known of scatter farther on
@@ -255,9 +255,8 @@ class Scatter:
     @property
     def unknown(self) -> float:
         """Variance of the logarithm of what drawn repeats lack to 1: few tests say little of scatter."""
-        alone = (_SPREAD_OF_A_TEST / self.tests_) ** 2
-        of_past = 0.0 if self.past is None else float(self.past[_GROWING, 1]) ** -2
-        return _MODEL_SPREAD**2 + alone / (1 + alone * of_past)
+        tests = self.tests_ if self.past is None else self.tests_ + _PAST_COUNT
+        return _MODEL_SPREAD**2 + (_SPREAD_OF_A_TEST / tests) ** 2
 
     def repeats(self, test: CrashTest, n: int, rng: np.random.Generator) -> FloatArray:
         """Draw pulses of repeats of a test, shape (n, 1250)."""
