@@ -6,25 +6,36 @@ import pandas as pd
 from crashfuse.approaches.displacement_domain.hierarchical_bias import SCATTER
 from crashfuse.approaches.mixture import PRIOR
 from crashfuse.campaign import Campaign
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.vehicle_archive import PastVehicle, Prior, VehicleArchive
+
+NAMES = ("Sedan", "Van", "Coupe")
+NO_BIAS = np.zeros((6, 60))
+
+
+def past(campaign: Campaign, name: str) -> PastVehicle:
+    """A campaign as a vehicle of an archive."""
+    return PastVehicle(name, campaign.cae.fingerprint, tuple(test.digest for test in campaign.tests))
+
+
+def prior(*names: str, bias: FloatArray = NO_BIAS, shift: float = 0.0, helps: bool = True) -> Prior:
+    """What vehicles teach whose CAE models err by ``bias``; shifted, network and weights are others than usual."""
+    network = {"last.bias": np.full(50, shift, np.float16)} if shift else {}
+    errors = {"peak": np.tile([-1.0, 1.0], len(names))}
+    return Prior(names, network, PRIOR + shift, errors, bias, SCATTER * [1.0, 0.5], helps)
 
 
 def made_archive(*campaigns: Campaign) -> VehicleArchive:
-    """An archive of three vehicles, the last ones these; what they teach leaves the network as it is."""
-    others = [PastVehicle(name, f"runs of {name}", (f"test of {name}",)) for name in ("Sedan", "Van", "Coupe")]
-    vehicles = [PastVehicle(own.name, own.cae.fingerprint, tuple(t.digest for t in own.tests)) for own in campaigns]
-    vehicles = [*others[: 3 - len(vehicles)], *vehicles]
+    """An archive of three vehicles, the last ones these; of the others nothing is known."""
+    others = [PastVehicle(name, f"runs of {name}", (f"test of {name}",)) for name in NAMES[: 3 - len(campaigns)]]
+    vehicles = (*others, *(past(campaign, campaign.name) for campaign in campaigns))
     names = [vehicle.name for vehicle in vehicles]
+    bias = np.full_like(NO_BIAS, -1.0)
+    without = [prior(*(name for name in names if name != out), bias=bias) for out in names]
     rows = [
         {"vehicle": name, "n_tests": n, "predicted": 9, "rating": 0.85, "rating_without": 0.8, "inside": 0.95}
         | {"inside_without": 0.94, "width": 0.9}
         for name in names
         for n in (1, 2)
     ]
-    without = [_prior(names[:place] + names[place + 1 :]) for place in range(len(names))]
-    return VehicleArchive(tuple(vehicles), _prior(names), tuple(without), pd.DataFrame(rows))
-
-
-def _prior(names: list[str]) -> Prior:
-    errors = {"peak": np.array([-1.0, 1.0] * len(names))}
-    return Prior(tuple(names), {}, PRIOR, errors, np.full((6, 60), -1.0), SCATTER)
+    return VehicleArchive(vehicles, prior(*names, bias=bias), tuple(without), pd.DataFrame(rows))

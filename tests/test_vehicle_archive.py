@@ -8,50 +8,21 @@ import pandas as pd
 import pytest
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.displacement_domain.hierarchical_bias import SCATTER
 from crashfuse.approaches.fused import Fused
-from crashfuse.approaches.mixture import PRIOR
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, UsageError
 from crashfuse.execution.cache import Cache
-from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.study.repeatability import repeatability
-from crashfuse.vehicle_archive import PastVehicle, Prior, VehicleArchive, load_archive
+from crashfuse.vehicle_archive import load_archive
+from tests.archives import NAMES, made_archive, prior
 from tests.conftest import not_none
-
-NAMES = ("Amber", "Birch", "Cedar")
-
-
-NO_BIAS = np.zeros((6, 60))
-
-
-def prior(*names: str, bias: FloatArray = NO_BIAS, shift: float = 0.0, helps: bool = True) -> Prior:
-    """What vehicles teach whose CAE models err by ``bias``."""
-    network = {"last.bias": np.full(50, shift, np.float16)}
-    errors = {"peak": np.tile([-1.0, 1.0], len(names))}
-    return Prior(names, network, PRIOR + shift, errors, bias, SCATTER * [1.0, 0.5], helps)
-
-
-def archive(*vehicles: PastVehicle) -> VehicleArchive:
-    """An archive of these vehicles, and of others of which nothing is known."""
-    all_of = (*vehicles, *(PastVehicle(name, name, (name,)) for name in NAMES[len(vehicles) :]))
-    names = [vehicle.name for vehicle in all_of]
-    without = [prior(*(name for name in names if name != out), shift=0.1 * n) for n, out in enumerate(names, start=1)]
-    sizes = {"n_tests": [1, 2] * len(names), "vehicle": np.repeat(names, 2).tolist()}
-    record = pd.DataFrame({**sizes, "rating": 0.9, "rating_without": 0.8})
-    return VehicleArchive(all_of, prior(*names), tuple(without), record)
-
-
-def past(campaign: Campaign, name: str = "Amber") -> PastVehicle:
-    """A campaign as a vehicle of an archive."""
-    return PastVehicle(name, campaign.cae.fingerprint, tuple(test.digest for test in campaign.tests))
 
 
 def test_an_archive_is_read_as_it_was_saved(tmp_path: Path, campaign: Campaign) -> None:
     """To the bit, by all that predictions depend on."""
-    saved = archive(past(campaign))
+    saved = made_archive(campaign)
     saved.save(tmp_path / "a.cfa")
     read = load_archive(tmp_path / "a.cfa")
     assert read.vehicles == saved.vehicles
@@ -60,7 +31,7 @@ def test_an_archive_is_read_as_it_was_saved(tmp_path: Path, campaign: Campaign) 
     ]
     assert len({p.fingerprint for p in (read.whole, *read.without)}) == 4
     pd.testing.assert_frame_equal(read.record, saved.record)
-    assert "+0.100" in read.sentence
+    assert "+0.050" in read.sentence
 
 
 @pytest.mark.parametrize("what", ["nothing", "cut", "other", "changed"])
@@ -68,7 +39,7 @@ def test_another_file_is_a_sentence(what: str, tmp_path: Path) -> None:
     """No traceback, whatever it is."""
     path = tmp_path / "a.cfa"
     if what != "nothing":
-        archive().save(path)
+        made_archive().save(path)
         content = path.read_bytes()
         path.write_bytes({"cut": content[:-9], "other": b"x" * 99, "changed": content[:-1] + b"\x01"}[what])
     with pytest.raises(DataError, match=r"a\.cfa: expected an archive"):
@@ -77,15 +48,15 @@ def test_another_file_is_a_sentence(what: str, tmp_path: Path) -> None:
 
 def test_a_vehicle_of_the_archive_is_taken_out_of_it(campaign: Campaign) -> None:
     """Known by one of its tests, whatever its name, or by its CAE runs; with others' it may not be mixed."""
-    known = archive(past(campaign))
+    known = made_archive(campaign)
     one = replace(campaign, name="Renamed", tests=campaign.tests[:1])
     taught = not_none(one.with_archive(known).prior)
-    assert (taught.vehicles, taught.taken_out) == (NAMES[1:], "Amber")
-    assert taught.fingerprint == known.without[0].fingerprint  # as if it had never been in
+    assert (taught.vehicles, taught.taken_out) == (NAMES[:2], campaign.name)
+    assert taught.fingerprint == known.without[2].fingerprint  # as if it had never been in
     other = replace(campaign, cae=_another(campaign.cae), tests=())
     assert not_none(other.with_archive(known).prior).fingerprint == known.whole.fingerprint
-    with pytest.raises(UsageError, match="shares tests or CAE runs with Amber and Birch"):
-        campaign.with_archive(archive(past(campaign), past(campaign, "Birch")))
+    with pytest.raises(UsageError, match="shares tests or CAE runs with A and B"):
+        campaign.with_archive(made_archive(replace(campaign, name="A"), replace(campaign, name="B")))
 
 
 def _another(cae: CaeLibrary) -> CaeLibrary:
