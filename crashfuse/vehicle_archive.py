@@ -34,7 +34,6 @@ class Prior:
     logits: FloatArray  # prior mean of the fused weights, as :data:`crashfuse.approaches.mixture.PRIOR`
     errors: Mapping[str, FloatArray]  # standardised, by metric: mean minus and plus deviation, for each vehicle
     bias: FloatArray  # mean of their CAE models' errors over crush, as much of it as carries over, shape (6, 60)
-    scatter: FloatArray  # of their tests: median and spread of five numbers, shape (5, 2)
     helps: bool = True  # whether these, each left out, were predicted better with the others, on average
     taken_out: str = ""  # the vehicle that is to be judged, if it was in the archive
     record: pd.DataFrame = field(default_factory=pd.DataFrame)  # of the whole archive, to be shown
@@ -52,7 +51,7 @@ class Prior:
         """All arrays by name."""
         weights = {f"network {name}": weight for name, weight in sorted(self.network.items())}
         errors = {f"error {name}": errors for name, errors in self.errors.items()}
-        return {**weights, **errors, "logits": self.logits, "bias": self.bias, "scatter": self.scatter}
+        return {**weights, **errors, "logits": self.logits, "bias": self.bias}
 
     @property
     def sentence(self) -> str:
@@ -166,8 +165,6 @@ def _prior(number: int, vehicles: tuple[str, ...], arrays: Arrays, helps: object
         kind: {name.removeprefix(kind): array for name, array in mine.items() if name.startswith(kind)}
         for kind in ("network ", "error ")
     }
-    shared = [mine[name] for name in ("logits", "bias", "scatter")]
-    if [array.shape for array in shared] != [(4, 5), (6, 60), (5, 2)]:
+    if mine["logits"].shape != (4, 5) or mine["bias"].shape != (6, 60):
         raise ValueError("weights of other approaches")
-    logits, bias, scatter = shared
-    return Prior(vehicles, parts["network "], logits, parts["error "], bias, scatter, bool(helps))
+    return Prior(vehicles, parts["network "], mine["logits"], parts["error "], mine["bias"], bool(helps))

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 
-from crashfuse.approaches.displacement_domain.hierarchical_bias import SCATTER
 from crashfuse.approaches.mixture import PRIOR
 from crashfuse.campaign import Campaign
 from crashfuse.signals.pulse import FloatArray
@@ -21,8 +20,7 @@ def past(campaign: Campaign, name: str) -> PastVehicle:
 def prior(*names: str, bias: FloatArray = NO_BIAS, shift: float = 0.0, helps: bool = True) -> Prior:
     """What vehicles teach whose CAE models err by ``bias``; shifted, network and weights are others than usual."""
     network = {"last.bias": np.full(50, shift, np.float16)} if shift else {}
-    errors = {"peak": np.tile([-1.0, 1.0], len(names))}
-    return Prior(names, network, PRIOR + shift, errors, bias, SCATTER * [1.0, 0.5], helps)
+    return Prior(names, network, PRIOR + shift, {"peak": np.tile([-1.0, 1.0], len(names))}, bias, helps)
 
 
 def made_archive(*campaigns: Campaign) -> VehicleArchive:

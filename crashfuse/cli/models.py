@@ -8,18 +8,8 @@ from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import read_candidates
 from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.cli import output
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
-from crashfuse.cli.output import (
-    claim,
-    opened,
-    pulse_export,
-    replacing,
-    require_output,
-    require_writable,
-    say_facts,
-    say_written,
-    writing,
-)
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting import predicted
@@ -40,8 +30,8 @@ from crashfuse.wording import speed
 
 def train(arguments: argparse.Namespace) -> None:
     """Fit to all tests and save the models."""
-    require_output(arguments.out, arguments.campaign)
-    claim(arguments, arguments.out)
+    output.require_output(arguments.out, arguments.campaign)
+    output.claim(arguments, arguments.out)
     campaign, config = load_campaign(arguments.campaign, arguments.archive), settings(arguments)
     with watching() as watch:
         for name in config.approaches:
@@ -55,7 +45,7 @@ def learn_archive(arguments: argparse.Namespace) -> None:
     """Learn from past vehicles what teaches the next one."""
     if arguments.out.suffix != ".cfa":
         raise UsageError(f"An archive is a file that ends in .cfa, not {arguments.out}.")
-    require_writable(arguments.out.parent)
+    output.require_writable(arguments.out.parent)
     campaigns = [load_campaign(folder) for folder in arguments.campaigns]
     with watching() as watch:
         seed, workers = arguments.seed or 0, arguments.workers
@@ -69,25 +59,25 @@ def learn_archive(arguments: argparse.Namespace) -> None:
 def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
     require_positive(arguments)
-    export = pulse_export(arguments)
-    campaign, display = opened(arguments, "prediction")
+    export = output.pulse_export(arguments)
+    campaign, display = output.opened(arguments, "prediction")
     condition = condition_of(arguments, campaign, arguments.speed_mps)
     prediction = predicted.predict(campaign, condition, _fits(arguments, campaign))
-    with replacing(arguments.out, "prediction"):
+    with output.replacing(arguments.out, "prediction"):
         prediction.write(arguments.out, export=export, report=arguments.report, display=display)
     keep(PastResult.of_prediction(campaign, prediction.estimates, prediction.config))
     metrics = prediction.metrics
     shown = metrics[metrics["metric"].isin(MAIN_METRICS)].drop(columns=["held_out", "basis"])
     print(shown.to_string(index=False, na_rep="", float_format="{:.4g}".format))
     print(*map(display.words, prediction.sentences), sep="\n")
-    say_written(arguments.out, "prediction")
+    output.say_written(arguments.out, "prediction")
 
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
     require_positive(arguments)
-    export = pulse_export(arguments)
-    campaign, display = opened(arguments, "sweep")
+    export = output.pulse_export(arguments)
+    campaign, display = output.opened(arguments, "sweep")
     speeds = usual_speeds(campaign)
     if arguments.speed_mps is not None:
         low, high = arguments.speed_mps
@@ -97,21 +87,21 @@ def sweep(arguments: argparse.Namespace) -> None:
     condition = condition_of(arguments, campaign, speeds[0])
     condition = replace(condition, units=("mph", *condition.units[1:]))  # of its steps
     fits = _fits(arguments, campaign)
-    with replacing(arguments.out, "sweep"), writing(arguments.out, last="sweep.csv") as folder:
+    with output.replacing(arguments.out, "sweep"), output.writing(arguments.out, last="sweep.csv") as folder:
         with watching() as watch:
             sweeps = sweep_speed(
                 fits, condition, speeds, watch, each=lambda estimates: write_pulses(campaign, estimates, folder, export)
             )
         SpeedSweep(campaign, sweeps, fits[0].config).write(folder, display=display)
-    say_facts(campaign, display)
+    output.say_facts(campaign, display)
     print(f"{len(speeds)} speeds from {display.words(speed(speeds[0], speeds[-1], between=' to '))}.")
     print(display.words(weights_sentence(condition, campaign.tests)))
-    say_written(arguments.out, "sweep")
+    output.say_written(arguments.out, "sweep")
 
 
 def rank_tests(arguments: argparse.Namespace) -> None:
     """Rank tests to run next."""
-    campaign, display = opened(arguments, "ranking of next tests")
+    campaign, display = output.opened(arguments, "ranking of next tests")
     over = ConditionRange.of(campaign.tests)
     for name in AXES:
         if (limits := getattr(arguments, name)) is not None:
@@ -125,11 +115,11 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     with watching() as watch:
         ranking = next_test(campaign, over.low, over.high, candidates=candidates, config=config, watch=watch)
     ranking.write(arguments.out, display=display)
-    say_facts(campaign, display)
+    output.say_facts(campaign, display)
     low, high = display.condition(over.low), display.condition(over.high)
     print(f"The band of the displacement domain over {low} to {high}:")
     print(next_tests_table(ranking.ranked[:BEST], display.units).to_string(index=False))
-    say_written(arguments.out, ranking.kind)
+    output.say_written(arguments.out, ranking.kind)
 
 
 def _fits(arguments: argparse.Namespace, campaign: Campaign) -> list[Fit]:

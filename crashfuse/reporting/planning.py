@@ -21,17 +21,9 @@ from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.predicted import check_factors, fits_of
 from crashfuse.reporting.result_tables import next_tests_table, sweep_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
+from crashfuse.study import planning
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import FASTEST_MPS, Fit
-from crashfuse.study.planning import (
-    ConditionRange,
-    NextTest,
-    Sweep,
-    rank_next_tests,
-    speeds_between,
-    sweep_speed,
-    usual_speeds,
-)
 from crashfuse.units import MPH
 from crashfuse.wording import speed
 
@@ -52,7 +44,7 @@ class Plan:
 class SpeedSweep(Plan):
     """Pulse metrics over impact speed; ``sweeps`` has them by approach, as objects."""
 
-    sweeps: tuple[Sweep, ...]
+    sweeps: tuple[planning.Sweep, ...]
     config: StudyConfig = StudyConfig()
     kind = "sweep"
 
@@ -89,8 +81,8 @@ class SpeedSweep(Plan):
 class NextTests(Plan):
     """Tests that might be run next, by how much each would narrow the band; ``ranked`` has them as objects."""
 
-    over: ConditionRange
-    ranked: tuple[NextTest, ...]
+    over: planning.ConditionRange
+    ranked: tuple[planning.NextTest, ...]
     config: StudyConfig = StudyConfig()
     kind = "ranking of next tests"
 
@@ -135,7 +127,7 @@ def sweep(
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
-    speeds = usual_speeds(campaign)
+    speeds = planning.usual_speeds(campaign)
     if speeds_mph is not None:
         for end in several(speeds_mph):
             require_number("A speed of a sweep", end)
@@ -143,9 +135,9 @@ def sweep(
         if len(ends) != 2 or not 0 < ends[0] < ends[1] <= FASTEST_MPS:
             found, most = printable(repr(speeds_mph), 60), f"{FASTEST_MPS / MPH:.0f}"
             raise UsageError(f"A sweep takes a speed above 0 and a higher one, up to {most} mph, not {found}.")
-        speeds = speeds_between(*ends)
+        speeds = planning.speeds_between(*ends)
     fits = fits_of(campaign, (approach,) if isinstance(approach, Fit) else several(approach), config, cache, watch)
-    return SpeedSweep(campaign, sweep_speed(fits, condition, speeds, watch), fits[0].config)
+    return SpeedSweep(campaign, planning.sweep_speed(fits, condition, speeds, watch), fits[0].config)
 
 
 def next_test(
@@ -172,7 +164,7 @@ def next_test(
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
-    usual = ConditionRange.of(campaign.tests)
+    usual = planning.ConditionRange.of(campaign.tests)
     low, high = low or usual.low, high or usual.high
     planned = cast(tuple[Condition, ...], several(planned))
     candidates = None if candidates is None else cast(tuple[Condition, ...], several(candidates))
@@ -180,7 +172,7 @@ def next_test(
         check_factors(campaign, condition)
     if candidates == ():
         raise UsageError("There is no candidate: name one, or leave candidates out.")
-    over = ConditionRange(low, high)
+    over = planning.ConditionRange(low, high)
     fit = Fit.of(campaign, DisplacementDomain.name, config, cache=cache, watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
-    return NextTests(campaign, over, rank_next_tests(fit.approach, over, candidates, planned), config)
+    return NextTests(campaign, over, planning.rank_next_tests(fit.approach, over, candidates, planned), config)

@@ -210,10 +210,8 @@ def pulse_metrics(
 
     Parameters
     ----------
-    accel_mps2 : ndarray, shape (n,)
-        Signed acceleration in m/s², the first sample at contact.
-    speed_mps : float
-        Impact speed in m/s.
+    accel_mps2, speed_mps : ndarray, shape (n,), and float
+        Signed acceleration in m/s², the first sample at contact; impact speed.
     dt_s : float
         Time step in s.
     draws_mps2 : ndarray, shape (n_draws, n), optional
@@ -238,13 +236,11 @@ def pulse_metrics(
     The value is that of the pulse itself, the interval that of the draws: a mean curve is smoother than any of them, so
     its peak may lie below the interval. A speed or step that can only be in another unit is a DataError.
 
-    If the record ends too early the value is None. A draw that ends too early still counts, or certainty would be
-    overstated. One that has lost three quarters of its impact speed goes on with half of its mean deceleration so far;
-    one that is faster counts as larger than any that stops in t0 and max_crush, and as smaller in mean. One whose
-    occupant still moves forward counts as smaller in olc, unless the vehicle moves freely by then
-    (:func:`crashfuse.signals.pulse_shape.moves_freely`). One whose vpi has yet to peak counts as smaller at the lower
-    end and as larger at the upper. An end is None if more than one draw in forty is missing there. Interval ends are
-    draws themselves, rounded outward.
+    If the record ends too early the value is None. A draw that ends too early still counts. One that has lost three
+    quarters of its impact speed goes on with half of its mean deceleration so far; one that is faster counts as larger
+    than any that stops in t0 and max_crush, as smaller in mean. One whose occupant still moves forward counts as
+    smaller in olc, one whose vpi has yet to peak as smaller at the lower end and as larger at the upper. An end is None
+    if more than one draw in forty is missing there.
     """
     accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, dt_s, draws_mps2)
     require_a(OccupantModel, occupant, "crashfuse.OccupantModel()")

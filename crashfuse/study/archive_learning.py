@@ -43,7 +43,6 @@ from crashfuse.signals.metrics import METRIC_LABELS, metric_values
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.learning_curve import subsets
-from crashfuse.study.repeatability import Scatter
 from crashfuse.study.running import workers_at
 from crashfuse.vehicle_archive import LEAST_VEHICLES, PastVehicle, Prior, VehicleArchive
 from crashfuse.wording import read_out
@@ -226,7 +225,6 @@ class _Run:
 class _Learning:
     campaigns: Sequence[Campaign]
     biases: FloatArray  # what each teaches of the bias, shape (n_vehicles, 6, 60)
-    scatters: FloatArray  # and of the scatter of tests, shape (n_vehicles, 5)
     networks: Mapping[_Members, Arrays]
     run: _Run
 
@@ -234,6 +232,8 @@ class _Learning:
         return self.run.by_part(work, replace(self.campaigns[member], prior=prior), sizes, "predicted with the others")
 
     def prior(self, members: _Members) -> Prior:
+        names = tuple(self.campaigns[member].name for member in members)
+        bias = carried_over(self.biases[list(members)])
         others = {member: self._others(_less(members, member)) for member in members}
         scores = [self._each(_Part.scores, member, others[member], *SIZES) for member in members]
         taught = [score for pairs in scores for score, _ in pairs]
@@ -247,12 +247,11 @@ class _Learning:
         errors = [pd.DataFrame(self._each(_Part.errors, *pair, *_OF_ERRORS)) for pair in weighed]
         ends = pd.concat([of_one.mean() + side * of_one.std(ddof=0) for of_one in errors for side in (-1, 1)], axis=1)
         usual_errors = {str(name): row.to_numpy() for name, row in ends.dropna().iterrows()}
-        return replace(self._others(members), logits=logits, errors=usual_errors, helps=bool(np.mean(gains) > 0))
+        return Prior(names, self.networks[members], logits, usual_errors, bias, helps=bool(np.mean(gains) > 0))
 
     def _others(self, members: _Members) -> Prior:
-        names, rows = tuple(self.campaigns[member].name for member in members), list(members)
-        bias, scatter = carried_over(self.biases[rows]), usual_scatter(self.scatters[rows])
-        return Prior(names, self.networks[members], PRIOR, {}, bias, scatter)
+        names = tuple(self.campaigns[member].name for member in members)
+        return Prior(names, self.networks[members], PRIOR, {}, carried_over(self.biases[list(members)]))
 
     def record(self, number: int, prior: Prior) -> Iterator[dict[str, object]]:
         """How a vehicle is predicted with what the others teach, and without, by number of tests."""
@@ -281,16 +280,6 @@ def carried_over(biases: FloatArray) -> FloatArray:
         rho = max(sum(float(np.sum(one * other)) for one, other in pairs) / size, 0.0) if size else 0.5
         shares += [len(biases) * rho / (1 + (len(biases) - 1) * rho)] * of_all.shape[1]
     return np.asarray(np.array(shares)[:, None] * biases.mean(axis=0))
-
-
-def usual_scatter(scatters: FloatArray) -> FloatArray:
-    """Median of what n vehicles teach, shape (n, 5), and its spread at the next one, together of shape (5, 2).
-
-    Spreads are of logarithms, as if two more vehicles had differed by a quarter.
-    """
-    n, logs = len(scatters), np.log(scatters)
-    variance = (2 * 0.25**2 + n * logs.var(axis=0)) / (n + 1)
-    return np.column_stack([np.exp(logs.mean(axis=0)), np.sqrt((1 + 1 / n) * variance)])
 
 
 def _crps(pool: Pool, scores: Scores) -> float:
@@ -322,8 +311,7 @@ def learn_archive(
     work = partial(_tuned, vehicles=vehicles, seed=seed)
     weights = run.each(work, campaigns[0], wanted, "Tuning of the pre-trained network")
     biases = np.array([run.bias(campaign) for campaign in campaigns])
-    scatters = np.array([Scatter(cache=run.cache).fit(campaign, watch).to_teach() for campaign in campaigns])
-    learning = _Learning(campaigns, biases, scatters, dict(zip(wanted, weights, strict=True)), run)
+    learning = _Learning(campaigns, biases, dict(zip(wanted, weights, strict=True)), run)
     whole, *priors = (learning.prior(members) for members in (everyone, *without))
     rows = [row for number, prior in enumerate(priors) for row in learning.record(number, prior)]
     return VehicleArchive(tuple(map(_past, campaigns)), whole, tuple(priors), pd.DataFrame(rows), seed)

@@ -82,8 +82,8 @@ class ExpectedRating:
     tests, reach_mps : tuple of str, float
         Ids of the near tests, nearest in speed first, and the speed difference of the farthest.
     farther, beyond : bool
-        Whether the condition is farther in speed from all tests than any of these was from the others, and whether it
-        is more than 5 mph slower or faster than all tests, where no left-out test says how errors grow.
+        Whether it is farther in speed from all tests than any of these was from the others, and whether it is more than
+        5 mph beyond all tests.
     side : {"", "slower", "faster"}
         What all tests are than it, if it is a step beyond all of them.
     """

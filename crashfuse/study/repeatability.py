@@ -13,21 +13,17 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.base import MOST_TESTS, draw
-from crashfuse.approaches.displacement_domain.approach import FINER, CaeView, DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.displacement_domain.approach import FINER, CaeView, DisplacementConfig
 from crashfuse.approaches.displacement_domain.bias import BiasPoints, CaeForce, uniform_points
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.displacement_domain.hierarchical_bias import (
     FIRST_FACTOR,
     GROWTH_UNIT_M,
-    SCATTER,
     HierarchicalBias,
     scatter_parts,
-    scatter_units,
 )
 from crashfuse.approaches.displacement_domain.rebound import Rebound
-from crashfuse.approaches.fit_cache import fitted
-from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -50,7 +46,6 @@ _LEAST_LACK = 1e-4  # of a rating to 1: identical pulses lack nothing, and have 
 _LEAST_SPREAD = 0.1
 _REACH = 1.96  # standard deviations on each side of a central 95 % interval
 _MODEL_SPREAD, _SPREAD_OF_A_TEST = 0.15, 2.0
-_PAST_COUNT = 3  # tests that past vehicles count as
 _STEPS = 200  # of the displacement grid on which a difference is drawn
 _SHARES = np.linspace(0.0, 1.0, 101)
 _BEYOND = 1.5  # times the test's crush; nothing is known of scatter farther on
@@ -99,12 +94,12 @@ def repeatability(
 
     @once
     def scatter() -> Scatter:
-        return Scatter(_past(campaign, Settings(seed=seed, cache=cache), watch), cache=cache).fit(campaign, watch)
+        return Scatter(cache=cache).fit(campaign, watch)
 
     def compute(test_id: str, repeats: tuple[CrashTest, ...]) -> tuple[FloatArray, Entry]:
         rng = np.random.default_rng([seed, campaign.test_ids.index(test_id)])
         drawn = scatter().repeats(campaign.test(test_id), _N_DRAWS, rng)
-        rated = _rated(campaign.test(test_id), repeats, drawn, windows, scatter().unknown)
+        rated = _rated(campaign.test(test_id), repeats, drawn, windows, len(campaign.tests))
         return rated, {"rated": rated}
 
     for done, test_id in enumerate(chosen):
@@ -121,18 +116,10 @@ def repeatability(
     return by_test
 
 
-def _past(campaign: Campaign, settings: Settings, watch: Watch) -> FloatArray | None:
-    """How past vehicles repeat, if by its bias this one is of their kind."""
-    domain = DisplacementDomain.create(settings)
-    if campaign.prior is None:
-        return None
-    domain, _ = fitted(domain, replace(campaign, prior=None), settings.cache, watch)
-    return None if domain.taught_bias(campaign.prior, watch)[0] is None else campaign.prior.scatter
-
-
 def _rated(
-    test: CrashTest, repeats: Sequence[CrashTest], drawn: FloatArray, windows_ms: Sequence[float], unknown: float
+    test: CrashTest, repeats: Sequence[CrashTest], drawn: FloatArray, windows_ms: Sequence[float], n_tests: int
 ) -> FloatArray:
+    unknown = _MODEL_SPREAD**2 + (_SPREAD_OF_A_TEST / n_tests) ** 2
     measured = np.array([other.pulse.accel_mps2 for other in repeats])
     rated = np.full((len(windows_ms), 3), np.nan)
     for row, window in zip(rated, windows_ms, strict=True):
@@ -183,18 +170,9 @@ def combined(drawn: FloatArray, measured: FloatArray, unknown: float) -> tuple[f
 class _ScatterBias(HierarchicalBias):
     """Up to the stop, where a test's deviation may grow with crush, fold after fold."""
 
-    def __init__(self, scatter: FloatArray) -> None:
-        super().__init__()
-        self._scatter = scatter
-
-    def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
-        rows, y = super()._take(tests)
-        self._unit_mps2 = float(np.sqrt(np.mean(np.square(y)))) or 1.0
-        return rows, y
-
     def _process(self, factors: Sequence[str]) -> GaussianProcess:
         columns = [(name, FIRST_FACTOR + list(self._levels).index(name)) for name in factors]
-        parts, noise = scatter_parts(columns, FIRST_FACTOR + len(self._levels), self._unit_mps2, self._scatter)
+        parts, noise = scatter_parts(columns, FIRST_FACTOR + len(self._levels), self.unit_mps2_)
         return GaussianProcess(parts, noise, seed=self.seed)
 
     def _rows(self, points: BiasPoints, test: int = -1, *, crushing: bool = True) -> FloatArray:
@@ -216,22 +194,19 @@ class Scatter:
     """The scatter of tests, learned from all of a campaign; it draws pulses of repeats of a measured test.
 
     A repeat differs from a test by twice the variance of one. It learns from the test judged: no part of a prediction.
-    ``past`` is how past vehicles repeat, as :data:`SCATTER`.
     """
 
-    def __init__(self, past: FloatArray | None = None, *, cache: Cache | None = None) -> None:
-        self.past = past
+    def __init__(self, *, cache: Cache | None = None) -> None:
         self.cache = cache
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Learn from the tests of a campaign, two at least."""
-        self.tests_, campaign = len(campaign.tests), campaign.evenly_over_speed(MOST_TESTS)
+        campaign = campaign.evenly_over_speed(MOST_TESTS)
         model = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         views = [CaeView.of(model, test.condition) for test in campaign.tests]
         pairs = list(zip(campaign.tests, views, strict=True))
         with one_thread():
-            bias = _ScatterBias(SCATTER if self.past is None else self.past)
-            self.bias_ = bias.fit([self._points(test, view, len(pairs)) for test, view in pairs], watch)
+            self.bias_ = _ScatterBias().fit([self._points(test, view, len(pairs)) for test, view in pairs], watch)
             self.rebound_ = Rebound().fit([view.unloading(test) for test, view in pairs])
         return self
 
@@ -246,17 +221,6 @@ class Scatter:
         names = ("displacement_m", "speed_share", "bias_mps2")
         cae = CaeForce(*(values[kept] for values in points.cae))
         return replace(points, cae=cae, **{name: getattr(points, name)[kept] for name in names})
-
-    def to_teach(self) -> FloatArray:
-        """How this vehicle repeats, shape (5,), in the order and the units of :data:`SCATTER`."""
-        process = self.bias_.process_
-        return np.asarray(np.exp(process.theta_[-len(SCATTER) :]) * scatter_units(process.output_scale_))
-
-    @property
-    def unknown(self) -> float:
-        """Variance of the logarithm of what drawn repeats lack to 1: few tests say little of scatter."""
-        tests = self.tests_ if self.past is None else self.tests_ + _PAST_COUNT
-        return _MODEL_SPREAD**2 + (_SPREAD_OF_A_TEST / tests) ** 2
 
     def repeats(self, test: CrashTest, n: int, rng: np.random.Generator) -> FloatArray:
         """Draw pulses of repeats of a test, shape (n, 1250)."""

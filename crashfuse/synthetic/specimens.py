@@ -2,8 +2,7 @@
 
 The truth differs from the CAE model as reality does from a simulation: sheet metal that hardens with strain rate,
 rails that are stiffer at first and softer later, a different fold length, an engine that hits the barrier earlier and
-harder, more damping, a different powertrain package for each variant, test-to-test scatter, and sensor noise. All but
-the last two depend smoothly on displacement and condition, so they can be learned from a few tests.
+harder, more damping, a different powertrain package for each variant, test-to-test scatter, and sensor noise.
 
 The constants have the order of magnitude of a mid-size car; within that they were set so that the CAE model rates
 against the truth as in Table 5 of Zeng et al. 2023, and peak, t0, crush and rebound are realistic.

@@ -25,7 +25,7 @@ from crashfuse.reporting.result_tables import archive_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
 from crashfuse.ui.certify.entry import show_wrong
-from crashfuse.ui.kit import address, campaigns
+from crashfuse.ui.kit import address, campaigns, progress
 from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.computation import fit_request, jobs, learn_vehicles, study_request
@@ -35,15 +35,6 @@ from crashfuse.ui.kit.files import download_bytes
 from crashfuse.ui.kit.frame import choose_settings
 from crashfuse.ui.kit.jobs import Job
 from crashfuse.ui.kit.navigation import open_next, show_link
-from crashfuse.ui.kit.progress import (
-    patience,
-    result_of,
-    result_or_none,
-    show_end,
-    show_job,
-    show_training,
-    stop_with_a_single_test,
-)
 from crashfuse.ui.kit.results import show_table, window_label
 from crashfuse.ui.kit.text import plain
 from crashfuse.vehicle_archive import LEAST_VEHICLES, VehicleArchive, load_archive
@@ -129,9 +120,9 @@ def show_form(view: View) -> None:
         else:
             _offer(fitted, _ON_ALL, fit.start, trouble)
     if study is not None and study.active:
-        show_job(study, study.part, time.monotonic())
+        progress.show_job(study, study.part, time.monotonic())
     if fitted is not None and fitted.active:
-        show_job(fitted, None, math.inf)
+        progress.show_job(fitted, None, math.inf)
     show_past_vehicles(view)
 
 
@@ -155,11 +146,11 @@ def _offer(job: Job[Any] | None, label: str, start: Callable[[], None], trouble:
     if trouble:
         st.caption(f":material/info: {plain(trouble)}")
     elif job is not None:
-        show_end(job)
+        progress.show_end(job)
 
 
 def _show_predicted(view: View, study: Study, config: StudyConfig) -> None:
-    show_training(config, study.config.approaches)
+    progress.show_training(config, study.config.approaches)
     window_ms, n = view.display.window_ms, len(study.folds)
     rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
     of = plain(study.folds[0].held_out) if n == 1 else f"mean of {n} tests"
@@ -179,7 +170,7 @@ def _open_test(test: CrashTest) -> None:
 
 def show_files(view: View) -> None:
     """Offer the models that have learned from all tests."""
-    fitted = result_or_none(
+    fitted = progress.result_or_none(
         fit_request(view.campaign, chosen_config()),
         invitation="These are the models of all tests, as by `crashfuse train`.",
         button=_ON_ALL,
@@ -192,7 +183,7 @@ def show_diagnostics(view: View) -> None:
     """Show what was learned without a held-out test."""
     campaign, state, key = view.campaign, st.session_state, "diagnosed"
     config, test = chosen_config(), view.held_out.id
-    stop_with_a_single_test(campaign)
+    progress.stop_with_a_single_test(campaign)
     with st.container(horizontal=True, vertical_alignment="center"):
         choice = choose("Diagnostics", [_NETWORKS, *_FIGURES, _MEND], key="diagnostics")
         st.markdown("of what was learned without", width="content")
@@ -206,13 +197,13 @@ def show_diagnostics(view: View) -> None:
         _show_events(others, view)
         return
     request = study_request(campaign, (test,), config)
-    study = result_of(
+    study = progress.result_of(
         request,
         invitation=f"Nothing was trained without {plain(test)} yet, with these settings. "
-        + patience(config, "The displacement domain takes some seconds, the networks a little longer."),
+        + progress.patience(config, "The displacement domain takes some seconds, the networks a little longer."),
         button=f"Train without {test}",
     )
-    show_training(config, study.config.approaches)
+    progress.show_training(config, study.config.approaches)
 
     def show(draw: Draw, name: str, alt: str, meaning: str) -> None:
         key = request.key, study.config.approaches, view.display
@@ -333,7 +324,7 @@ def _learn_archive(view: View, *, editable: bool) -> None:
         show_wrong(error)
         return
     invitation = "Five vehicles take some 20 minutes on two cores; what is finished is kept."
-    archive = result_or_none(request, invitation=invitation, button="Learn an archive")
+    archive = progress.result_or_none(request, invitation=invitation, button="Learn an archive")
     if archive is None:
         return
     with st.container(horizontal=True):

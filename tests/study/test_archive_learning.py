@@ -11,7 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import Pulse
-from crashfuse.study.archive_learning import carried_over, learn_archive, usual_scatter
+from crashfuse.study.archive_learning import carried_over, learn_archive
 from crashfuse.vehicle_archive import VehicleArchive
 
 pytestmark = pytest.mark.usefixtures("quick_networks")
@@ -74,12 +74,3 @@ def test_as_much_of_a_mean_bias_carries_over_as_vehicles_share(biases: list[floa
     """Of a constant bias with mean 1, 1, 0 and 2; ρ of 3 and 1 is 3 / ((9 + 1) / 2) = 0.6."""
     of_all = np.array(biases)[:, None, None] * np.ones((6, 60))
     np.testing.assert_allclose(carried_over(of_all), share * np.mean(biases))
-
-
-@pytest.mark.parametrize(
-    ("growing", "spread"), [([2.0], 0.25), ([1.0, 4.0], ((0.125 + 2 * np.log(2) ** 2) / 3) ** 0.5)]
-)
-def test_vehicles_scatter_about_their_median(growing: list[float], spread: float) -> None:
-    """Of the next one the median is not known either; two more are thought to have differed by a quarter."""
-    taught = usual_scatter(np.array(growing)[:, None] * np.ones(5))
-    np.testing.assert_allclose(taught, [[2.0, spread * np.sqrt(1 + 1 / len(growing))]] * 5)

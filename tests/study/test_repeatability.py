@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crashfuse.approaches.displacement_domain.hierarchical_bias import SCATTER
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
@@ -195,17 +194,6 @@ def test_more_scatter_among_tests_is_more_scatter_of_repeats(fitted: dict[float,
     assert spreads[0] < 0.4
     assert spreads[1] > 2 * spreads[0]
     assert spreads[2] == pytest.approx(2 * spreads[1], rel=0.35)
-
-
-def test_past_vehicles_say_how_much_tests_scatter(campaign: Campaign) -> None:
-    """Sure of it they decide; they count as three more tests."""
-    two = scattered(campaign, 3.0).without(["R2", "R3", "R4", "R5", "R6", "R7"])
-    past = SCATTER * [1.0, 0.01]
-    past[2, 0] = 2.5
-    sure, alone = Scatter(past).fit(two), Scatter().fit(two)
-    np.testing.assert_allclose(sure.to_teach(), past[:, 0], rtol=0.01)
-    assert alone.unknown == 0.15**2 + 1
-    assert sure.unknown == pytest.approx(0.15**2 + 0.4**2)
 
 
 def test_a_repeat_takes_up_the_same_energy(fitted: dict[float, tuple[Campaign, Scatter]]) -> None:

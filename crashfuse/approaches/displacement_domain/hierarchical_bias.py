@@ -47,8 +47,8 @@ OVER_VELOCITY = (
 _FACTOR_SCALE = LogNormal(0.3, 0.7)
 NOISE = LogNormal(0.03, 0.7)
 
-SCATTER: FloatArray = np.array([[0.3, 0.7], [0.05, 0.2], [1.5, 0.4], [0.05, 0.2], [0.15, 0.5]])
-"""Prior median and spread of tests' even scatter (g), its reach (m), the growing one (g), its reach, the unresolved."""
+_EVEN_G, _GROWING_G, _UNRESOLVED_G = 0.3, 1.5, 0.15
+_SCATTER_REACH = (_S, LogNormal(0.05, 0.2))
 GROWTH_UNIT_M = 0.5
 
 _LEAST_FREEDOM = 3
@@ -67,26 +67,17 @@ def bias_parts(factor_columns: Iterable[tuple[str, int]]) -> tuple[Part, ...]:
 
 
 def scatter_parts(
-    factor_columns: Iterable[tuple[str, int]], growth_column: int, unit_mps2: float, priors: FloatArray = SCATTER
+    factor_columns: Iterable[tuple[str, int]], growth_column: int, unit_mps2: float
 ) -> tuple[tuple[Part, ...], LogNormal]:
     """Parts of the bias up to the stop, the scatter of tests even and growing with crush, and the noise.
 
     Scatter has physical units, independent of how wrong the CAE model is; the unit is the RMS of the bias.
     """
     common = [part for part in bias_parts(factor_columns) if part.same != TEST and part not in OVER_VELOCITY]
-    medians, spreads = priors[:, 0] / scatter_units(unit_mps2), priors[:, 1]
-    even, near, growing, far, noise = map(LogNormal, medians.tolist(), spreads.tolist())
-    return (
-        *common,
-        Part("even", even, (((_S, near),),), times=_CRUSHING, same=TEST),
-        Part("growing", growing, (((_S, far),),), times=growth_column, same=TEST),
-    ), noise
-
-
-def scatter_units(unit_mps2: float) -> FloatArray:
-    """What counts as 1 of each number in :data:`SCATTER`, where the bias is in these units."""
     unit = unit_mps2 / G
-    return np.array([unit, 1.0, unit, 1.0, unit])
+    even = Part("even", LogNormal(_EVEN_G / unit, 0.7), ((_SCATTER_REACH,),), times=_CRUSHING, same=TEST)
+    growing = Part("growing", LogNormal(_GROWING_G / unit, 0.4), ((_SCATTER_REACH,),), times=growth_column, same=TEST)
+    return (*common, even, growing), LogNormal(_UNRESOLVED_G / unit, 0.5)
 
 
 class HierarchicalBias:
@@ -148,7 +139,9 @@ class HierarchicalBias:
         self._levels = _levels([test.condition for test in tests])
         self.tests_ = len(tests)
         rows = np.concatenate([self._rows(test, number) for number, test in enumerate(tests)])
-        return rows, np.concatenate([test.bias_mps2 for test in tests]) - self._expected(rows)
+        y = np.concatenate([test.bias_mps2 for test in tests]) - self._expected(rows)
+        self.unit_mps2_ = float(np.sqrt(np.mean(np.square(y)))) or 1.0
+        return rows, y
 
     def _expected(self, rows: FloatArray) -> FloatArray:
         if self.taught is None:

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from crashfuse.approaches.registry import LABELS
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
+from crashfuse.reporting import rating_tables
 from crashfuse.reporting.cae_events import events_sentences, events_table, study_events
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.past_results import comparison_means, left_out_in_words, studies_table
@@ -18,15 +19,6 @@ from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.ratings import rating_differences
 from crashfuse.reporting.provenance import study_command
-from crashfuse.reporting.rating_tables import (
-    TABLE_3,
-    TABLE_5,
-    TTZV_COLUMN,
-    best,
-    further_table,
-    mean_values,
-    rating_table,
-)
 from crashfuse.reporting.report.page import ReportOptions, details, render, render_in_frame, repeats_table
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.comparison import StudyComparison
@@ -38,8 +30,8 @@ from crashfuse.version import __version__
 from crashfuse.wording import speed
 
 _CAPTIONS = (
-    (TABLE_3, "Table 3: the network before (LF) and after (MF) learning from the other tests"),
-    (TABLE_5, "Table 5: the approaches against the raw CAE model"),
+    (rating_tables.TABLE_3, "Table 3: the network before (LF) and after (MF) learning from the other tests"),
+    (rating_tables.TABLE_5, "Table 5: the approaches against the raw CAE model"),
 )
 
 
@@ -87,7 +79,7 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
 
 
 def _whole(study: Study, display: Display) -> dict[str, object]:
-    tables = [(caption, rating_table(study, rows)) for rows, caption in _CAPTIONS]
+    tables = [(caption, rating_tables.rating_table(study, rows)) for rows, caption in _CAPTIONS]
     held_out, events = [fold.held_out for fold in study.folds], study_events(study)
     return {
         "speed_groups": study.speed_groups and _result(study.speed_groups, display),
@@ -113,7 +105,7 @@ def _whole(study: Study, display: Display) -> dict[str, object]:
 
 def _result(study: Study, display: Display) -> dict[str, object]:
     heatmap = study.plot(display=display) if len(study.folds) > 1 else None
-    return {"means": _by_approach(mean_values(study)), "heatmap": heatmap}
+    return {"means": _by_approach(rating_tables.mean_values(study)), "heatmap": heatmap}
 
 
 def _by_approach(ratings: pd.DataFrame) -> pd.DataFrame:
@@ -126,7 +118,7 @@ def _shown(ratings: pd.DataFrame) -> pd.DataFrame:
             Markup("<b>%.3f</b>") % value if is_best else "–" if np.isnan(value) else f"{value:.3f}"
             for value, is_best in zip(*row, strict=True)
         ]
-        for row in zip(ratings.to_numpy(), best(ratings).to_numpy(), strict=True)
+        for row in zip(ratings.to_numpy(), rating_tables.best(ratings).to_numpy(), strict=True)
     ]
     return pd.DataFrame(cells, ratings.index, ratings.columns, dtype=object).reset_index()
 
@@ -149,13 +141,13 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         return shown
     overall = {
         name: {f"0–{window:g} ms": rated[window].overall for window in study.config.windows_ms}
-        | ({TTZV_COLUMN: fold.overall_to_ttzv(name)} if study.config.to_ttzv else {})
+        | ({rating_tables.TTZV_COLUMN: fold.overall_to_ttzv(name)} if study.config.to_ttzv else {})
         for name, rated in fold.ratings.items()
     }
     return shown | {
         "notes": [(note.when, note.text) for note in notes],
         "ratings": _by_approach(pd.DataFrame.from_dict(overall, orient="index")),
-        "further": further_table(study, fold, window),
+        "further": rating_tables.further_table(study, fold, window),
         "over_displacement": study.plot(test.id, "displacement", display=display),
         "why": _why(study, fold, advice, display),
     }

@@ -1,8 +1,7 @@
 """What is chosen on the pages, and the address that holds it: one link, one view; Back undoes the last choice.
 
 A widget keeps its value in the session under its key. What is not the default is written to the address before a page
-is drawn, and read back when a session begins and on Back and Forward. With Streamlit's own ``bind="query-params"``
-(1.67) Back undoes no choice, returns to a page without what was chosen there, and takes two steps for each page.
+is drawn, and read back when a session begins and on Back and Forward.
 """
 
 import math

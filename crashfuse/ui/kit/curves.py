@@ -13,16 +13,7 @@ from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.figures import (
-    LEFT_OUT,
-    RUN,
-    EarlierPrediction,
-    Further,
-    earlier_name,
-    otherwise,
-    prediction_name,
-    pulse_name,
-)
+from crashfuse.reporting import figures
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse, by_one
@@ -53,7 +44,7 @@ class Shown:
 
     approach: str  # whose prediction and band it shows; added predictions are by it, too
     others: tuple[str, ...]  # further approaches, the held-out test, the representative pulse
-    also: tuple[Further, ...]
+    also: tuple[figures.Further, ...]
 
     @property
     def approaches(self) -> tuple[str, ...]:
@@ -131,18 +122,21 @@ class Subject:
         else:
             known = _known_at_conditions(jobs().ended, self.shown, campaign)
         texts = {config: f"{_SETTINGS}{config.preset} {config.seed} {config.leave_out}" for config in known}
-        return {text: earlier_name(self.approach, config, self.shown) for config, text in (texts | self.wanted).items()}
+        return {
+            text: figures.earlier_name(self.approach, config, self.shown)
+            for config, text in (texts | self.wanted).items()
+        }
 
-    def predictions(self) -> tuple[EarlierPrediction, ...]:
+    def predictions(self) -> tuple[figures.EarlierPrediction, ...]:
         """Those that were chosen and are there."""
         found = ((config, self._estimate(config)) for config in self.wanted)
-        return tuple(EarlierPrediction(own, config, self.shown) for config, own in found if own is not None)
+        return tuple(figures.EarlierPrediction(own, config, self.shown) for config, own in found if own is not None)
 
     def offer(self) -> None:
         """Offer to predict with settings that were chosen, or show how far that is."""
         for config in self.wanted:
             if self._estimate(config) is None:
-                words = otherwise(config, self.shown)
+                words = figures.otherwise(config, self.shown)
                 of = plain(self.test) if self.test else "this condition"
                 then = patience(config, "This takes a minute or two.")
                 lacking = f"The prediction of {of} with {words} is not there (any more)."
@@ -214,12 +208,12 @@ def _label(curve: str) -> str:
     return {TEST: "Test", REPRESENTATIVE: "Representative pulse", **LABELS}[curve]
 
 
-def _add(subject: Subject) -> tuple[tuple[Further, ...], list[str]]:
+def _add(subject: Subject) -> tuple[tuple[figures.Further, ...], list[str]]:
     view, approach, pins, key = subject.view, subject.approach, pinned(), f"{subject.page}_also"
     campaign, settings = view.campaign, subject.names()
-    pin_names = {f"{_PIN}{text}": prediction_name(approach, pin, view.display) for text, pin in pins.items()}
+    pin_names = {f"{_PIN}{text}": figures.prediction_name(approach, pin, view.display) for text, pin in pins.items()}
     offered = {
-        **{t.id: pulse_name(t.id, t.condition, view.display) for t in campaign.tests if t.id != subject.test},
+        **{t.id: figures.pulse_name(t.id, t.condition, view.display) for t in campaign.tests if t.id != subject.test},
         **settings,
         **(pin_names if subject.test else {}),
         **_offered_runs(view.display, campaign),
@@ -236,7 +230,9 @@ def _add(subject: Subject) -> tuple[tuple[Further, ...], list[str]]:
     found = (predicted(campaign, chosen_config(), condition) for condition in wanted)
     at_pins = by_one(approach, [prediction for prediction in found if prediction is not None])
     wanted_pulses = [name for name in st.session_state[key] if not name.startswith((_PIN, _SETTINGS))]
-    unknown = [name.removeprefix(RUN)[:80] for name in wanted_pulses if name not in {*campaign.test_ids, *offered}]
+    unknown = [
+        name.removeprefix(figures.RUN)[:80] for name in wanted_pulses if name not in {*campaign.test_ids, *offered}
+    ]
     missing = [f"Not among the tests in use and the CAE runs: {plain(', '.join(unknown))}."] if unknown else []
     if wanted and not at_pins:
         missing.append("Pinned predictions are shown once Predict has an answer with these settings.")
@@ -258,7 +254,7 @@ def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
     """The settings that a text stands for, otherwise like those shown, if there are such."""
     with suppress(ValueError):
         preset, seed, leave_out = text.removeprefix(_SETTINGS).split(" ", 2)
-        if int(seed) in address.CHOICES["seed"].options and leave_out in LEFT_OUT:
+        if int(seed) in address.CHOICES["seed"].options and leave_out in figures.LEFT_OUT:
             return StudyConfig.parse({**asdict(shown), "preset": preset, "seed": int(seed), "leave_out": leave_out})
     return None
 
@@ -266,7 +262,7 @@ def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
 @st.cache_resource(max_entries=8, show_spinner=False, hash_funcs=HASHED)
 def _offered_runs(display: Display, campaign: Campaign) -> Mapping[str, str]:
     runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
-    return {(name := f"{RUN}{run}"): pulse_name(name, at, display) for run, at in runs}
+    return {(name := f"{figures.RUN}{run}"): figures.pulse_name(name, at, display) for run, at in runs}
 
 
 @st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False, hash_funcs=HASHED)
