@@ -17,13 +17,8 @@ from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.exports import json_bytes, parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.reporting.provenance import learning_curve_record, prediction_record, provenance, study_record
+from crashfuse.reporting.report import prediction as reports
 from crashfuse.reporting.report.certification import certification_report
-from crashfuse.reporting.report.prediction import (
-    learning_curve_report,
-    next_test_report,
-    prediction_report,
-    sweep_report,
-)
 from crashfuse.reporting.report.study import study_report
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
@@ -90,18 +85,18 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
         "pulses.parquet": lambda prediction, *_: parquet_bytes(prediction.pulses),
         "metrics.csv": lambda prediction, *_: csv_bytes(prediction.metrics),
-        "report.html": lambda own, _, display, form: prediction_report(
+        "report.html": lambda own, _, display, form: reports.prediction_report(
             own.campaign, own.estimates, own.config, display, form=form
         ).encode(),
         **{f"{name}/": (lambda _, pulses, *_rest, name=name: pulses.get(name)) for name in PULSE_FORMATS},
         "prediction.json": lambda own, *_: json_bytes(prediction_record(own.campaign, own.estimates, own.config)),
     },
     "sweep": {
-        "report.html": lambda sweep, display: sweep_report(sweep, display).encode(),
+        "report.html": lambda sweep, display: reports.sweep_report(sweep, display).encode(),
         "sweep.csv": lambda sweep, _: csv_bytes(sweep.table),
     },
     "ranking of next tests": {
-        "report.html": lambda ranking, display: next_test_report(ranking, display).encode(),
+        "report.html": lambda ranking, display: reports.next_test_report(ranking, display).encode(),
         "next_tests.csv": lambda ranking, _: csv_bytes(ranking.table),
     },
     "certification": {  # of the certification, the display and notes
@@ -116,7 +111,7 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
     },
     "learning curve": {  # of the curve, the cost of a test and the display
         "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),
-        "report.html": lambda *result: learning_curve_report(*result).encode(),
+        "report.html": lambda *result: reports.learning_curve_report(*result).encode(),
         "learning_curve.json": lambda curve, cost, _: json_bytes(learning_curve_record(curve, cost)),
     },
 }

@@ -10,23 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crashfuse.signals import rating as iso18571
 from crashfuse.signals.pulse import FloatArray, Pulse
-from crashfuse.signals.rating import (
-    INNER_CORRIDOR,
-    MAX_SHIFT,
-    OUTER_CORRIDOR,
-    RATING_DT_S,
-    WARP_BAND,
-    WEIGHTS,
-    Rating,
-    best_shifts,
-    corridor_values,
-    curves_at_10_khz,
-    overlap,
-    rate_iso18571,
-    smooth_slope,
-    warping_paths,
-)
+from crashfuse.signals.rating import RATING_DT_S, WEIGHTS, Rating
 from crashfuse.units import MS
 from crashfuse.wording import Sentence, acceleration
 
@@ -127,26 +113,26 @@ def explain_rating(
     Parameters and errors are those of :func:`crashfuse.signals.rating.rate_iso18571`. The sizes of an explanation are
     in the curves' unit.
     """
-    t, c = curves_at_10_khz(reference, comparison, dt_s, window_ms)
-    rating = rate_iso18571(t, c, dt_s=RATING_DT_S)
+    t, c = iso18571.curves_at_10_khz(reference, comparison, dt_s, window_ms)
+    rating = iso18571.rate_iso18571(t, c, dt_s=RATING_DT_S)
     time_s = np.arange(t.size) * RATING_DT_S
-    shift = int(best_shifts(t, c[None])[0])
-    shifted_t, shifted_c = overlap(t, c, shift)
+    shift = int(iso18571.best_shifts(t, c[None])[0])
+    shifted_t, shifted_c = iso18571.overlap(t, c, shift)
     at = slice(max(-shift, 0), max(-shift, 0) + shifted_t.size)  # of the overlap, in samples of the reference
-    (i, j), *_ = warping_paths(shifted_c[None], shifted_t, band=WARP_BAND)
+    (i, j), *_ = iso18571.warping_paths(shifted_c[None], shifted_t, band=iso18571.WARP_BAND)
     warped = Compared(time_s[at][j], shifted_t[j], shifted_c[i])
-    slopes = Compared(time_s[at], *(smooth_slope(curve) / RATING_DT_S for curve in (shifted_t, shifted_c)))
+    slopes = Compared(time_s[at], *(iso18571.smooth_slope(curve) / RATING_DT_S for curve in (shifted_t, shifted_c)))
     norm = float(np.abs(t).max())
     return RatingExplanation(
         rating, round(t.size * RATING_DT_S * 1e3, 6) if window_ms is None else float(window_ms),
-        Compared(time_s, t, c), INNER_CORRIDOR * norm, OUTER_CORRIDOR * norm, _excursions(t, c),
-        shift * RATING_DT_S, abs(shift) >= int(MAX_SHIFT * t.size),
+        Compared(time_s, t, c), iso18571.INNER_CORRIDOR * norm, iso18571.OUTER_CORRIDOR * norm, _excursions(t, c),
+        shift * RATING_DT_S, abs(shift) >= int(iso18571.MAX_SHIFT * t.size),
         Compared(time_s[at], shifted_t, shifted_c), warped, slopes, _rated_humps(t, c, shift, warped, slopes),
     )  # fmt: skip
 
 
 def _excursions(t: FloatArray, c: FloatArray) -> tuple[Excursion, ...]:
-    values = corridor_values(t, c)
+    values = iso18571.corridor_values(t, c)
     outside = np.flatnonzero(values < 1)
     if not outside.size:
         return ()
@@ -183,7 +169,7 @@ def _rated_humps(t: FloatArray, c: FloatArray, shift: int, warped: Compared, slo
 
 def _correlation_terms(t: FloatArray, c: FloatArray, shift: int) -> FloatArray:
     """What each sample of the reference adds to the correlation of the overlap, shape (n,)."""
-    terms, curves, begin = np.zeros_like(t), overlap(t, c, shift), max(-shift, 0)
+    terms, curves, begin = np.zeros_like(t), iso18571.overlap(t, c, shift), max(-shift, 0)
     if all(np.ptp(curve) > 0 for curve in curves):
         centred = [curve - curve.mean() for curve in curves]
         size = np.sqrt(np.prod([(curve**2).sum() for curve in centred]))
@@ -224,7 +210,7 @@ def counterparts(reference: FloatArray, comparison: FloatArray) -> dict[int, Hum
     Both curves are warped onto each other. Two humps are the same if the peak of each is aligned with a moment of the
     other.
     """
-    (i, j), *_ = warping_paths(comparison[None], reference, band=_FARTHEST)
+    (i, j), *_ = iso18571.warping_paths(comparison[None], reference, band=_FARTHEST)
 
     def meets(samples: np.ndarray, hump: Hump) -> bool:
         return bool(((samples >= hump.begin) & (samples < hump.end)).any())

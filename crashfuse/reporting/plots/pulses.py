@@ -13,14 +13,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.importing.pulse_conversion import Settled
 from crashfuse.readers.record import RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS
-from crashfuse.reporting.plots.canvas import (
-    add_band,
-    add_line,
-    height_under_names,
-    new_figure,
-    room_for_names,
-    shade_window,
-)
+from crashfuse.reporting.plots import canvas
 from crashfuse.reporting.plots.curves import TEST, Band, Curve, by_speed, curve_line, draw_curves, with_filled_band
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR, CURSOR
@@ -43,11 +36,11 @@ def overlay(
     filled: str | None = None,
 ) -> go.Figure:
     """Overlay the measured pulse, if there is one, and predictions by approach or other names, with their bands."""
-    figure = new_figure(height=460 + room_for_names(predictions))
+    figure = canvas.new_figure(height=460 + canvas.room_for_names(predictions))
     draw_curves(figure, _accelerations(measured, predictions, display, filled), filled=filled)
     figure.update_yaxes(title=display.accel_title)
     if measured is not None:
-        shade_window(figure, display.window_ms)
+        canvas.shade_window(figure, display.window_ms)
     return figure
 
 
@@ -60,7 +53,7 @@ def motion(
     filled: str | None = None,
 ) -> go.Figure:
     """Stack acceleration, velocity and displacement over one time axis, with one cursor; see :func:`overlay`."""
-    figure = new_figure(height=490 + room_for_names(predictions))
+    figure = canvas.new_figure(height=490 + canvas.room_for_names(predictions))
     accelerations = _accelerations(measured, predictions, display, filled)
     draw_curves(figure, accelerations, filled=filled)
     velocities, displacements = {}, {}
@@ -91,7 +84,7 @@ def motion(
         yaxis3={**look, "domain": [0.0, 0.24], "title_text": "Displacement (mm)"},
     )
     if measured is not None:
-        shade_window(figure, display.window_ms, rows=3)
+        canvas.shade_window(figure, display.window_ms, rows=3)
     return figure
 
 
@@ -99,11 +92,11 @@ def residuals(
     measured: Pulse, predictions: Mapping[str, Prediction], display: Display = DEFAULT, *, filled: str | None = None
 ) -> go.Figure:
     """Draw prediction minus test, with its 95 % band; the root mean square in the legend is over the rated window."""
-    figure = new_figure(height=460 + room_for_names(predictions))
+    figure = canvas.new_figure(height=460 + canvas.room_for_names(predictions))
     draw_curves(figure, _accelerations(None, predictions, display, filled, minus=measured), filled=filled)
     figure.add_hline(y=0, line_color=CURSOR, line_width=1)
     figure.update_yaxes(title=f"Prediction − test ({display.unit})")
-    shade_window(figure, display.window_ms)
+    canvas.shade_window(figure, display.window_ms)
     return figure
 
 
@@ -114,7 +107,7 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
     largest = np.abs(accel).max()
     for name, share, alpha in (("outer", OUTER_CORRIDOR, 0.16), ("inner", INNER_CORRIDOR, 0.36)):
         half = share * largest
-        add_band(
+        canvas.add_band(
             figure, time, accel - half, accel + half, colour=CORRIDOR,
             fillcolor=f"rgba{(*hex_to_rgb(CORRIDOR), alpha)}",
             name=f"Corridor of the rating, {name} (± {half:.1f} {display.unit})",
@@ -133,18 +126,18 @@ def measured_pulses(
     further: Mapping[str, Prediction] = {},
 ) -> go.Figure:
     """Draw tests, coloured by their speeds among all; with a filter class the curves as read are thin behind."""
-    figure = new_figure(height_under_names(len(tests) + len(further)))
+    figure = canvas.new_figure(canvas.height_under_names(len(tests) + len(further)))
     for test, style in by_speed(tests, highlight, display, speeds_mps):
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
         if cfc is not None:
             line = {**style["line"], "dash": "solid", "width": 1}
             as_read = {**style, "mode": "lines", "line": line, "opacity": 0.6, "showlegend": False, "hoverinfo": "skip"}
-            add_line(figure, time_ms, accel * display.accel_scale, **as_read)
+            canvas.add_line(figure, time_ms, accel * display.accel_scale, **as_read)
             accel = cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
-        add_line(figure, time_ms, accel * display.accel_scale, **style)
+        canvas.add_line(figure, time_ms, accel * display.accel_scale, **style)
     draw_curves(figure, _accelerations(None, further, display))
     figure.update_yaxes(title=display.accel_title)
-    shade_window(figure, display.window_ms)
+    canvas.shade_window(figure, display.window_ms)
     return figure
 
 
@@ -152,13 +145,13 @@ def wall_forces(
     tests: Sequence[CrashTest], *, speeds_mps: Mapping[str, float] | None = None, display: Display = DEFAULT
 ) -> go.Figure:
     """Draw the barrier's force on tests that have it, and dotted their mass times deceleration."""
-    figure = new_figure(height_under_names(2 * len(tests)))
+    figure = canvas.new_figure(canvas.height_under_names(2 * len(tests)))
     for test, style in by_speed(tests, None, display, speeds_mps):
         if (wall := test.wall) is not None:
-            add_line(figure, wall.time_s / MS, wall.force_n / KN, **style)
+            canvas.add_line(figure, wall.time_s / MS, wall.force_n / KN, **style)
             force = -test.condition.mass_kg * test.pulse.accel_mps2 / KN
             dotted = {**style, "line": {**style["line"], "dash": "dot"}, "name": f"{test.id}, mass × deceleration"}
-            add_line(figure, test.pulse.time_s / MS, force, **dotted)
+            canvas.add_line(figure, test.pulse.time_s / MS, force, **dotted)
     figure.update_yaxes(title="Force (kN)")
     return figure
 
@@ -172,18 +165,18 @@ def library_band(
     further: Mapping[str, Prediction] = {},
 ) -> go.Figure:
     """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top."""
-    figure = new_figure(height_under_names(len(tests) + len(further)))
+    figure = canvas.new_figure(canvas.height_under_names(len(tests) + len(further)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale
-    add_band(figure, _GRID_MS, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs")
-    add_line(figure, _GRID_MS, median, name="Median run", line={"color": COLOURS["cae"], "width": 2.5})
+    canvas.add_band(figure, _GRID_MS, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs")
+    canvas.add_line(figure, _GRID_MS, median, name="Median run", line={"color": COLOURS["cae"], "width": 2.5})
     for test, style in by_speed(tests, None, display, speeds_mps):
         if (run := library.paired_run(test.condition)) is not None:
             style["name"] = f"{library.ids[run]} · {display.speed(test.condition.speed_mps)}"
-            add_line(figure, _GRID_MS, library.accel_mps2[run] * display.accel_scale, **style)
+            canvas.add_line(figure, _GRID_MS, library.accel_mps2[run] * display.accel_scale, **style)
     draw_curves(figure, _accelerations(None, further, display))
     figure.update_yaxes(title=display.accel_title)
-    shade_window(figure, display.window_ms)
+    canvas.shade_window(figure, display.window_ms)
     return figure
 
 
@@ -248,7 +241,7 @@ def imported_pulse(
     channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT
 ) -> go.Figure:
     """Draw a record's pulse over its channels, contact at 0; the channels alone as long as it can't be settled."""
-    figure = new_figure(height=420)
+    figure = canvas.new_figure(height=420)
     scale = display.accel_scale
     factor, zero_s = 1.0, 0.0
     if settled is not None:
@@ -258,7 +251,7 @@ def imported_pulse(
         time = channel.time_s - zero_s
         shown = np.flatnonzero((time >= _FROM_S) & (time <= _TO_S)) if settled is not None else np.arange(time.size)
         shown = shown[:: -(-shown.size // _MOST_POINTS) or 1]
-        add_line(
+        canvas.add_line(
             figure, time[shown] / MS, channel.values[shown] * factor, line={"color": COLOURS["cae"], "width": 1},
             opacity=0.6, name="As recorded", legendgroup="recorded", showlegend=place == 0, hoverinfo="skip",
         )  # fmt: skip
@@ -268,7 +261,7 @@ def imported_pulse(
         return figure
     pulse = settled.pulse
     inside = (pulse.time_s >= _FROM_S) & (pulse.time_s <= _TO_S)
-    add_line(
+    canvas.add_line(
         figure, pulse.time_s[inside] / MS, pulse.accel_mps2[inside] * scale, line=curve_line(TEST), name=settled.id
     )
     figure.update_xaxes(range=[_FROM_S / MS, _TO_S / MS])
