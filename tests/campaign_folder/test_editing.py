@@ -16,16 +16,6 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.campaign_folder import editing, history
-from crashfuse.campaign_folder.editing import (
-    Addition,
-    add_to_campaign,
-    copy_campaign,
-    leave_out,
-    remove_tests,
-    say_why,
-    set_archive,
-    use_again,
-)
 from crashfuse.campaign_folder.history import changes, sample_folder, undo
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.settings import LONGEST_REASON
@@ -39,13 +29,13 @@ from tests.conftest import Capture, content_of, problems_of
 CONDITION = Condition.of_vector([30 * MPH, 2050 * LB, 1500 * LB], (("drive", "AWD"), ("colour", "red")))
 
 
-def addition(run_id: str = "New", speed_mph: float = 30.0) -> Addition:
+def addition(run_id: str = "New", speed_mph: float = 30.0) -> editing.Addition:
     """A half-sine pulse that stops its car, sooner the faster it is."""
     condition = replace(CONDITION, speed_mps=speed_mph * MPH)
     duration_s = 0.090 - 5e-4 * speed_mph
     peak = 1.1 * condition.speed_mps * np.pi / (2 * duration_s)
     pulse = Pulse(GRID_S, np.where(duration_s > GRID_S, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0))
-    return Addition(
+    return editing.Addition(
         run_id, condition, pulse, {"source": 'a "file"\n\x7f', "steps": ("one", "two"), "time_zero_ms": 1.5}
     )
 
@@ -57,7 +47,7 @@ def test_a_pulse_is_added_where_the_others_are_and_taken_back(campaign_folder: P
     _reshape(campaign_folder, role, form)
     before, content = load_campaign(campaign_folder), content_of(campaign_folder)
     new, rows = addition("10146"), (campaign_folder / f"{role}.csv").read_bytes()
-    add_to_campaign(campaign_folder, {role: [new]})  # type: ignore[dict-item]
+    editing.add_to_campaign(campaign_folder, {role: [new]})  # type: ignore[dict-item]
     after = load_campaign(campaign_folder)
     if role == "tests":
         assert after.test_ids == (*before.test_ids, "10146")
@@ -72,7 +62,7 @@ def test_a_pulse_is_added_where_the_others_are_and_taken_back(campaign_folder: P
     assert (campaign_folder / f"{role}.csv").read_bytes().startswith(rows)
     np.testing.assert_allclose(accel, new.pulse.accel_mps2, atol=1e-4)
     assert not after.warnings
-    add_to_campaign(campaign_folder, {role: [addition("A", 35.0), addition("B", 22.0)]})  # type: ignore[dict-item]
+    editing.add_to_campaign(campaign_folder, {role: [addition("A", 35.0), addition("B", 22.0)]})  # type: ignore[dict-item]
     what = "test" if role == "tests" else "CAE run"
     assert [one.what for one in changes(campaign_folder)] == [f"Added: 2 {what}s (A, B)", f"Added: 1 {what} (10146)"]
     undo(campaign_folder)
@@ -87,10 +77,10 @@ def test_a_pulse_is_added_where_the_others_are_and_taken_back(campaign_folder: P
 def test_a_campaign_is_begun(tmp_path: Path) -> None:
     """Without a campaign there, its table has the columns that are known, and its settings tell the sources."""
     home = tmp_path / "new" / "car"
-    add_to_campaign(home, {"tests": [addition("A"), addition("B", 35.0)]})
-    add_to_campaign(home, {"tests": [addition("C", 40.0)]})
+    editing.add_to_campaign(home, {"tests": [addition("A"), addition("B", 35.0)]})
+    editing.add_to_campaign(home, {"tests": [addition("C", 40.0)]})
     for n, named in ((5, "R50, R51, R52, R53, R54"), (6, "R60 to R65")):  # all, as long as they are few
-        [added] = add_to_campaign(home, {"cae": [addition(f"R{n}{i}", 5.0 * n + i) for i in range(n)]})
+        [added] = editing.add_to_campaign(home, {"cae": [addition(f"R{n}{i}", 5.0 * n + i) for i in range(n)]})
         assert str(added) == f"Added: {n} CAE runs ({named})"
     begun = load_campaign(home)
     assert begun.test_ids == ("A", "B", "C")
@@ -104,27 +94,27 @@ def test_a_campaign_is_begun(tmp_path: Path) -> None:
 def test_a_folder_of_other_files_is_no_campaign(tmp_path: Path) -> None:
     """Nothing is added to it; an empty folder is one to be begun, and any of its own files makes it one."""
     (tmp_path / "letter.txt").touch()
-    problems = problems_of(lambda: add_to_campaign(tmp_path, {"tests": [addition()]}))
+    problems = problems_of(lambda: editing.add_to_campaign(tmp_path, {"tests": [addition()]}))
     assert (problems[0].where, problems[0].found) == (str(tmp_path), "other files")
     assert list(content_of(tmp_path)) == ["letter.txt"]
     (tmp_path / "campaign.toml").write_text('name = "Ours"\n')
-    add_to_campaign(tmp_path, {"tests": [addition()]})
+    editing.add_to_campaign(tmp_path, {"tests": [addition()]})
     assert (tmp_path / "tests" / "New.csv").is_file()
 
 
 def test_a_copy_of_a_test_is_refused_and_nothing_changes(campaign_folder: Path) -> None:
     """Under another id, scaled, or twice in one source: with it the campaign could no longer be opened."""
     first = addition("First")
-    add_to_campaign(campaign_folder, {"tests": [first]})
+    editing.add_to_campaign(campaign_folder, {"tests": [first]})
     before = content_of(campaign_folder)
     scaled = replace(first, id="Second", pulse=Pulse(GRID_S, 1.02 * first.pulse.accel_mps2))
     other = addition("Third", 40.0)
     for new in ([scaled], [other, replace(other, id="Fourth")]):
         with pytest.raises(DataError, match=r"as it would become.*the same record for"):
-            add_to_campaign(campaign_folder, {"tests": new})
+            editing.add_to_campaign(campaign_folder, {"tests": new})
         assert content_of(campaign_folder) == before
     (campaign_folder / "campaign.toml").write_text('unused = ["First"]\n', encoding="utf-8")
-    add_to_campaign(campaign_folder, {"tests": [scaled]})  # it takes the place of one that is not in use
+    editing.add_to_campaign(campaign_folder, {"tests": [scaled]})  # it takes the place of one that is not in use
     assert load_campaign(campaign_folder).test_ids[-1] == "Second"
 
 
@@ -142,7 +132,7 @@ def test_an_id_that_is_there_is_refused_and_nothing_changes(campaign_folder: Pat
         (["New", "x:y"], "found 'x:y', with :"),
     ):
         with pytest.raises(DataError, match=message):
-            add_to_campaign(campaign_folder, {"tests": [addition(i) for i in ids]})
+            editing.add_to_campaign(campaign_folder, {"tests": [addition(i) for i in ids]})
         assert content_of(campaign_folder) == before
 
 
@@ -159,12 +149,12 @@ def test_an_addition_cut_short_leaves_all_as_it_was(campaign_folder: Path, monke
 
     monkeypatch.setattr(Path, "write_bytes", no_table)
     with pytest.raises(OSError, match="disk full") as caught:
-        add_to_campaign(campaign_folder, {"tests": [addition()]})
+        editing.add_to_campaign(campaign_folder, {"tests": [addition()]})
     assert caught.value.filename == str(campaign_folder)  # not what keeps the history
     assert load_campaign(campaign_folder).fingerprint == fingerprint
     assert not (campaign_folder / "tests" / "New.csv").exists()
     monkeypatch.undo()
-    add_to_campaign(campaign_folder, {"tests": [addition()]})
+    editing.add_to_campaign(campaign_folder, {"tests": [addition()]})
     assert load_campaign(campaign_folder).test_ids[-1] == "New"
 
 
@@ -205,7 +195,7 @@ def folder(campaign_folder: Path) -> Path:
 def test_a_test_left_out_of_use_is_gone_from_the_campaign_and_stays_in_the_folder(folder: Path) -> None:
     """One test fewer, another fingerprint, that of the campaign without it; settings and files stay."""
     before = load_campaign(folder)
-    assert leave_out(folder, ["T3"]) == "Left out of use: T3"
+    assert editing.leave_out(folder, ["T3"]) == "Left out of use: T3"
     after = load_campaign(folder)
     assert after.test_ids == ("T1", "T2", "T4")
     assert after.fingerprint == before.without(["T3"]).fingerprint != before.fingerprint
@@ -213,9 +203,9 @@ def test_a_test_left_out_of_use_is_gone_from_the_campaign_and_stays_in_the_folde
     assert after.remarks == ("Left out of use, neither learned from nor rated: T3 (no reason given).",)
     assert (folder / "tests" / "T3.csv").is_file()
     assert (folder / "campaign.toml").read_text() == f'unused = ["T3"]\n{SETTINGS}'
-    leave_out(folder, ["T1"])
+    editing.leave_out(folder, ["T1"])
     assert load_campaign(folder).test_ids == ("T2", "T4")
-    assert use_again(folder, ["T3", "T1"]) == "In use again: T3, T1"
+    assert editing.use_again(folder, ["T3", "T1"]) == "In use again: T3, T1"
     assert (folder / "campaign.toml").read_text() == SETTINGS
     assert load_campaign(folder).fingerprint == before.fingerprint
 
@@ -223,26 +213,26 @@ def test_a_test_left_out_of_use_is_gone_from_the_campaign_and_stays_in_the_folde
 def test_why_a_test_is_left_out_stays_with_it(folder: Path) -> None:
     """Given with it or later, in one line that TOML reads; told among the changes, and gone when it is used again."""
     odd = 'sensor "B" came\n loose } at 20 ms'
-    assert leave_out(folder, ["T3"], odd) == 'Left out of use: T3 (sensor "B" came loose } at 20 ms)'
-    leave_out(folder, ["T1"])
+    assert editing.leave_out(folder, ["T3"], odd) == 'Left out of use: T3 (sensor "B" came loose } at 20 ms)'
+    editing.leave_out(folder, ["T1"])
     campaign = load_campaign(folder)
     assert campaign.remarks == (
         'Left out of use, neither learned from nor rated: T1 (no reason given), T3 (sensor "B" came loose } at 20 ms).',
     )
-    say_why(folder, "T1", "repeated as T2")
-    say_why(folder, "T3", "")
+    editing.say_why(folder, "T1", "repeated as T2")
+    editing.say_why(folder, "T3", "")
     assert load_campaign(folder).why_unused == {"T1": "repeated as T2", "T3": ""}
     assert load_campaign(folder).fingerprint == campaign.fingerprint
-    use_again(folder, ["T1"])
+    editing.use_again(folder, ["T1"])
     assert (folder / "campaign.toml").read_text() == f'unused = ["T3"]\n{SETTINGS}'
 
 
 def test_a_reason_is_cut_to_what_the_page_takes(folder: Path) -> None:
     """With the sign that it was cut; one that just fits stays whole, and both read back as they were written."""
     for why, kept in (("x" * LONGEST_REASON, "x" * LONGEST_REASON), ("y" * 300, "y" * (LONGEST_REASON - 1) + "…")):
-        leave_out(folder, ["T3"], why)
+        editing.leave_out(folder, ["T3"], why)
         assert load_campaign(folder).why_unused == {"T3": kept}
-        use_again(folder, ["T3"])
+        editing.use_again(folder, ["T3"])
 
 
 @pytest.mark.parametrize("why", ["", 'see [3]} # "4"'])
@@ -251,10 +241,10 @@ def test_an_id_may_hold_what_ends_a_list(folder: Path, why: str) -> None:
     table = folder / "tests.csv"
     table.write_text(table.read_text().replace("T1", "T[1]}"))
     (folder / "tests" / "T1.csv").rename(folder / "tests" / "T[1]}.csv")
-    leave_out(folder, ["T[1]}"], why)
-    leave_out(folder, ["T2"])
+    editing.leave_out(folder, ["T[1]}"], why)
+    editing.leave_out(folder, ["T2"])
     assert load_campaign(folder).test_ids == ("T3", "T4")
-    use_again(folder, ["T[1]}", "T2"])
+    editing.use_again(folder, ["T[1]}", "T2"])
     assert (folder / "campaign.toml").read_text() == SETTINGS
 
 
@@ -263,10 +253,10 @@ def test_what_looks_like_the_list_in_another_setting_stays(folder: Path, line: s
     """A notice of several lines may quote one, above the list itself."""
     notice = f'notice = """\n{line}\n"""\n'
     (folder / "campaign.toml").write_text(f"{notice}{SETTINGS}")
-    leave_out(folder, ["T2"])
+    editing.leave_out(folder, ["T2"])
     assert (folder / "campaign.toml").read_text() == f'unused = ["T2"]\n{notice}{SETTINGS}'
     (folder / "campaign.toml").write_text(f'{notice}unused = ["T2"]\n{SETTINGS}')
-    use_again(folder, ["T2"])
+    editing.use_again(folder, ["T2"])
     assert (folder / "campaign.toml").read_text() == f"{notice}{SETTINGS}"
 
 
@@ -283,7 +273,7 @@ def test_a_text_full_of_what_looks_like_the_list_is_not_searched_to_its_end(
         return read(text)
 
     monkeypatch.setattr(editing, "_values", counting)
-    leave_out(folder, ["T2"])
+    editing.leave_out(folder, ["T2"])
     assert len(tried) < 100
     assert (folder / "campaign.toml").read_text() == f'unused = ["T2"]\n{text}'
 
@@ -293,9 +283,9 @@ def test_a_list_that_a_person_wrote_is_edited(folder: Path) -> None:
     (folder / "campaign.toml").write_text(
         f'name = "Car"\nunused = [\n  "T1",\n] # sensor came loose\n{SETTINGS[SETTINGS.index("[") :]}'
     )
-    leave_out(folder, ["T2"])
+    editing.leave_out(folder, ["T2"])
     assert load_campaign(folder).test_ids == ("T3", "T4")
-    use_again(folder, ["T1", "T2"])
+    editing.use_again(folder, ["T1", "T2"])
     assert load_campaign(folder).test_ids == ("T1", "T2", "T3", "T4")
 
 
@@ -304,7 +294,7 @@ def test_a_list_that_cannot_be_edited_is_left_alone(folder: Path) -> None:
     text = '"unused" = ["T1"]\n'
     (folder / "campaign.toml").write_text(text)
     with pytest.raises(DataError, match=r'set it by hand: unused = \["T1", "T2"\]'):
-        leave_out(folder, ["T2"])
+        editing.leave_out(folder, ["T2"])
     assert (folder / "campaign.toml").read_text() == text
     assert changes(folder) == ()
 
@@ -315,10 +305,10 @@ def test_a_damaged_test_can_be_left_out(folder: Path) -> None:
     pd.read_csv(folder / "tests.csv").astype({"speed_mph": object}).assign(
         speed_mph=lambda t: t.speed_mph.where(t.id != "T3", "fast")
     ).to_csv(folder / "tests.csv", index=False)
-    leave_out(folder, ["T2"])
+    editing.leave_out(folder, ["T2"])
     with pytest.raises(DataError, match="'fast'"):
         load_campaign(folder)
-    remove_tests(folder, ["T3"])
+    editing.remove_tests(folder, ["T3"])
     assert load_campaign(folder).test_ids == ("T1", "T4")
 
 
@@ -326,10 +316,10 @@ def test_a_damaged_test_can_be_left_out(folder: Path) -> None:
 def test_a_test_is_taken_out_and_back(folder: Path, form: str) -> None:
     """Row and pulse go, the rest of the table stays to the byte; undone, the folder is what it was."""
     _reshape(folder, "tests", form)
-    leave_out(folder, ["T2"])
+    editing.leave_out(folder, ["T2"])
     before, loaded = content_of(folder), load_campaign(folder)
     lines = (folder / "tests.csv").read_bytes().splitlines(keepends=True)
-    assert remove_tests(folder, ["T2", "T4"]) == "Taken out: T2, T4"
+    assert editing.remove_tests(folder, ["T2", "T4"]) == "Taken out: T2, T4"
     after = load_campaign(folder)
     assert after.test_ids == ("T1", "T3")
     assert after.unused == ()
@@ -346,7 +336,7 @@ def test_a_test_is_taken_out_and_back(folder: Path, form: str) -> None:
 )
 def test_nothing_is_undone_over_what_was_changed_since(folder: Path, changed: str) -> None:
     """One sentence names the file, and the folder stays as it is."""
-    add_to_campaign(folder, {"tests": [addition()]})
+    editing.add_to_campaign(folder, {"tests": [addition()]})
     path = folder / changed
     new = path.read_bytes() + b"\n"
     path.unlink()  # an editor that saves under the same name
@@ -359,15 +349,15 @@ def test_nothing_is_undone_over_what_was_changed_since(folder: Path, changed: st
 
 def test_what_is_there_already_is_passed_over(folder: Path) -> None:
     """With the same condition and pulse; another pulse of that id is refused, and so is adding nothing at all."""
-    add_to_campaign(folder, {"tests": [addition("A"), addition("B", 35.0)]})
-    [added] = add_to_campaign(folder, {"tests": [addition("B", 35.0), addition("C", 22.0), addition("A")]})
+    editing.add_to_campaign(folder, {"tests": [addition("A"), addition("B", 35.0)]})
+    [added] = editing.add_to_campaign(folder, {"tests": [addition("B", 35.0), addition("C", 22.0), addition("A")]})
     assert str(added) == "Added: 1 test (C); there already: 2"
     assert load_campaign(folder).test_ids == ("T1", "T2", "T3", "T4", "A", "B", "C")
     before = content_of(folder)
     with pytest.raises(DataError, match="an id that is not there yet, found 'A'"):
-        add_to_campaign(folder, {"tests": [addition("A", 31.0), addition("D", 20.0)]})
+        editing.add_to_campaign(folder, {"tests": [addition("A", 31.0), addition("D", 20.0)]})
     with pytest.raises(DataError, match="found A, B, there already all the same"):
-        add_to_campaign(folder, {"tests": [addition("A"), addition("B", 35.0)]})
+        editing.add_to_campaign(folder, {"tests": [addition("A"), addition("B", 35.0)]})
     assert content_of(folder) == before
 
 
@@ -375,7 +365,7 @@ def test_only_the_last_changes_are_kept(folder: Path, monkeypatch: pytest.Monkey
     """What older ones replaced is let go."""
     monkeypatch.setattr(history, "_KEPT", 2)
     for test_id in ("T1", "T2", "T3"):
-        leave_out(folder, [test_id])
+        editing.leave_out(folder, [test_id])
     assert [change.what for change in changes(folder)] == ["Left out of use: T3", "Left out of use: T2"]
     assert len(list((folder / ".undo").iterdir())) == 2
 
@@ -384,7 +374,7 @@ def test_only_the_last_changes_are_kept(folder: Path, monkeypatch: pytest.Monkey
 def test_a_journal_from_elsewhere_touches_nothing_outside(folder: Path, name: object) -> None:
     """A folder may come from anyone: a list that names other files is no list of ours."""
     (folder.parent / "secret.csv").write_text("mine")
-    leave_out(folder, ["T1"])
+    editing.leave_out(folder, ["T1"])
     path = folder / ".undo" / "000001" / "change.json"
     told = json.loads(path.read_text())
     told["files"] = [{"name": name, "before": None, "after": None}]
@@ -399,13 +389,13 @@ def test_a_journal_from_elsewhere_touches_nothing_outside(folder: Path, name: ob
 @pytest.mark.parametrize(
     ("edit", "ids", "sentence"),
     [
-        (leave_out, ["T9"], "There is no test 'T9' that is in use; there is T1, T2, T4."),
-        (leave_out, ["T3"], "There is no test 'T3' that is in use; there is T1, T2, T4."),
-        (leave_out, ["T1", "T2", "T4"], "At least one test has to stay in use."),
-        (use_again, ["T1"], "There is no test 'T1' that is left out of use; there is T3."),
-        (remove_tests, ["T1", "T2", "T4"], "At least one test has to stay in use."),
+        (editing.leave_out, ["T9"], "There is no test 'T9' that is in use; there is T1, T2, T4."),
+        (editing.leave_out, ["T3"], "There is no test 'T3' that is in use; there is T1, T2, T4."),
+        (editing.leave_out, ["T1", "T2", "T4"], "At least one test has to stay in use."),
+        (editing.use_again, ["T1"], "There is no test 'T1' that is left out of use; there is T3."),
+        (editing.remove_tests, ["T1", "T2", "T4"], "At least one test has to stay in use."),
         (
-            lambda folder, ids: say_why(folder, ids[0], "loose"),
+            lambda folder, ids: editing.say_why(folder, ids[0], "loose"),
             ["T1"],
             "There is no test 'T1' that is left out of use; ",
         ),
@@ -413,7 +403,7 @@ def test_a_journal_from_elsewhere_touches_nothing_outside(folder: Path, name: ob
 )
 def test_what_cannot_be_edited_is_said(folder: Path, edit: Callable[..., str], ids: list[str], sentence: str) -> None:
     """And the folder stays as it was: no test is left out by saying why."""
-    leave_out(folder, ["T3"])
+    editing.leave_out(folder, ["T3"])
     before = content_of(folder)
     with pytest.raises(UsageError, match=re.escape(sentence)):
         edit(folder, ids)
@@ -422,19 +412,19 @@ def test_what_cannot_be_edited_is_said(folder: Path, edit: Callable[..., str], i
 
 def test_the_sample_is_not_edited_but_a_copy_is(tmp_path: Path) -> None:
     """The copy is the same campaign."""
-    for edit in (lambda: leave_out(sample_folder(), ["T01"]), lambda: undo(sample_folder())):
+    for edit in (lambda: editing.leave_out(sample_folder(), ["T01"]), lambda: undo(sample_folder())):
         with pytest.raises(DataError, match="copy it"):
             edit()
     with pytest.raises(DataError, match="copy it"):
-        add_to_campaign(sample_folder(), {"tests": [addition()]})
-    copy_campaign(sample_folder(), tmp_path / "copy")
+        editing.add_to_campaign(sample_folder(), {"tests": [addition()]})
+    editing.copy_campaign(sample_folder(), tmp_path / "copy")
     assert load_campaign(tmp_path / "copy").fingerprint == load_campaign(sample_folder()).fingerprint
     assert (tmp_path / "copy" / "criteria.toml").is_file()
     (tmp_path / "copy" / "notes.csv").write_text("test,start_ms,end_ms,text\n")
     made_archive().save(tmp_path / "copy" / "archive.cfa")
-    copy_campaign(tmp_path / "copy", tmp_path / "again")
+    editing.copy_campaign(tmp_path / "copy", tmp_path / "again")
     assert all((tmp_path / "again" / name).is_file() for name in ("notes.csv", "archive.cfa"))
-    leave_out(tmp_path / "copy", ["T01"])
+    editing.leave_out(tmp_path / "copy", ["T01"])
     assert "T01" not in load_campaign(tmp_path / "copy").test_ids
 
 
@@ -487,7 +477,7 @@ def test_hard_links_are_not_needed(folder: Path, monkeypatch: pytest.MonkeyPatch
         raise OSError("not supported")
 
     monkeypatch.setattr(os, "link", none)
-    remove_tests(folder, ["T1"])
+    editing.remove_tests(folder, ["T1"])
     undo(folder)
     assert content_of(folder) == before
 
@@ -510,7 +500,9 @@ def test_what_could_not_be_read_back_is_not_written(
     (campaign_folder / "campaign.toml").write_bytes(settings)
     before = content_of(campaign_folder)
     with pytest.raises(DataError, match=message):
-        add_to_campaign(campaign_folder, {"tests": [replace(addition(), condition=replace(CONDITION, **changed))]})
+        editing.add_to_campaign(
+            campaign_folder, {"tests": [replace(addition(), condition=replace(CONDITION, **changed))]}
+        )
     assert content_of(campaign_folder) == before
 
 
@@ -518,13 +510,13 @@ def test_an_archive_is_put_in_and_taken_out_and_either_is_undone(campaign_folder
     """Byte for byte; one that could not be read is refused, and nothing is changed."""
     campaign, before, content = load_campaign(campaign_folder), content_of(campaign_folder), made_archive().content
     with pytest.raises(DataError, match=r"^archive\.cfa: expected an archive"):
-        set_archive(campaign_folder, campaign, content[:-1])
+        editing.set_archive(campaign_folder, campaign, content[:-1])
     with pytest.raises(UsageError, match="shares tests"):
-        set_archive(campaign_folder, campaign, made_archive(campaign, campaign).content)
+        editing.set_archive(campaign_folder, campaign, made_archive(campaign, campaign).content)
     assert content_of(campaign_folder) == before
-    set_archive(campaign_folder, campaign, content)
+    editing.set_archive(campaign_folder, campaign, content)
     assert (campaign_folder / "archive.cfa").read_bytes() == content
-    set_archive(campaign_folder, campaign, None)
+    editing.set_archive(campaign_folder, campaign, None)
     assert load_campaign(campaign_folder).prior is None
     undo(campaign_folder)
     assert (campaign_folder / "archive.cfa").read_bytes() == content

@@ -2,16 +2,8 @@
 
 import pytest
 
-from crashfuse.readers.vocabulary import (
-    UNPLACED,
-    ChannelCode,
-    Doubt,
-    doubt_of,
-    is_computed,
-    is_simulated,
-    other_setup,
-    propose_by_code,
-)
+from crashfuse.readers import vocabulary
+from crashfuse.readers.vocabulary import ChannelCode, Doubt, doubt_of
 
 
 def code(text: str) -> ChannelCode:
@@ -65,10 +57,10 @@ def test_filter_classes_are_low_passes() -> None:
 def test_the_best_placed_are_proposed(codes: list[str], chosen: list[int]) -> None:
     """All at the rear seat, else one, or one on either side, of the next best place."""
     names = {f"{number}": code(text) for number, text in enumerate(codes)}
-    found, why = propose_by_code(names)
+    found, why = vocabulary.propose_by_code(names)
     assert set(found) == {f"{number}" for number in chosen}
     assert ("choose one" in why) == (not chosen)
-    assert code("10ENGN000000ACXP").rank == UNPLACED
+    assert code("10ENGN000000ACXP").rank == vocabulary.UNPLACED
 
 
 STATUS = {
@@ -97,8 +89,8 @@ def test_the_words_on_quality_tell_sound_from_questionable_and_failed(doubt: Dou
 @pytest.mark.parametrize("origin", [*SIMULATED, *MEASURED])
 def test_the_words_on_the_source_tell_simulated_from_measured(origin: str) -> None:
     """What is calculated from measured channels is no simulation."""
-    assert is_simulated(origin) == (origin in SIMULATED)
-    assert is_computed(origin) == (origin == "calculation")
+    assert vocabulary.is_simulated(origin) == (origin in SIMULATED)
+    assert vocabulary.is_computed(origin) == (origin == "calculation")
 
 
 OTHER = (
@@ -117,4 +109,4 @@ FRONTAL = (
 @pytest.mark.parametrize("text", [*OTHER, *FRONTAL])
 def test_other_crashes_are_told_from_full_frontal_ones(text: str) -> None:
     """As laboratories call them."""
-    assert other_setup(["", "Toyota Camry 2018", text]) == (text if text in OTHER else "")
+    assert vocabulary.other_setup(["", "Toyota Camry 2018", text]) == (text if text in OTHER else "")

@@ -8,19 +8,8 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from crashfuse import (
-    Campaign,
-    Condition,
-    Display,
-    StudyConfig,
-    certify,
-    load_campaign,
-    next_test,
-    predict,
-    preview_source,
-    run_study,
-    sweep,
-)
+import crashfuse
+from crashfuse import Campaign, Condition, Display, StudyConfig, load_campaign
 from crashfuse.files.archive import zipped
 from crashfuse.reporting.figures import Further
 from crashfuse.reporting.plots.canvas import add_band, new_figure, share_y_range
@@ -117,7 +106,7 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
     """Over time with corridors and another test beside, over displacement, residuals, and why it is rated so."""
     link = {"test": "T2", "compare_also": ["T3"], "corridors": "true", "explained": "cae"}
     session = opened(visit, "compare", "Predict test T2", **link)
-    study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=APPROACHES, workers=1)
+    study = crashfuse.run_study(load_campaign(open_campaign), held_out=["T2"], approaches=APPROACHES, workers=1)
 
     def library(figure: str, **options: Any) -> list[list[dict[str, Any]]]:
         return traces(study.plot("T2", figure, approaches=["cae"], also=["T3"], display=SHOWN, **options))
@@ -136,7 +125,7 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
 def test_on_train(open_campaign: Path, visit: "Visit") -> None:
     """The networks before and after the tests on one scale, and how they learned; the bias and its parts; x(t)."""
     names = ["cae", "lf_tcn", "time_domain", "displacement_domain"]
-    study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=names, workers=1)
+    study = crashfuse.run_study(load_campaign(open_campaign), held_out=["T2"], approaches=names, workers=1)
     session = visit("train", test="T2", train_tab="Diagnostics", **{**OPTIONS, "approaches": names}).finish()
     pulses = [
         study.plot("T2", "acceleration", approaches=["cae", network], band=network, display=SHOWN)
@@ -160,7 +149,7 @@ def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
     (open_campaign / "matrix.csv").write_text(MATRIX)
     session = opened(visit, "certify", "Certify", approach="displacement_domain")
     paths = open_campaign / "criteria.toml", open_campaign / "matrix.csv"
-    verdicts = certify(load_campaign(open_campaign), *paths, approach="displacement_domain", workers=1)
+    verdicts = crashfuse.certify(load_campaign(open_campaign), *paths, approach="displacement_domain", workers=1)
     session.app.button_group(key="answered").set_value("By criterion")
     for tab, figure in (("Answer", "verdicts"), ("Validated domain", "domain"), ("Track record", "record")):
         session.app.button_group(key="certify_tab").set_value(tab)
@@ -177,7 +166,7 @@ def test_on_an_import(open_campaign: Path, visit: "Visit", tmp_path: Path) -> No
     session = visit("data", opening="open", **OPTIONS)
     session.app.file_uploader[0].set_value([(source.name, source.read_bytes(), "application/zip")])
     session.press("Open upload")
-    (preview,) = preview_source(source)
+    (preview,) = crashfuse.preview_source(source)
     assert drawn(session) == traces(preview.plot(display=SHOWN))
 
 
@@ -185,7 +174,7 @@ def test_on_study(open_campaign: Path, visit: "Visit") -> None:
     """Ratings, alone and with the speed group, and the bands."""
     session = opened(visit, "study", "Leave out each of 4 tests")
     config = StudyConfig(approaches=tuple(APPROACHES), leave_out="both")
-    study = run_study(load_campaign(open_campaign), config, workers=1)
+    study = crashfuse.run_study(load_campaign(open_campaign), config, workers=1)
     assert drawn(session) == traces(study.plot(display=SHOWN))
     session.app.button_group(key="ways").set_value("With all tests at about its speed").run()
     assert study.speed_groups is not None
@@ -204,8 +193,8 @@ def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.Mon
     link = {name: str(value) for name, value in at.items()}
     session = opened(visit, "predict", "Predict", predict_also=["T3"], pins=[pin.text], **link)
     campaign = load_campaign(open_campaign)
-    prediction = predict(campaign, Condition.of(**at), APPROACHES)
-    also: list[Further] = ["T3", predict(campaign, Condition.parse(pin.text), "displacement_domain")]
+    prediction = crashfuse.predict(campaign, Condition.of(**at), APPROACHES)
+    also: list[Further] = ["T3", crashfuse.predict(campaign, Condition.parse(pin.text), "displacement_domain")]
     for choice, figure in (
         ("Over time", "motion"),
         ("Over displacement", "displacement"),
@@ -219,10 +208,10 @@ def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.Mon
     session.app.button_group(key="predict_tab").set_value("Over speed").run()
     session.press("Predict over speed").finish()
     session.app.selectbox(key="sweep_metric").set_value("peak").run()
-    swept = sweep(campaign, Condition.of(**at), approach=APPROACHES)
+    swept = crashfuse.sweep(campaign, Condition.of(**at), approach=APPROACHES)
     assert drawn(session) == traces(swept.plot("peak", display=SHOWN))
     session.app.button_group(key="predict_tab").set_value("Next test").run()
     chosen = [_ends(session.app.session_state[f"{axis}_range"]) for axis in ("speed", "front", "rear")]
     kind = campaign.tests[0].condition.factors
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*chosen, strict=True))
-    assert drawn(session) == traces(next_test(campaign, low, high).plot(display=SHOWN))
+    assert drawn(session) == traces(crashfuse.next_test(campaign, low, high).plot(display=SHOWN))
