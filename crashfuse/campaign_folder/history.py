@@ -285,7 +285,7 @@ def _is_sound(file: ChangedFile) -> bool:
 
 
 def _require_inside(folder: Path, path: Path) -> None:
-    """Raise a DataError if a file of the folder lies behind a link to another one, which may be anybody's."""
+    """Behind a link to another folder lie files that may be anybody's."""
     if not path.parent.resolve().is_relative_to(folder.resolve()):
         where = path.parent.relative_to(folder).as_posix()
         raise DataError(Problem(where, "a folder in the campaign's", "a link to one elsewhere", "put files there"))

@@ -234,7 +234,6 @@ def varied(criteria: Criteria) -> dict[str, Criteria]:
 
 
 def _tightened(criterion: Criterion, share: float) -> Criterion:
-    """The same with limits stricter by a share; a rating is at most 1."""
     least, most = criterion.at_least, criterion.at_most
     highest = 1.0 if criterion.window_ms is not None else math.inf
     return replace(
@@ -302,7 +301,6 @@ def _at_odds(one: Criterion, other: Criterion, where: str) -> Problem | None:
 
 
 def _criterion(item: dict[str, Any], where: str, problems: list[Problem]) -> Criterion | None:
-    """One criterion, or None if it cannot be judged; its problems are appended."""
     before = len(problems)
 
     def wrong(expected: str, found: object, advice: str) -> None:

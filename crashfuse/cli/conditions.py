@@ -48,7 +48,6 @@ class _InUnit(argparse.Action):
         values: object,
         option_string: str | None = None,
     ) -> None:
-        """Store both."""
         setattr(namespace, self.dest, values)
         setattr(namespace, f"{self.dest} unit", str(option_string).rpartition("-")[2])
 

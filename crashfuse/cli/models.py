@@ -123,7 +123,6 @@ def rank_tests(arguments: argparse.Namespace) -> None:
 
 
 def _fits(arguments: argparse.Namespace, campaign: Campaign) -> list[Fit]:
-    """Fits of the requested approaches, loaded from a folder of saved models if given, else trained."""
     if arguments.models is None:
         config = settings(arguments)
         with watching() as watch:

@@ -148,7 +148,6 @@ class Ratings(dict[float, Rating]):
     """Ratings of two pulses by the end of their window in ms."""
 
     def __missing__(self, window_ms: object) -> Rating:
-        """Raise a UsageError that says which windows were rated, in ms."""
         rated, asked = ", ".join(f"{window:g}" for window in self), printable(repr(window_ms), 20)
         raise UsageError(f"Ratings are by the end of their window in ms: {rated}, not {asked}.")
 

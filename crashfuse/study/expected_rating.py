@@ -184,6 +184,6 @@ def _overall(measured: Pulse, predicted_mps2: FloatArray, window_ms: float) -> f
 
 @lru_cache(maxsize=512)  # at every condition the same tests are asked about; up to 10 kB each
 def _cached_overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
-    """Overall rating of a prediction, given as bytes of float64 so that it can be a key."""
+    """The prediction is given as bytes of float64 so that it can be a key."""
     predicted = Pulse(GRID_S, np.frombuffer(predicted_mps2))
     return rate_windows(measured, predicted, [window_ms])[window_ms].overall

@@ -184,7 +184,6 @@ def _read(path: Path) -> PastResult | None:
 
 
 def _ratings(values: Mapping[str, Any], approach: str) -> Ratings:
-    """Ratings by test, approach and window; of each test by the same approaches over the same windows."""
     ratings = {
         test: {name: {float(w): float(r) for w, r in by_window.items()} for name, by_window in by_approach.items()}
         for test, by_approach in values.items()

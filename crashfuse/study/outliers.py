@@ -192,7 +192,6 @@ def _departure(
 
 
 def _bias_difference(one: BiasPoints, other: BiasPoints) -> float:
-    """Root mean square difference over the displacement that both reach, in m/s²."""
     end = min(one.displacement_m[-1], other.displacement_m[-1])
     at = np.linspace(0.0, end, 200)
     first, second = (np.interp(at, points.displacement_m, points.bias_mps2) for points in (one, other))

@@ -216,7 +216,6 @@ def crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:
 
 
 def _rated(code: str, way: str, study: Study, name: str, window_ms: float) -> Fact:
-    """The mean rating, the worst rating and the harm of an approach."""
     overall = {fold.held_out: fold.ratings[name][window_ms].overall for fold in study.folds}
     mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
     v0 = speed(study.campaign.test(worst).condition.speed_mps)

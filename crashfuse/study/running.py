@@ -153,7 +153,6 @@ def _tasks(wanted: Sequence[Wanted]) -> list[Task]:
 def _computed(
     campaign: Campaign, task: Task, cache: Cache, watch: Watch, *, config: StudyConfig
 ) -> list[tuple[Wanted, Estimate]]:
-    """Compute a task; what it finds is in the cache, too."""
     if task.repeated:
         repeatability(campaign, config.windows_ms, task.repeated, seed=config.seed, cache=cache, watch=watch)
         return []
@@ -224,7 +223,6 @@ def run_study(
     rated: dict[tuple[Wanted, ...], Fold] = {}
 
     def known_of(key: Hashable) -> Fold | None:
-        """What is known of a fold, rated; None if nothing is."""
         part = tuple(one for one in by_fold[key] if one in known)
         if key not in finished and part and part not in rated:
             rated[part] = Fold.of(campaign.test(part[0].test), [known[one] for one in part], config.windows_ms)
