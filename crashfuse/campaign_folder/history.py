@@ -194,7 +194,11 @@ def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
     digests = [(name, _digest(home / _BEFORE / name), _digest(home / _AFTER / name)) for name in names]
     files = tuple(ChangedFile(*row) for row in digests)
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    content = json.dumps(asdict(Change(int(home.name), what, now, files, _author.get() or _user())), indent=1).encode()
+    author = _author.get()
+    if not author:
+        with suppress(OSError, KeyError, ImportError):  # a container may have no user
+            author = getpass.getuser()
+    content = json.dumps(asdict(Change(int(home.name), what, now, files, author)), indent=1).encode()
     if len(content) > _LARGEST or not all(map(_is_sound, files)):
         raise DataError(Problem(str(folder), "files of a campaign", "too many, or other names", "rename or split them"))
     for path in sorted(home.rglob("*"), reverse=True):  # the inner ones first
@@ -319,10 +323,3 @@ def _discard(home: Path) -> None:
 def _tidy(folder: Path) -> None:
     with suppress(OSError):
         folder.rmdir()
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError, ImportError):  # a container may have none
-        return ""

@@ -54,11 +54,10 @@ def _content(name: str) -> bytes | None:
     if not _NAME.fullmatch(name):  # of a link that anybody may have written
         return None
     path = _home() / name
-    try:
+    with suppress(OSError):
         content = path.read_bytes() if path.stat().st_size <= LARGEST else b""
-    except OSError:
-        return None
-    return content if _name(content) == name else None
+        return content if _name(content) == name else None
+    return None
 
 
 def certifications(campaign: Campaign) -> dict[str, Earlier]:

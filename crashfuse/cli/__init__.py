@@ -1,6 +1,5 @@
 """The command line: parses arguments, calls the library and prints results; it computes nothing itself."""
 
-import argparse
 import io
 import os
 import re
@@ -37,7 +36,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     share_one_heap()
     try:
         with ExitStack() as arguments.claims:  # of the folders that it writes to
-            _run(arguments)
+            module, _, command = arguments.run.partition(".")
+            getattr(import_module(f"crashfuse.cli.{module}"), command)(arguments)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of the output (head, say) has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -63,11 +63,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say("Stopped. What was finished is in the cache: the same command (a study with --resume) continues there.")
         return INTERRUPTED
     return DONE
-
-
-def _run(arguments: argparse.Namespace) -> None:
-    module, _, command = arguments.run.partition(".")
-    getattr(import_module(f"crashfuse.cli.{module}"), command)(arguments)
 
 
 def _not_utf8(name: str) -> str:

@@ -95,11 +95,10 @@ class Sensor:
 
 def number_in(value: str | float) -> float:
     """Return a number above 0; otherwise 0, NHTSA's own code for unknown."""
-    try:
+    with suppress(ValueError):
         number = float(value)
-    except ValueError:
-        return 0.0
-    return number if 0 < number < math.inf else 0.0
+        return number if 0 < number < math.inf else 0.0
+    return 0.0
 
 
 def condition_steps(speed_kph: float, mass_kg: float, where: str) -> Iterator[str]:

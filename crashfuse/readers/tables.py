@@ -342,7 +342,6 @@ def _split(line: str, delimiter: str) -> list[str]:
         return re.split(r"\s+(?![\[(])", line.strip())
     if '"' not in line:
         return [cell.strip() for cell in line.split(delimiter)]
-    try:
+    with suppress(csv.Error):
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
-    except csv.Error:
-        return [line]
+    return [line]

@@ -6,9 +6,10 @@ from functools import partial
 import pandas as pd
 import streamlit as st
 
+from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification, Variant
 from crashfuse.certification.changes import saved_and_missed
-from crashfuse.certification.criteria import varied
+from crashfuse.certification.criteria import Criteria, varied
 from crashfuse.certification.track_record import at_most
 from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, planned, sentences
 from crashfuse.reporting.certification_tables import changed_text
@@ -19,7 +20,6 @@ from crashfuse.study.outliers import departures
 from crashfuse.ui.certify import results
 from crashfuse.ui.certify.results import Judgement, judge
 from crashfuse.ui.kit import address
-from crashfuse.ui.kit.computation import Request
 from crashfuse.ui.kit.figures import choose, show_clickable
 from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.progress import show_end, show_job
@@ -147,25 +147,24 @@ def _deciding(row: Planned, certification: Certification) -> str:
     return min(deciding, key=lambda own: 0.0 if own.probability is None else own.probability).criterion.name
 
 
-def _variants(certification: Certification) -> list[str]:
-    apart, tests = [own.test for own in departures(certification.campaign)], certification.campaign.test_ids
-    without = [f"{_WITHOUT}{test}" for test in dict.fromkeys((*apart, *tests)) if len(tests) > 1]
-    return [*varied(certification.criteria), *without]
-
-
-def _asked_otherwise(certification: Certification, variant: str) -> Request[Verdicts]:
-    campaign, criteria, matrix = certification.campaign, certification.criteria, certification.matrix
-    if variant.startswith(_WITHOUT):
-        return judge(campaign.without((variant.removeprefix(_WITHOUT),)), criteria, matrix)
-    return judge(campaign, varied(criteria)[variant], matrix)
+def _variants(certification: Certification) -> dict[str, tuple[Campaign, Criteria]]:
+    campaign, criteria, tests = certification.campaign, certification.criteria, certification.campaign.test_ids
+    apart = [own.test for own in departures(campaign)]
+    without = dict.fromkeys((*apart, *tests)) if len(tests) > 1 else ()
+    return {
+        **{name: (campaign, other) for name, other in varied(criteria).items()},
+        **{f"{_WITHOUT}{test}": (campaign.without((test,)), criteria) for test in without},
+    }
 
 
 def _show_variants(certification: Certification) -> None:
     variants, state, table, key = _variants(certification), st.session_state, [], "what_if"
     address.put(key, [name for name in state[key] if name in variants])
-    asked = st.pills("What if …", variants, selection_mode="multi", format_func=plain, key=key, persist_state="session")
+    asked = st.pills(
+        "What if …", [*variants], selection_mode="multi", format_func=plain, key=key, persist_state="session"
+    )
     for name in asked:
-        request = _asked_otherwise(certification, name)
+        request = judge(*variants[name], certification.matrix)
         if request.find() is None:
             request.start()
         if (job := request.find()) is None:
@@ -185,8 +184,9 @@ def _show_variants(certification: Certification) -> None:
 def show_files(judgement: Judgement) -> None:
     """Offer them; what the page shows *without* a test is in them, as other limits and confidences always are."""
     certification, asked = judgement.certification, st.session_state["what_if"]
-    without = [name for name in _variants(certification) if name in asked and name.startswith(_WITHOUT)]
-    known = {name: other for name in without if (other := _asked_otherwise(certification, name).result) is not None}
+    variants, matrix = _variants(certification), certification.matrix
+    without = [name for name in variants if name in asked and name.startswith(_WITHOUT)]
+    known = {name: other for name in without if (other := judge(*variants[name], matrix).result) is not None}
     others = (Variant.of(name, certification, other.certification) for name, other in known.items())
     with_all = replace(certification, variants=(*certification.variants, *others))
     results.show_files(replace(judgement, verdicts=Verdicts(with_all)))

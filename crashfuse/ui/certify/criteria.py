@@ -145,10 +145,9 @@ def _row(text: str) -> dict[str, Any]:
 
 
 def _is_row(text: str) -> bool:
-    try:
+    with suppress(ValueError, KeyError):
         return _row(text)["metric"] in _METRICS
-    except (ValueError, KeyError):
-        return False
+    return False
 
 
 def _take_file(content: bytes | None) -> None:

@@ -123,10 +123,9 @@ def _parts(text: str, campaign: Campaign) -> list[str]:
 
 
 def _is_finite(text: str) -> bool:
-    try:
+    with suppress(ValueError):
         return math.isfinite(float(text))
-    except ValueError:
-        return False
+    return False
 
 
 def _text(i: str, vector: FloatArray, system: UnitSystem, factors: Sequence[str]) -> str:

@@ -98,10 +98,9 @@ def keep_for_visitor(key: str, text: str) -> None:
 
 def read_small(file: Path) -> object:
     """What a small JSON file holds; None if there is none, or it is damaged."""
-    try:
+    with suppress(OSError, ValueError, RecursionError):
         return json.loads(file.read_text(encoding="utf-8")) if file.stat().st_size <= _LARGEST else None
-    except (OSError, ValueError, RecursionError):
-        return None
+    return None
 
 
 def _kept() -> dict[str, Any]:
