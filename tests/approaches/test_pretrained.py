@@ -157,8 +157,7 @@ def test_with_two_tests_the_band_is_wider_than_the_network_says(campaign: Campai
 def test_a_test_is_predicted_from_other_speeds_without_its_group(campaign: Campaign) -> None:
     """T2 and T3 are at one speed: left out together, neither is told of the other."""
     fitted = Pretrained().fit(campaign)
-    numbers = fitted.left_out_groups_.numbers.tolist()
-    assert numbers == [0, 1, 2, 3]
+    assert fitted.left_out_groups_.numbers.tolist() == [0, 1, 2, 3]
     fewer = Pretrained().fit(campaign.without(["T2", "T3"]))
     group = fitted.left_out_groups_.mean_mps2[1]
     alone = fewer.predict(campaign.test("T2").condition).accel_mps2[::10]

@@ -207,8 +207,7 @@ def test_beyond_its_crush_the_curve_goes_on_as_faster_runs_do() -> None:
 def test_the_curve_has_no_jump_where_one_pulse_takes_over_from_another(share: float) -> None:
     """A slower pulse with another level hands over smoothly."""
     slow, fast = loading_phase(np.full(1250, -100.0), 8.0), loading_phase(np.full(1250, -180.0), 14.0)
-    s = np.linspace(0.0, 0.6, 6001)
-    curve = LoadingCurve(slow, (fast,)).accel_at(s, share)
+    curve = LoadingCurve(slow, (fast,)).accel_at(np.linspace(0.0, 0.6, 6001), share)
     assert np.abs(np.diff(curve)).max() < 0.5
     assert curve[-1] == pytest.approx(-180.0, abs=1.0)
 

@@ -109,8 +109,7 @@ def test_files_keep_to_the_form_of_the_standard(test_with_numbers: IsommeTest) -
         assert content.count(b"\n") == content.count(b"\r\n")
         lines = content.decode().split("\r\n")[:-1]
         assert max(map(len, lines)) <= 80
-        header = [line for line in lines if ":" in line]
-        assert {line[28] for line in header} == {":"}
+        assert {line[28] for line in lines if ":" in line} == {":"}
     lines = files["T 1/Channel/T 1.001"].decode().split("\r\n")[:-1]
     assert [float(line) for line in lines[-300:] if line != "NOVALUE"] == [v for v in long.values if not np.isnan(v)]
     assert "Number of samples           :300" in lines

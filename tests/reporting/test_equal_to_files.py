@@ -130,8 +130,7 @@ def test_those_of_a_rating(campaign_on_disk: Path, capsys: Capture) -> None:
     """Two files: the ratings; the humps and stretches outside the corridor of one of them."""
     one, other = files = [str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T2", "T3")]
     assert cli.main(["rate", *files, "--csv"]) == cli.DONE
-    table = crashfuse.rate_files(one, other)
-    assert capsys.readouterr().out.encode() == csv_bytes(table)
+    assert capsys.readouterr().out.encode() == csv_bytes(crashfuse.rate_files(one, other))
     assert cli.main(["rate", *files, "--json", "--explain", "--windows-ms", "60"]) == cli.DONE
     (told,) = json.loads(capsys.readouterr().out)
     (explanation,) = crashfuse.explain_files(one, other, [60.0])

@@ -107,8 +107,7 @@ def test_a_curve_that_scatters_tells_less(campaign: Campaign) -> None:
 def test_the_fewest_tests_that_do_as_well_are_found(campaign: Campaign) -> None:
     """From four tests on nothing is gained beyond the scatter; where each step gains, none are enough."""
     level = curve_of(campaign, lambda s, t: min(s, 4) * 0.1 + 0.001 * ((s * 7 + t) % 3), (1, 2, 3, 4, 6, 8))
-    found = not_none(enough(level))
-    assert found.before == 4
+    assert not_none(enough(level)).before == 4
     steep = curve_of(campaign, lambda s, t: 0.05 * s + 0.001 * t, (1, 2, 3, 4, 6, 8))
     assert enough(steep) is None
 

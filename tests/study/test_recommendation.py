@@ -98,8 +98,7 @@ def test_of_a_single_test_no_rating_is_expected(campaign: Campaign) -> None:
     estimates = [estimate(name, single, other, 0.9, 0.05) for name in ("fused", "displacement_domain", "time_domain")]
     found = recommend_for(estimates, single, other.condition)
     assert (found.approach, found.expected) == ("displacement_domain", None)
-    beside = recommend_for(estimates, single, single.tests[0].condition)
-    assert beside.approach == "time_domain"
+    assert recommend_for(estimates, single, single.tests[0].condition).approach == "time_domain"
     two = campaign.without(["T2", "T3"])  # each of which tells about the other
     assert recommend_for([estimate("fused", two, other, 0.9, 0.05)], two, other.condition).expected is not None
 

@@ -142,8 +142,7 @@ def test_another_limit_or_confidence_is_answered_at_once(
     looser = of_library(asking, confidence=0.7)
     assert all(own.reason in reason(session, f"{i} | {own.criterion.name}") for i, own in looser.certification.cells)
     (asking / "criteria.toml").write_text(CRITERIA.replace("430.0", "300.0"))
-    other = visit("certify", **LINK)
-    assert "at most 300 mm" in reason(other, "M1 | crush")
+    assert "at most 300 mm" in reason(visit("certify", **LINK), "M1 | crush")
 
 
 @pytest.mark.slow
@@ -346,8 +345,7 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
     session.run()
     assert session.app.query_params["uploaded"] == link["uploaded"]
     assert summary in [own.label for own in visit("certify", **link).app.expander]
-    upload = session.app.file_uploader[-1]
-    upload.set_value([("planned.csv", b"id,speed\n", "text/csv")])
+    session.app.file_uploader[-1].set_value([("planned.csv", b"id,speed\n", "text/csv")])
     session.run()
     assert session.app.session_state["uploaded"] is None
     assert session.app.error

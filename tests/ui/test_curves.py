@@ -106,8 +106,7 @@ def test_another_seed_and_way_of_leaving_out_are_offered_once_they_are_known(vis
     second = predicted(visit("compare", **ONE, test="T2", seed="1", leave_out="speed group"))
     assert offered(second) == ["Displacement domain, seed 0, left out alone"]
     assert offered(first.run()) == ["Displacement domain, seed 1, all at its speed left out"]
-    third = predicted(visit("compare", **ONE, test="T3"), "T3")
-    assert offered(third) == []
+    assert offered(predicted(visit("compare", **ONE, test="T3"), "T3")) == []
 
 
 def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:

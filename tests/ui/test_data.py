@@ -129,8 +129,7 @@ def test_a_bad_folder_shows_every_problem_and_no_traceback(visit: Visit, campaig
 @pytest.mark.parametrize("text", ["/no/such/folder", "", "\0"])
 def test_a_folder_that_is_none_breaks_nothing(visit: Visit, text: str) -> None:
     """Whatever is typed in, the page stays."""
-    session = visit().open_folder(text)
-    assert session.app.sidebar.selectbox(key="campaign").value is None
+    assert visit().open_folder(text).app.sidebar.selectbox(key="campaign").value is None
 
 
 @pytest.mark.parametrize(
@@ -488,6 +487,5 @@ def test_pages_offer_and_copy_only_inside_the_roots(
     session = session.press("Load the sample campaign")
     (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
     field.set_value(str(tmp_path / "elsewhere"))
-    session = session.press("Save the copy")
-    assert session.tables[0]["Found"].tolist() == ["one outside"]
+    assert session.press("Save the copy").tables[0]["Found"].tolist() == ["one outside"]
     assert not (tmp_path / "elsewhere").exists()

@@ -68,8 +68,7 @@ def test_another_campaign_is_not_shown_in_place_of_that_of_the_link(
     session.app.text_input(key="folder").set_value(str(folder))
     next(button for button in session.app.button if button.label == "Open folder").click().run()
     assert session.app.session_state["test"] == "T3"
-    session = visit(test="T9")
-    assert "“T9” is not among the tests; another is held out instead." in session.words
+    assert "“T9” is not among the tests; another is held out instead." in visit(test="T9").words
 
 
 def test_the_campaign_of_a_link_keeps_the_links_choices_once_it_is_open(visit: Visit, campaign_folder: Path) -> None:

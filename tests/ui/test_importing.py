@@ -181,8 +181,7 @@ def test_columns_without_names_are_mapped(visit: Visit, tmp_path: Path) -> None:
     assert "Read as acceleration in g: r (chosen by the user)." in session.words
     session.press("Add as test")
     assert added(tmp_path / "x") == ["x"]
-    stop = load_stop(tmp_path / "x" / "tests" / "x.csv")
-    assert stop == pytest.approx(STOP_S, abs=1e-4)
+    assert load_stop(tmp_path / "x" / "tests" / "x.csv") == pytest.approx(STOP_S, abs=1e-4)
 
 
 def load_stop(path: Path) -> float:
@@ -352,8 +351,7 @@ def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> Non
     drive = field(session, "drive")
     assert set(drive.options) == set(load_campaign(open_campaign).factors["drive"])
     drive.set_value(drive.options[0])
-    session = session.run().press("Add as test")
-    assert session.numbers["Tests"] == "5"
+    assert session.run().press("Add as test").numbers["Tests"] == "5"
     added_test = load_campaign(open_campaign).tests[-1]
     assert (added_test.id, added_test.condition.factors) == ("00005", (("drive", drive.options[0]),))
 
@@ -388,8 +386,7 @@ def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_
         (Path("here"), "here"),
         (Path(), "."),
     ):
-        session = into(session, text).press("Add as test")
-        assert session.tables[-1]["Found"].tolist() == [found]
+        assert into(session, text).press("Add as test").tables[-1]["Found"].tolist() == [found]
     assert sorted(sample.iterdir()) == before
     session.press("Back without importing")
     assert kept() == []

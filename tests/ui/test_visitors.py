@@ -60,8 +60,7 @@ def test_an_upload_is_in_nobody_elses_list_until_they_have_its_link(visit: Visit
     assert second.app.sidebar.selectbox(key="campaign").options == ["sample"]
     for guess in ("secret-car", secret[:-1], campaigns.label(secret)):
         assert "You have not opened the campaign" in visit(campaign=guess).words
-    linked = visit(campaign=secret)
-    assert linked.app.title[0].value == r"secret\-car"
+    assert visit(campaign=secret).app.title[0].value == r"secret\-car"
     assert len(visit("study", study_tab="Past results", campaign=secret).app.dataframe[0].value) == 1
     assert second.run().app.sidebar.selectbox(key="campaign").options == ["sample"]
     campaigns.opened_here.clear()  # another server

@@ -122,8 +122,7 @@ def test_tests_are_black_points_with_their_id_and_weights(campaign: Campaign, fi
     assert "own weights" in points.name
     assert len(points.y) == len(campaign.tests)
     shaded = [shape for shape in figure.layout.shapes if shape.type == "rect"]
-    fastest = campaign.cae.vectors[:, 0].max() / MPH
-    assert shaded[-1].x0 == pytest.approx(fastest)
+    assert shaded[-1].x0 == pytest.approx(campaign.cae.vectors[:, 0].max() / MPH)
     assert shaded[-1].x1 >= 50
     assert [shape.showlegend for shape in shaded].count(True) == 1
     ticks = [shape for shape in figure.layout.shapes if shape.type == "line"]

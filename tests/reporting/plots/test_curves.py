@@ -86,8 +86,7 @@ def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
 
 def test_without_marks_or_curves_nothing_is_drawn(campaign: Campaign) -> None:
     """All curves of a figure can be hidden."""
-    empty = motion(None, {}, 11.0)
-    assert not add_marks(empty, MARKS).layout.shapes
+    assert not add_marks(motion(None, {}, 11.0), MARKS).layout.shapes
     plain = motion(campaign.test("T2").pulse, {}, 11.0)
     assert add_marks(plain, []).layout == motion(campaign.test("T2").pulse, {}, 11.0).layout
 
