@@ -44,7 +44,9 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
         {
             "Approach": LABELS.get(row["approach"], row["approach"]),
             "Tests": f"{row['tests']}",
-            **_pair(row["first"], row["second"]),
+            "First": f"{row['first']:.3f}",
+            "Second": f"{row['second']:.3f}",
+            "Difference": difference(row["second"], row["first"], 3),
             "Standard error": f"{row['standard_error']:.3f}".replace("nan", "–"),
             "Second higher in": f"{row['higher']}",
             "Second lower in": f"{row['lower']}",
@@ -59,10 +61,6 @@ def studies_table(first: PastResult, second: PastResult, display: Display = DEFA
     rows = history_table([first, second], display).T
     rows.loc["Id"] = [first.id, second.id]
     return rows.set_axis(["First", "Second"], axis=1).rename_axis("Study").reset_index()
-
-
-def _pair(first: float, second: float) -> dict[str, str]:
-    return {"First": f"{first:.3f}", "Second": f"{second:.3f}", "Difference": difference(second, first, 3)}
 
 
 def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:

@@ -31,6 +31,7 @@ from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, MPH
 from crashfuse.wording import KPH_KG
+from tests.certification.test_changes import values
 from tests.golden import assert_golden
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -129,11 +130,6 @@ def near(certification: Certification) -> Certification:
     *rows, last = all_as(certification, "open", 0.717)
     last = tuple(replace(verdict, condition=there) for verdict in last)
     return replace(certification, verdicts=(*rows, last), campaign=replace(certification.campaign, tests=tests))
-
-
-def values(certification: Certification, code: str) -> list[dict[str, object]]:
-    """The values of the facts of a code."""
-    return [dict(fact.values) for fact in facts(certification) if fact.code == code]
 
 
 def variants(certification: Certification, alone: Certification) -> Iterator[tuple[str, Certification]]:

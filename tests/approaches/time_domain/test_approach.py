@@ -39,7 +39,7 @@ def mf(campaign: Campaign) -> TimeDomain:
     return TimeDomain(SMALL).fit(campaign.without(["T3"]))
 
 
-def _error(predicted: FloatArray, true: FloatArray) -> float:
+def relative_error(predicted: FloatArray, true: FloatArray) -> float:
     """Root mean square difference, relative to the true pulse."""
     return float(np.sqrt(np.mean((predicted - true) ** 2) / np.mean(true**2)))
 
@@ -49,8 +49,8 @@ def test_a_test_with_a_neighbour_is_met_far_better_than_by_the_lf_networks(
 ) -> None:
     """The held-out test lies 1 mph from one that was learned from: half the error at most."""
     test = campaign.test("T3")
-    before = _error(lf.predict(test.condition).accel_mps2, test.pulse.accel_mps2)
-    assert _error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.5 * before
+    before = relative_error(lf.predict(test.condition).accel_mps2, test.pulse.accel_mps2)
+    assert relative_error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.5 * before
 
 
 def test_held_out_tests_lie_within_the_band(campaign: Campaign, tmp_path: Path) -> None:
@@ -141,8 +141,8 @@ def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -
     """A test that was trained on is met far better than by the LF network."""
     mf = TimeDomain(BY_ADAM).fit(campaign)
     for test in campaign.tests:
-        before = _error(lf.predict(test.condition).accel_mps2, test.pulse.accel_mps2)
-        assert _error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.4 * before
+        before = relative_error(lf.predict(test.condition).accel_mps2, test.pulse.accel_mps2)
+        assert relative_error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.4 * before
 
 
 def test_an_infinite_penalty_keeps_the_lf_network(campaign: Campaign) -> None:

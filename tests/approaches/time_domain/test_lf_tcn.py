@@ -12,7 +12,7 @@ from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.training import load_weights, weights_of
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
-from crashfuse.signals.pulse import FloatArray
+from tests.approaches.time_domain.test_approach import relative_error
 
 pytestmark = pytest.mark.slow
 
@@ -25,17 +25,13 @@ def lf(campaign: Campaign) -> LfTcn:
     return LfTcn(SMALL).fit(campaign)
 
 
-def _error(predicted: FloatArray, true: FloatArray) -> float:
-    """Root mean square difference, relative to the true pulse."""
-    return float(np.sqrt(np.mean((predicted - true) ** 2) / np.mean(true**2)))
-
-
 def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> None:
     """Its loss falls to a hundredth, and it gives the CAE pulses back to within 15 % at the tests' conditions."""
     assert lf.losses_.shape[0] == 2
     assert (lf.losses_[:, -1, 0] < 0.01 * lf.losses_[:, 0, 0]).all()
     errors = [
-        _error(lf.predict(campaign.cae.conditions[i]).accel_mps2, campaign.cae.accel_mps2[i]) for i in range(20, 24)
+        relative_error(lf.predict(campaign.cae.conditions[i]).accel_mps2, campaign.cae.accel_mps2[i])
+        for i in range(20, 24)
     ]
     assert max(errors) < 0.15
 
