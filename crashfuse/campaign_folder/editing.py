@@ -260,7 +260,7 @@ def _table(folder: Path, role: Role) -> ConditionTable | None:
 def _already_there(
     folder: Path, role: Role, table: ConditionTable | None, additions: Sequence[Addition]
 ) -> tuple[str, ...]:
-    """A DataError if one has another condition or pulse there."""
+    """Ids that are there already; a DataError if one has another condition or pulse there."""
     conditions = {} if table is None else dict(zip(table.ids, table.conditions, strict=True))
     names = set(map(condition_tables.folded, conditions))
     again = {addition.id: addition for addition in additions if condition_tables.folded(addition.id) in names}
