@@ -323,7 +323,7 @@ def _learn_archive(view: View, *, editable: bool) -> None:
     except DataError as error:
         show_wrong(error)
         return
-    invitation = "Five vehicles take some 20 minutes on two cores; what is finished is kept."
+    invitation = "Four vehicles take some minutes on two cores; what is finished is kept."
     archive = progress.result_or_none(request, invitation=invitation, button="Learn an archive")
     if archive is None:
         return
