@@ -108,8 +108,8 @@ def test_one_module_alone_writes_csv() -> None:
 
 MOST = {
     "modules": 240,
-    "lines": 44_490,
-    "words of docstrings": 48_880,
+    "lines": 44_495,
+    "words of docstrings": 48_890,
     "words of other texts": 29_000,
     "of tests": 35_310,
 }
