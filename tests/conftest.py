@@ -48,6 +48,7 @@ def problems_of(call: Callable[[], object]) -> tuple[Problem, ...]:
     """All that a call is refused for."""
     with pytest.raises(DataError) as refused:
         call()
+    assert not any("\n" in str(problem) for problem in refused.value.problems)
     return tuple(refused.value.problems)
 
 

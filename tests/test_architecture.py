@@ -108,8 +108,8 @@ def test_one_module_alone_writes_csv() -> None:
 
 MOST = {
     "modules": 240,
-    "lines": 44_495,
-    "words of docstrings": 48_890,
+    "lines": 44_500,
+    "words of docstrings": 48_930,
     "words of other texts": 29_000,
     "of tests": 35_310,
 }

@@ -97,6 +97,7 @@ def _certification(name: str, changed_ns: int) -> Earlier | None:  # noqa: ARG00
 
 
 def _tidy() -> None:
+    """Delete what was not used for a year, and what is too much, the least recently used first."""
     with suppress(OSError):  # another server may have removed one between two looks
         found = sorted(((path.stat(), path) for path in _home().iterdir()), key=lambda own: -own[0].st_mtime)
         size = 0

@@ -239,8 +239,8 @@ def pulse_metrics(
     If the record ends too early the value is None. A draw that ends too early still counts. One that has lost three
     quarters of its impact speed goes on with half of its mean deceleration so far; one that is faster counts as larger
     than any that stops in t0 and max_crush, as smaller in mean. One whose occupant still moves forward counts as
-    smaller in olc, one whose vpi has yet to peak as smaller at the lower end and as larger at the upper. An end is None
-    if more than one draw in forty is missing there.
+    smaller in olc, unless the vehicle moves freely by then; one whose vpi has yet to peak as smaller at the lower end
+    and as larger at the upper. An end is None if more than one draw in forty is missing there.
     """
     accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, dt_s, draws_mps2)
     require_a(OccupantModel, occupant, "crashfuse.OccupantModel()")

@@ -170,9 +170,14 @@ def combined(drawn: FloatArray, measured: FloatArray, unknown: float) -> tuple[f
 class _ScatterBias(HierarchicalBias):
     """Up to the stop, where a test's deviation may grow with crush, fold after fold."""
 
+    def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
+        rows, y = super()._take(tests)
+        self._unit_mps2 = float(np.sqrt(np.mean(np.square(y)))) or 1.0
+        return rows, y
+
     def _process(self, factors: Sequence[str]) -> GaussianProcess:
         columns = [(name, FIRST_FACTOR + list(self._levels).index(name)) for name in factors]
-        parts, noise = scatter_parts(columns, FIRST_FACTOR + len(self._levels), self.unit_mps2_)
+        parts, noise = scatter_parts(columns, FIRST_FACTOR + len(self._levels), self._unit_mps2)
         return GaussianProcess(parts, noise, seed=self.seed)
 
     def _rows(self, points: BiasPoints, test: int = -1, *, crushing: bool = True) -> FloatArray:

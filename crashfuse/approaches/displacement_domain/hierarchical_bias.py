@@ -139,9 +139,7 @@ class HierarchicalBias:
         self._levels = _levels([test.condition for test in tests])
         self.tests_ = len(tests)
         rows = np.concatenate([self._rows(test, number) for number, test in enumerate(tests)])
-        y = np.concatenate([test.bias_mps2 for test in tests]) - self._expected(rows)
-        self.unit_mps2_ = float(np.sqrt(np.mean(np.square(y)))) or 1.0
-        return rows, y
+        return rows, np.concatenate([test.bias_mps2 for test in tests]) - self._expected(rows)
 
     def _expected(self, rows: FloatArray) -> FloatArray:
         if self.taught is None:
