@@ -25,7 +25,16 @@ _MOST_PROBLEMS = 20  # listed; the rest are counted
 _LONGEST_NAME, _LONGEST_PATH = 200, 1000  # bytes in UTF-8; file systems allow 255 per name
 _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
 _DEVICES |= {f"{port}{number}" for port in ("COM", "LPT") for number in "0123456789¹²³"}
-_SYSTEM_FILES = {"thumbs.db", "desktop.ini", "__macosx"}  # and any name that starts with a dot
+_SYSTEM_FILES = {
+    "thumbs.db",
+    "ehthumbs.db",
+    "desktop.ini",
+    "__macosx",
+    "$recycle.bin",
+    "system volume information",
+    "@eadir",
+}
+_SYSTEM_NAMES = (".", "~$")  # beginnings, of hidden files and of locks of open documents
 _ENCRYPTED = 0x1 | 0x40 | 0x2000  # flag bits of an entry: classic, strong, directory too
 _NO_FILE = "files", "a link or a device", "pack the files themselves"
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # other methods may demand any amount of memory
@@ -127,10 +136,11 @@ def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -
     problems, members = [], []
     for entry in entries:
         where = f"{name}: {printable(entry.orig_filename)}"
+        path = entry.filename.replace("\\", "/")  # as some programs of Windows write them
         if trouble := _entry_trouble(entry):
             problems.append(Problem(where, *trouble))
-        elif not entry.is_dir() and not left_by_the_system(entry.filename):
-            members.append(Member(PurePosixPath(entry.filename), where, partial(archive.open, entry)))
+        elif not path.endswith("/") and not left_by_the_system(path):
+            members.append(Member(PurePosixPath(path), where, partial(archive.open, entry)))
     refuse(problems, name)
     return members
 
@@ -158,7 +168,7 @@ def _length(name: str) -> int:
 
 def left_by_the_system(name: str) -> bool:
     """Whether a path is one of the files that file managers leave behind."""
-    return any(part.startswith(".") or part.lower() in _SYSTEM_FILES for part in name.split("/"))
+    return any(part.startswith(_SYSTEM_NAMES) or part.lower() in _SYSTEM_FILES for part in name.split("/"))
 
 
 def refuse(problems: list[Problem], name: str) -> None:
@@ -188,7 +198,7 @@ def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
         return "files without a password", "an encrypted one", "zip them without a password"
     if entry.compress_type not in _METHODS:
         return "files packed by deflate", f"packing method {entry.compress_type}", "make an ordinary zip"
-    return name_trouble(entry.orig_filename.removesuffix("/"))
+    return name_trouble(entry.orig_filename.replace("\\", "/").removesuffix("/"))
 
 
 @contextmanager

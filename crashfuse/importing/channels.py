@@ -11,6 +11,7 @@ from crashfuse.campaign_folder.plausibility import CREEP_MPS
 from crashfuse.campaign_folder.pulse_files import UNEVEN
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.importing.detection import Case, Choices, around_peak, delta_v, stated_zero
+from crashfuse.readers.members import ONE_CLOCK
 from crashfuse.readers.record import Channels, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, speed
 from crashfuse.signals.filters import smoothed
@@ -51,7 +52,7 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time_text(time[at + 1], 6)} in sample {at + 2}, after {time_text(time[at], 6)}"
-        advice = "sort it by time, or export more digits"
+        advice = f"{ONE_CLOCK}, or more digits"
         raise DataError(Problem(place, "time that increases from sample to sample", found, advice))
     step = float(np.median(steps))
     if steps.max() > _GAP * step:

@@ -23,6 +23,7 @@ _DEFAULT_CFC = 60.0
 _CFC60_HZ = 110.0  # a low pass at or below this leaves nothing for CFC 60 (100 Hz) to remove
 _BAND_HZ, _HIGH_SHARE = 250.0, 1e-3  # measured: CFC 60 2e-5…6e-5, CFC 100 2e-3, CFC 180 2e-2
 _AROUND_PEAK_S = 0.15
+_ENDS, _LARGE, _NOT_SMALL = 50, 0.5, 0.3  # part of a curve at its ends, and how large it is there
 _AT_ONCE_S, _SUSPICIOUS_S = 5e-3, 10e-3
 _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 
@@ -107,9 +108,17 @@ class Case:
 def unit_and_sign(case: Case, channels: Channels, time_s: FloatArray, values: FloatArray) -> tuple[str, str]:
     """The unit of the numbers and the sign of deceleration; a unit is refused where only another fits the speed."""
     choices, steps, gain = case.choices, case.steps, delta_v(time_s, values)
-    fitting = [name for name, factor in ACCELERATION_UNITS.items() if case.is_moving and case.fits(gain * factor)]
     label = choices.unit or channels[0].unit
+    role = case.role if label else "tests"  # a unit is not told by a CAE run that may be odd
+    moving = ACCELERATION_UNITS.items() if case.is_moving else ()
+    fitting = [name for name, factor in moving if replace(case, role=role).fits(gain * factor)]
     if label is None:
+        if what := _unlike_an_acceleration(values):
+            expected, advice = (
+                "an acceleration, which begins and ends near 0",
+                "export that; if it is one, give its unit",
+            )
+            raise DataError(Problem(case.record.source, expected, f"{channels[0].name}, {what}", f"{advice} (--unit)"))
         if len(fitting) != 1:
             expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
             found = "a unit that neither file nor speed tells"
@@ -129,6 +138,14 @@ def unit_and_sign(case: Case, channels: Channels, time_s: FloatArray, values: Fl
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
     steps.append(Sentence(f"Sign {turned}: the file's change of velocity is {{}}.", speed(change)))
     return label, sign
+
+
+def _unlike_an_acceleration(values: FloatArray) -> str:
+    size, n = np.abs(values).max(), max(values.size // _ENDS, 1)
+    first, last = abs(values[:n].mean()), abs(values[-n:].mean())
+    if first > _LARGE * size:
+        return "which begins at its largest value, as a velocity does"
+    return "which does not end near 0, as a displacement or velocity does" if last > _NOT_SMALL * size else ""
 
 
 def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str) -> Problem | None:

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from crashfuse.errors import CHECK_PATH, DataError, Problem, collecting
-from crashfuse.files.archive import Budget, Limits, Member, refuse, too_many, zip_members
+from crashfuse.files.archive import Budget, Limits, Member, left_by_the_system, refuse, too_many, zip_members
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -55,16 +55,18 @@ def read_all(items: Iterable[Item], read: Callable[[Item], Result], source: str)
 
 
 def files_below(folder: Path) -> Iterator[Path]:
-    """Yield all files in a folder and those in it; a DataError for an unreadable one."""
+    """Yield the files in a folder and those in it but the system's; a DataError for an unreadable one."""
 
     def refuse(error: OSError) -> None:
         found, advice = error.strerror or str(error), "ask for the right to read it"
         raise DataError(Problem(str(error.filename), "a folder that can be read", found, advice)) from error
 
-    for home, _, names in os.walk(folder, onerror=refuse):
-        yield from (Path(home, name) for name in names)
+    for home, folders, names in os.walk(folder, onerror=refuse):
+        folders[:] = [name for name in folders if not left_by_the_system(name)]
+        yield from (Path(home, name) for name in names if not left_by_the_system(name))
 
 
+ONE_CLOCK = "export it again with one time that goes on"
 OTHER_KIND, CUT_SHORT = "another kind of file", "one that was cut short"
 COPY_AGAIN, COPY_ALL = "copy it again from the run", "copy all files of the run"
 ONE_TEST = "choose the file or folder of one test"

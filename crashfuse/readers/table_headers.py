@@ -1,14 +1,23 @@
 """Interpretation of a single foreign column header: role, unit, filter, direction; the axis of travel by motion."""
 
 import re
-import unicodedata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from crashfuse.readers.vocabulary import AXES, UNITS, UNPLACED, ChannelCode, names_a_parameter, unit_named
+from crashfuse.readers.vocabulary import (
+    AXES,
+    UNITS,
+    UNPLACED,
+    ChannelCode,
+    key_and_value,
+    names_a_parameter,
+    plain,
+    unit_named,
+    words,
+)
 from crashfuse.signals.pulse import FloatArray
 
 ColumnRole = Literal[
@@ -38,27 +47,22 @@ _INCLUDING = re.compile(r"\b(incl|inkl|including|with|mit)\b.*")
 _OTHER_AXIS = re.compile(
     r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|(.* )?[yz] .*|"
     r".*\b((quer|hoch)(beschl\w*|richtung)?|transvers\w*|(a|acc|accel)?(lat|vert)(eral\w*|i[ck]al\w*)?(a|acc|accel)?)\b.*"
+    rf"|.*({words('direction').pattern}).*"
 )
-_DUMMY = re.compile(
-    r"\b(dumm(y|ies)\w*|atd|hiii\w*|hybrid ?(iii|3)|thor|worldsid|biorid|occupant\w*|insass\w*|head(?! on\b)|kopf\w*|"
-    r"tete|neck|hals\w*|chest|brust\w*|thorax\w*|torso|oberkorper\w*|stern(um|al)|clavicle|schlusselbein\w*|ribs?|"
-    r"rippe\w*|spine|lumbar|(lenden)?wirbel\w*|shoulder|schulter\w*|abdomen|pelvis|pelvic|becken\w*|bassin|iliac|"
-    r"hufte?\w*|femur|oberschenkel\w*|unterschenkel\w*|(upper|lower) leg|knee|knie\w*|tibia|ankle|foot|fuss)\b"
-)
+_BODY, _DUMMY, _VEHICLE = words("body"), words("body", "dummy"), words("vehicle")
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")  # HeadAccX, DUMMYHead
-_AHEAD = re.compile(
-    r"\b(engines?|\w\wengn\w*|motor(block)?|gearbox|getriebe|calipers?|bremssattel|bumper|stossfanger)\b"
-)
+_AHEAD = words("ahead")
 _OF_THE_VEHICLE = re.compile(
     r"\b(veh\w*|car|fahrzeug\w*|cg|tunnel\w*|sill|schweller\w*|b (pillar|saule)|rocker|(x|cross) ?member)\b"
 )
 _RAW = re.compile(r"\b(raw|roh(daten|signal)?|unfiltered|ungefiltert)\b")
 _FILTER = re.compile(rf"{_RAW.pattern}|\b(filtered|filt|gefiltert|cfc ?\d{{1,4}})\b")
-_NO_ACCELERATION = re.compile(
-    r"\b(s|[fm][xyz]?|\w*force|\w*kraft|disp\w*|\w*weg|verschieb\w*|stroke|intrusion|crush|deform\w*|strain|dehn\w*|"
-    r"pressure|\w*druck|\w*moment|torque|angle|\w*winkel|yaw|gier\w*|roll|pitch|spannung|volt\w*|current|strom|temp\w*|"
-    r"trigger|switch|schalter|energy|energie|index|sample|kn|nm|mm|cm|bar|[mk]pa|mv|deg|lbf)\b"
-)
+_NO_ACCELERATION = words("quantity")
+_ALSO = {"acceleration": words("acceleration"), "time": words("time")}
+_OF_A_CHANNEL, _NAME, _OF_A_TEST = words("key.channel"), words("key.name"), words("key.test")
+_FEW_WORDS = 4
+_CURVE = re.compile(r".*(force|kraft|velocity|displacement|geschwindigkeit|weg)( [xyz])?")
+_WIDE = str.maketrans("（）［］【】", "()[][]")
 _OTHER_UNIT = re.compile(
     r"volts?|amperes?|k?n|[cm]?m|k?nm|[mkh]?pa|m?bar|psi|[mk]?v|m?a|(deg|rad|°)(/s)?|µ?m/m|µe|°c|hz|k?j|lbf|inch|in|ft"
 )
@@ -88,36 +92,36 @@ class ColumnUse:
 def use_of(column: str, unit_cell: str) -> ColumnUse:
     """The role of a column by its header and the cell below it in a row of units; unrecognised, without a reason."""
     unit = _name_and_unit(column, unit_cell)[1]
-    plain, code = place_of(column), _code_of(column)
+    place, code = place_of(column), _code_of(column)
     why = f"its unit is {unit}" if unit else "its name says so"
     if code is not None and not code.is_acceleration:
         return ColumnUse(column, "ignored", None, "its code is no acceleration's")
     quantity = None if unit is None else next(q for q, units in UNITS.items() if unit in units)
-    if quantity == "acceleration" or (unit is None and (code or _is("acceleration", plain))):
-        return _acceleration(ColumnUse(column, "acceleration", unit, why), plain, unit_cell)
-    if quantity == "time" or (unit is None and _is("time", plain)):
+    if quantity == "acceleration" or (unit is None and (code or _is("acceleration", place))):
+        return _acceleration(ColumnUse(column, "acceleration", unit, why), place, unit_cell)
+    if quantity == "time" or (unit is None and _is("time", place)):
         return ColumnUse(column, "time", unit, why)
-    not_as_tested = _NOT_AS_TESTED.search(_INCLUDING.sub("", plain)) is not None
-    if quantity == "speed" or (unit is None and _is("speed", plain)):
+    not_as_tested = _NOT_AS_TESTED.search(_INCLUDING.sub("", place)) is not None
+    if quantity == "speed" or (unit is None and _is("speed", place)):
         return ColumnUse(column, "ignored") if not_as_tested else ColumnUse(column, "speed", unit, why)
-    if quantity in ("mass", "share") or _WEIGHT.fullmatch(plain):
+    if quantity in ("mass", "share") or _WEIGHT.fullmatch(place):
         if not_as_tested:
             return ColumnUse(column, "ignored")
         usual: ColumnRole = "mass" if quantity == "mass" else "ignored"
         roles: tuple[ColumnRole, ...] = ("front_weight", "rear_weight", "mass")
-        role = next((role for role in roles if _is(role, plain)), usual)
+        role = next((role for role in roles if _is(role, place)), usual)
         if quantity == "share":
             role = "front_share" if role == "front_weight" else "ignored"
         return ColumnUse(column, role, unit, why)
-    if unit is None and re.fullmatch(r".*(front|vorn).*(share|anteil).*|.*(share|anteil).*(front|vorn).*", plain):
+    if unit is None and re.fullmatch(r".*(front|vorn).*(share|anteil).*|.*(share|anteil).*(front|vorn).*", place):
         return ColumnUse(column, "front_share", None, why)
-    return ColumnUse(column, "id", None, why) if unit is None and _is("id", plain) else ColumnUse(column, "ignored")
+    return ColumnUse(column, "id", None, why) if unit is None and _is("id", place) else ColumnUse(column, "ignored")
 
 
-def _acceleration(use: ColumnUse, plain: str, unit_cell: str) -> ColumnUse:
+def _acceleration(use: ColumnUse, place: str, unit_cell: str) -> ColumnUse:
     other = _other_unit(use.column, unit_cell)
     why_not = why_not_the_vehicle(use.column)
-    if not why_not and (_LIMIT.fullmatch(plain) or names_a_parameter(plain)):
+    if not why_not and (_LIMIT.fullmatch(place) or names_a_parameter(place)):
         why_not = A_LIMIT
     if not why_not and use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
         why_not = f"its unit is {other}"
@@ -126,12 +130,12 @@ def _acceleration(use: ColumnUse, plain: str, unit_cell: str) -> ColumnUse:
 
 def why_no_acceleration(column: str, unit_cell: str) -> str:
     """The reason why an unrecognised column cannot be an acceleration; empty if it may be one."""
-    plain, (_, unit) = place_of(column), _name_and_unit(column, unit_cell)
+    unit = _name_and_unit(column, unit_cell)[1]
     if names_a_dummy(column):
         return OF_A_DUMMY
     if other := unit or _other_unit(column, unit_cell):
         return f"its unit is {other}"
-    return "its name is not an acceleration's" if _NO_ACCELERATION.search(plain) else ""
+    return "its name is not an acceleration's" if _NO_ACCELERATION.search(place_of(column)) else ""
 
 
 def why_not_the_vehicle(name: str) -> str:
@@ -143,14 +147,43 @@ def why_not_the_vehicle(name: str) -> str:
 
 
 def names_a_dummy(column: str) -> bool:
-    """Whether a header names a dummy or a part of it."""
-    return any(_DUMMY.search(place_of(spelling)) for spelling in (column, _HUMP.sub(" ", column)))
+    """Whether a header names a dummy or a part of it, which its compartment is not."""
+    return any(_DUMMY.search(_VEHICLE.sub("", place_of(one))) for one in (column, _HUMP.sub(" ", column)))
+
+
+def named_above(lines: Iterable[str]) -> tuple[str, ...]:
+    """What lines above a table name its curve: values of keys such as ``Channel: Driver head X``, or few words."""
+    named = []
+    for line in lines:
+        key, value = key_and_value(line)
+        name = plain(key)
+        if value and _OF_A_TEST.search(name):
+            continue
+        text = value if value and (_OF_A_CHANNEL.search(name) or _NAME.search(name)) else key
+        is_list = len({"x", "y", "z"} & set(plain(text).split())) > 1 or len(re.split("[,;|\t]", text)) > 2
+        if not is_list and ((value and _OF_A_CHANNEL.search(name)) or _names_a_curve(text)):
+            named.append(text)
+    return tuple(named)
+
+
+def _names_a_curve(text: str) -> bool:
+    name, use = plain(text), use_of(text, "")
+    if name.count(" ") >= _FEW_WORDS:
+        return False
+    is_acceleration = use.role == "acceleration" or use.why in (OTHER_DIRECTION, OF_A_DUMMY)
+    is_part = is_ahead(text) and re.search(r"\b([xyz]|acc\w*)\b", name)
+    return bool(is_acceleration or is_part or _BODY.search(_VEHICLE.sub("", name)) or _CURVE.fullmatch(name))
+
+
+def is_key(text: str) -> bool:
+    """Whether a cell is the key of a line about the test or its channels."""
+    return any(pattern.search(plain(text)) for pattern in (_OF_A_CHANNEL, _NAME, _OF_A_TEST))
 
 
 def _other_unit(column: str, unit_cell: str) -> str:
     if cell := unit_cell.strip("[](){}- "):
         return cell if unit_named(cell) is None else ""
-    for opening, inside in re.findall(r"([\[({])\s*([^\])}]*[^\])}\s])", column):
+    for opening, inside in re.findall(r"([\[({])\s*([^\])}]*[^\])}\s])", column.translate(_WIDE)):
         if unit_named(inside) is None and (opening == "[" or _OTHER_UNIT.fullmatch(inside.lower())):
             return str(inside)
     return ""
@@ -160,22 +193,18 @@ def _name_and_unit(column: str, unit_cell: str) -> tuple[str, str | None]:
     """Split a header into name and unit: ``a_x (g)``, ``Zeit [ms]``, ``AX_m/s^2``, ``t/ms``, ``time in s``."""
     if (unit := unit_named(unit_cell)) is not None:
         return column, unit
+    column = column.translate(_WIDE)
     for match in re.finditer(r"[\[({]([^\])}]*(?:\([^)]*\)[^\])}]*)?)[\])}]", column):
         if (unit := unit_named(match.group(1))) is not None:
             return " ".join((column[: match.start()] + column[match.end() :]).split()).strip(" _-,"), unit
-    for match in re.finditer(r"[\s_/,;:-]+(?:in[\s_]+)?", column):
+    for match in re.finditer(r"[\s_/,;:，：-]+(?:in[\s_]+)?", column):
         if match.start() and (unit := unit_named(column[match.end() :])) is not None:
             return column[: match.start()].strip(" _-,/"), unit
     return column, unit_named(column) if len(column) > 1 else None
 
 
-def _plain(name: str) -> str:
-    flat = unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode().lower()
-    return " ".join(re.sub(r"[^a-z0-9]+", " ", flat).split())
-
-
-def _is(role: ColumnRole, plain: str) -> bool:
-    return re.fullmatch(_WORDS[role], plain) is not None
+def _is(role: ColumnRole, name: str) -> bool:
+    return re.fullmatch(_WORDS[role], name) is not None or (role in _ALSO and _ALSO[role].search(name) is not None)
 
 
 def _code_of(column: str) -> ChannelCode | None:
@@ -186,7 +215,7 @@ def place_of(column: str) -> str:
     """The plain words of a header without unit and filter, equal for raw and filtered signals."""
     if (code := _code_of(column)) is not None:
         return code.sensor.lower()
-    return " ".join(_FILTER.sub("", _plain(bare_name(column))).split())
+    return " ".join(_FILTER.sub("", plain(bare_name(column))).split())
 
 
 def is_ahead(column: str) -> bool:
@@ -198,31 +227,31 @@ def filter_order(column: str) -> float:
     """Sort key, least filtered first: raw, not stated, higher class before lower, filtered without a class."""
     if (code := _code_of(column)) is not None:
         return code.order[-1]
-    plain, cutoff = _plain(column), cutoff_of(column)
+    name, cutoff = plain(column), cutoff_of(column)
     if cutoff is not None:
         return 2 + 1 / max(cutoff, 1.0)
-    return 0.0 if _RAW.search(plain) else 4.0 if _FILTER.search(plain) else 1.0
+    return 0.0 if _RAW.search(name) else 4.0 if _FILTER.search(name) else 1.0
 
 
 def likelihood(column: str) -> tuple[int, bool, int, bool, float]:
     """Sort key of accelerations, the likeliest pulse first."""
     code = _code_of(column)
     by_code = (UNPLACED, False, 0) if code is None else code.order
-    return *by_code, _OF_THE_VEHICLE.search(_plain(column)) is None, filter_order(column)
+    return *by_code, _OF_THE_VEHICLE.search(plain(column)) is None, filter_order(column)
 
 
 def cutoff_of(column: str) -> float | None:
     """The −3 dB frequency of the CFC in a header, if it names one (SAE J211-1: 1.667 times the class)."""
     if (code := _code_of(column)) is not None:
         return code.cutoff_hz
-    match = re.search(r"\bcfc ?(\d{1,4})\b", _plain(column))
+    match = re.search(r"\bcfc ?(\d{1,4})\b", plain(column))
     return float(match.group(1)) / 0.6 if match else None
 
 
 def names_a_test(title: str) -> bool:
     """Whether a title above columns is the name of a test or a run: Test 1, Versuch 7, V2."""
     form = r"(test|run|versuch|lauf|crash|sim(ulation)?|v|t) ?((nr|no|number) )?\w*\d\w*"
-    return re.fullmatch(form, _plain(title)) is not None
+    return re.fullmatch(form, plain(title)) is not None
 
 
 def bare_name(column: str) -> str:

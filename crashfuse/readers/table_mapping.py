@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import chain, groupby
 from typing import Any, Literal
 
 import numpy as np
@@ -15,8 +15,11 @@ import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
 from crashfuse.files.csv_text import MOST_ROWS
+from crashfuse.readers.members import ONE_CLOCK
 from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import (
+    OF_A_DUMMY,
+    OTHER_DIRECTION,
     ColumnRole,
     ColumnUse,
     axis_by_motion,
@@ -42,8 +45,12 @@ _OF_CONDITIONS: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear
 _FEWEST_ROWS = 20  # rows needed to take a time beside conditions for that of pulses
 
 _Rows = npt.NDArray[np.signedinteger[Any]]
-_LONGEST_S = 3.0  # beyond it a time without a unit is in ms
+_LONGEST_S = 3.0  # beyond it a time without a unit is in ms, unless length and rate are those of no crash
+_SHORTEST_S, _LONGEST_RECORD_S = 0.03, 60.0
+_SLOWEST_HZ, _FASTEST_HZ = 500.0, 2e6
+_PERIODS_S = (1.0, 60.0, 3600.0, 86400.0)  # after which clocks begin anew
 _LISTED = 12  # columns in a sentence
+_AHEAD = "Ahead of the passenger cell, not averaged: {}."
 _FEWEST_NUMBERS = 10  # numbers of each kind needed to tell thousands separators from decimal signs
 
 
@@ -89,7 +96,7 @@ def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
     of_x = {use.column for use in plain.of("acceleration")}
     by_axis = {"x": plain}
     for axis in "yz":
-        if any(exchange_axes(name, axis) != name for name in (*sheet.columns, *sheet.titles)):
+        if any(exchange_axes(name, axis) != name for name in (*sheet.columns, *chain(*sheet.titles), *sheet.heading)):
             by_axis[axis] = _along(sheet, axis)
     columns = {}
     for axis, mapping in by_axis.items():
@@ -125,31 +132,30 @@ def _along(sheet: Sheet, axis: str) -> Mapping:
 
 
 def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, axis: str) -> ColumnUse:
-    """The title above tells what a column's name does not."""
+    """What stands above tells what a column's name does not."""
     if not use.is_unknown and use.role != "acceleration":
         return use
     begun = next((part for part in (sample, sheet) if part.filled(use.column)), None)
     if begun is None:
         return ColumnUse(use.column, "ignored", None, "it is empty")
-    title = sheet.title(use.column)
-    titled = use_of(exchange_axes(f"{use.column} {title}", axis), unit_cell) if title else use
+    above = [exchange_axes(text, axis) for text in sheet.said_of(use.column)[1:]]
     if use.is_unknown:
-        if titled.role == "acceleration":
-            return replace(titled, column=use.column, why=f"its title is {printable(title, 60)}")
-        if titled.why or titled.role != "ignored":
-            why = titled.why if titled.role == "ignored" else "no acceleration"
-            return ColumnUse(use.column, "ignored", None, f"{why}: {printable(title, 60)}")
-        why_not = why_no_acceleration(use.column, unit_cell) or ("" if _numeric(begun, use.column) else "no numbers")
-        if not why_not and sheet.is_titled:
-            why_not = why_not_the_vehicle(exchange_axes(title, axis)) or why_no_acceleration(title, unit_cell)
-            why_not += f": {printable(title, 60)}" if why_not else ""
+        own = exchange_axes(use.column, axis)
+        titled = [(replace(use_of(f"{own} {text}", unit_cell), column=use.column), text) for text in above]
+        use, text = next(((one, text) for one, text in titled if not one.is_unknown), (use, ""))
+        if not use.is_unknown and use.role != "acceleration":
+            why = use.why if use.role == "ignored" else "no acceleration"
+            return ColumnUse(use.column, "ignored", None, f"{why}: {printable(text, 60)}")
+        use = replace(use, why=f"its title is {printable(text, 60)}") if text else use
+    if use.is_unknown:
+        why_not = why_not_the_vehicle(own) or why_no_acceleration(use.column, unit_cell)
+        if why_not or not _numeric(begun, use.column):
+            return ColumnUse(use.column, "ignored", None, why_not or "no numbers")
+    for text in above:
+        why_not = why_not_the_vehicle(text) or (why_no_acceleration(text, "") if use.is_unknown else "")
         if why_not:
-            return ColumnUse(use.column, "ignored", None, why_not)
-        return replace(use, why="it has no name") if sheet.has_row_names(use.column) else use
-    above = (title if sheet.is_titled else "", sheet.name.partition(": ")[2])
-    reasons = ((why_not_the_vehicle(exchange_axes(name, axis)), name) for name in above)
-    why_not, name = next(((why, name) for why, name in reasons if why), ("", ""))
-    return replace(use, role="ignored", why=f"{why_not}: {printable(name, 60)}") if why_not else use
+            return replace(use, role="ignored", unit=None, why=f"{why_not}: {printable(text, 60)}")
+    return replace(use, why="it has no name") if use.is_unknown and sheet.has_row_names(use.column) else use
 
 
 def _clocks(sheet: Sheet, uses: list[ColumnUse]) -> list[str]:
@@ -231,6 +237,13 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     if not all(wanted.values()):
         raise DataError([_one_column(sheet, role, mapping.of(role)) for role, fine in wanted.items() if not fine])
     time, time_steps = _seconds(sheet, times[0])
+    ahead = {use.column for use in accelerations if any(map(is_ahead, sheet.said_of(use.column)))}
+    behind = tuple(use for use in accelerations if use.column not in ahead)
+    excluded = any(use.why.startswith((OTHER_DIRECTION, OF_A_DUMMY)) for use in mapping.of("ignored"))
+    noted = ""
+    if behind and ahead and not together:
+        noted = _AHEAD.format(", ".join(map(printable, sorted(ahead))))
+        accelerations = behind
     values = {use.column: _decimal(sheet, use.column) for use in accelerations}
 
     others = [f"{printable(use.column, 60)} ({use.why})" for use in mapping.of("ignored") if use.why]
@@ -246,10 +259,19 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
         origin, accel = _origin(sheet, column), values[column][kept]
         return RecordedChannel(column, bare_name(column), time[kept], accel, unit, cutoff_of(column), origin=origin)
 
+    def behind_alone(columns: Sequence[str]) -> tuple[tuple[str, ...], str]:
+        chosen = tuple(column for column in columns if column not in ahead)
+        others = ", ".join(printable(column) for column in columns if column in ahead)
+        if chosen or not others:
+            return chosen, _AHEAD.format(others) if others else ""
+        if excluded:
+            return (), f"Ahead of the passenger cell is all that is left: {others}."
+        return tuple(columns), f"Careful: {others} is ahead of the passenger cell, which moves farther."
+
     def record(name: str, uses: tuple[ColumnUse, ...], rows: _Rows) -> Record:
         channels = {use.column: channel(use, rows) for use in uses}
-        averaged, why = proposal(channels, _behind)
-        notes = filter(None, (left_out, mapping.travel, doubt, *why))
+        averaged, why = proposal(channels, behind_alone)
+        notes = filter(None, (left_out, noted, mapping.travel, doubt, *why))
         steps = (*sheet.steps, *_role_sentences((*times, *ids, *uses)), *notes, *time_steps)
         return Record(name, sheet.name, PartialCondition(), tuple(channels.values()), averaged, steps)
 
@@ -265,13 +287,6 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     return tuple(record(bare_name(use.column), (use,), rows) for use in accelerations)
 
 
-def _behind(columns: Sequence[str]) -> tuple[tuple[str, ...], str]:
-    ahead = [column for column in columns if is_ahead(column)]
-    behind = tuple(column for column in columns if column not in ahead)
-    left = f"Ahead of the passenger cell, not averaged: {', '.join(map(printable, ahead))}."
-    return behind or tuple(ahead), left if ahead and behind else ""
-
-
 def _origin(sheet: Sheet, column: str) -> str:
     if "approach" in sheet.columns or {"lower_g", "upper_g"} <= set(sheet.columns):
         return "prediction"
@@ -279,7 +294,7 @@ def _origin(sheet: Sheet, column: str) -> str:
     expected = re.sub(", (lower|upper)$", "", bare_name(column))
     if {expected, f"{expected}, lower", f"{expected}, upper"} <= names:  # as the tables of figures have them
         return "prediction"
-    texts = (bare_name(column), sheet.title(column), sheet.titles[0]) if sheet.is_titled else (bare_name(column),)
+    texts = (bare_name(column), *sheet.titles_of(column), *(row[0] for row in sheet.titles), *sheet.heading)
     return next(filter(is_simulated, texts), "") or sheet.origin
 
 
@@ -347,7 +362,7 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows, *,
     places = np.flatnonzero(steps == 0 if once else steps < 0)
     if not places.size:
         return
-    expected, advice = "time that increases", "map the column of ids (--column COLUMN=id), or sort the rows by time"
+    expected, advice = "time that increases", f"map the column of ids (--column COLUMN=id), or {ONE_CLOCK}"
     if once:
         expected, advice = "each time once", f"delete the duplicates ({places.size}), or export more digits"
     texts, pair = sheet.text(use.column), rows[places[0] : places[0] + 2].tolist()
@@ -357,12 +372,40 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows, *,
 
 
 def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:
-    time = sheet.numbers(use.column)
-    if use.unit is not None:
-        return time * UNITS["time"][use.unit], ()
-    span = float(np.nanmax(time) - np.nanmin(time)) if np.isfinite(time).any() else 0.0
-    unit = "s" if span <= _LONGEST_S else "ms"
-    return time * UNITS["time"][unit], (f"Time in {unit}: no unit is named, and the record is {span:.6g} long.",)
+    time, unit, steps = sheet.numbers(use.column), use.unit, []
+    if unit is None:
+        unit, length = _time_unit(time[np.isfinite(time)])
+        steps = [f"Time in {unit}: no unit is named, and the record is {length:.6g} long."]
+    time_s, n_wraps = _unwrapped(time * UNITS["time"][unit])
+    if n_wraps:
+        steps.append(
+            f"Time is counted on where the clock of {printable(use.column, 60)} begins anew ({n_wraps} times)."
+        )
+    return time_s, tuple(steps)
+
+
+def _time_unit(times: FloatArray) -> tuple[str, float]:
+    """The unit by which length and rate are those of a crash, and the length in it."""
+    span, step = (float(np.ptp(times)), float(np.median(np.abs(np.diff(times))))) if times.size > 1 else (0.0, 0.0)
+    for unit, factor in UNITS["time"].items():
+        if _SHORTEST_S <= span * factor <= _LONGEST_RECORD_S and 1 / _FASTEST_HZ <= step * factor <= 1 / _SLOWEST_HZ:
+            return unit, span
+    return "s" if span <= _LONGEST_S else "ms", span
+
+
+def _unwrapped(time_s: FloatArray) -> tuple[FloatArray, int]:
+    """Time that goes on where a clock begins anew each second, minute, hour or day; and how often."""
+    there = np.flatnonzero(np.isfinite(time_s))
+    steps = np.diff(time_s[there])
+    back = np.flatnonzero(steps < 0)
+    if not back.size or not (steps > 0).any():
+        return time_s, 0
+    step, first, after = float(np.median(steps[steps > 0])), time_s[there[0]], time_s[there[back + 1]]
+    period = next((period for period in _PERIODS_S if (np.abs(period + steps[back] - step) <= step).all()), np.nan)
+    if not (np.nanmin(time_s) >= 0 and np.nanmax(time_s) < period) or (np.abs(after - first) <= step).any():
+        return time_s, 0  # another record begins there
+    time_s[there[1:]] += period * np.cumsum(steps < 0)
+    return time_s, back.size
 
 
 def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | None:

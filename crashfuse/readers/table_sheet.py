@@ -1,7 +1,8 @@
 """A table with header and units, how these are located in a grid of cells, and the tables in workbooks.
 
-The data start where the numbers start. The row above them is the header, or a row of units with the header above it. A
-workbook (Excel 2007 and later) is an untrusted zip of XML: sizes and elements are counted before it is parsed.
+The data start where the numbers start. The row above them is the header, or a row of units with the header above it;
+above that are titles of columns, or lines about all of them. A workbook (Excel 2007 and later) is an untrusted zip of
+XML: sizes and elements are counted before it is parsed.
 """
 
 import re
@@ -20,8 +21,8 @@ import pandas as pd
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, zip_members
 from crashfuse.files.csv_text import original
-from crashfuse.readers.table_headers import use_of
-from crashfuse.readers.vocabulary import statement_of_simulation, unit_named
+from crashfuse.readers.table_headers import is_key, named_above, use_of
+from crashfuse.readers.vocabulary import UNITS, number_and_unit, statement_of_simulation, unit_named
 from crashfuse.signals.pulse import FloatArray
 
 SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)
@@ -29,6 +30,7 @@ SAMPLE = 400  # rows examined to detect the layout of a table
 
 _MOST_COLUMNS, _LONGEST_HEADER, _LONGEST_PREAMBLE = 2000, 200, 200
 _RUN = 5  # rows of data
+_HEADER_ROWS = 3  # names, units and what else may stand between them and the data
 _MOST = 0.9
 _GROUPED = {
     ".": r"[-+]?\d{1,3}(?:(?:,\d{3})+\.\d+|(?:,\d{3}){2,}|(?:['’ \u00a0\u202f]\d{3})+(?:\.\d+)?)",
@@ -38,6 +40,10 @@ _NUMBER = {
     sign: re.compile(rf"[-+]?(\d+({re.escape(sign)}\d*)?|{re.escape(sign)}\d+)([eE][-+]?\d+)?|{grouped}")
     for sign, grouped in _GROUPED.items()
 }
+_CLOCK = re.compile(
+    r"(?:[\w./-]+(?: days?)?[ T]+)?(?:(\d{1,3}):)?(\d{1,3}):(\d{1,2}(?:[.,:]\d+)?)(?: ?[AaPp][Mm]|Z|[+-]\d\d:?\d\d)?"
+)
+_FEWEST_TIMES, _LONGEST_STEP_S, _DAY_S = 20, 0.1, 86400.0
 _UNNAMED = re.compile(r"column \d+")
 _MOST_CELLS, _MOST_CELLS_IN_ALL, _MOST_SHEETS = 500_000, 2_000_000, 500
 _AS_CSV = "save the sheet as CSV"
@@ -60,28 +66,30 @@ class Sheet:
     decimal: str
     first_row: int  # of the data, counted from 1
     steps: tuple[str, ...] = ()
-    titles: tuple[str, ...] = ()  # the cells above the headers, empty if there is none
+    titles: tuple[tuple[str, ...], ...] = ()  # rows of cells above the headers, the lowest first
+    heading: tuple[str, ...] = ()  # what lines above the table name all its curves
     part_of: str = ""  # the table that it was split from, unless titles name each part as a test of its own
     origin: str = ""  # the line above it that says that a program computed it
 
     def of_columns(self, numbers: Sequence[int]) -> "Sheet":
         """The sheet with some of its columns, by their numbers."""
-        rows = (self.columns, self.units, self.titles)
-        columns, units, titles = (tuple(row[number] for number in numbers) for row in rows)
-        return replace(self, columns=columns, units=units, titles=titles, cells=self.cells.iloc[:, list(numbers)])
+        rows = (self.columns, self.units, *self.titles)
+        columns, units, *titles = (tuple(row[number] for number in numbers) for row in rows)
+        cells = self.cells.iloc[:, list(numbers)]
+        return replace(self, columns=columns, units=units, titles=tuple(titles), cells=cells)
 
     def column(self, name: str) -> pd.Series:
         """The cells below a header."""
         return self.cells.iloc[:, self.columns.index(name)]
 
-    def title(self, column: str) -> str:
-        """The title above a column, or above the nearest one to its left that has one."""
-        return next(filter(None, reversed(self.titles[: self.columns.index(column) + 1])), "")
+    def titles_of(self, column: str) -> tuple[str, ...]:
+        """The titles above a column, or above the nearest one to its left that has one."""
+        before = [row[: self.columns.index(column) + 1] for row in self.titles]
+        return tuple(filter(None, (next(filter(None, reversed(cells)), "") for cells in before)))
 
-    @property
-    def is_titled(self) -> bool:
-        """Whether the titles are those of columns, not one heading of the whole table."""
-        return any(self.titles[1:])
+    def said_of(self, column: str) -> tuple[str, ...]:
+        """All that names a column: its header, titles, lines above the table, and the name of the sheet."""
+        return (column, *self.titles_of(column), *self.heading, *filter(None, [self.name.partition(": ")[2]]))
 
     def has_row_names(self, column: str) -> bool:
         """Whether a column is the first, and has no header although others have one."""
@@ -118,51 +126,135 @@ class Sheet:
 
 
 class Header(NamedTuple):
-    """The row of a grid where the data start (from 0), and the headers, units and titles above it."""
+    """The row of a grid where the data start (from 0), and the headers, units, titles and other lines above it."""
 
     begin: int
     columns: tuple[str, ...]
     units: tuple[str, ...]
-    titles: tuple[str, ...]
+    titles: tuple[tuple[str, ...], ...] = ()
+    lines: tuple[str, ...] = ()
 
 
-def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> Header:
-    """Locate the first data row of a grid and the headers, units and titles above it."""
+def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str, lines: Sequence[str] = ()) -> Header:
+    """Locate the first data row of a grid and what stands above it; ``lines`` are its rows as written, if text."""
     begin = _first_data_row(grid, decimal)
     if begin is None:
         expected, found = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows", "none"
         raise DataError(Problem(name, expected, found, "export it with one header"))
-    above = [_trimmed(row) for row in grid[:begin] if any(cell.strip() for cell in row)]
+    lines = lines or ["\t".join(filter(None, row)) for row in grid[:begin]]
+    rows = zip(grid[:begin], lines, strict=False)
+    above = [(_trimmed(row), line) for row, line in rows if any(cell.strip() for cell in row)]
     width, filled = len(grid[begin]), max(len(_trimmed(row)[: len(grid[begin])]) for row in grid[begin:])
-    if (widest := max(width, len(above[-1]) if above else 0)) > _MOST_COLUMNS:
+    if (widest := max(width, len(above[-1][0]) if above else 0)) > _MOST_COLUMNS:
         raise DataError(Problem(name, f"at most {_MOST_COLUMNS} columns", f"{widest}", "export fewer columns"))
-    units = above.pop() if len(above) > 1 and _is_units(above[-1], width) else []
-    is_header = above and (len(above[-1]) >= max(filled - 1, 2) or use_of(above[-1][0], "").role == "time")
-    names = above.pop() if is_header else []
+    index = above.pop()[0] if _names_an_index([row for row, _ in above], filled) else []
+    units = _popped_units(above, width)
+    last = above[-1][0] if above else []
+    is_header = above and (len(last) >= max(filled - 1, 2) or use_of(last[0], "").role == "time")
+    names = [*index, *above.pop()[0][len(index) :]] if is_header else index
     if len(names) == filled - 1:
         names = _aligned(names, grid[begin:], decimal, name)
     width = max(width, len(names))
-    titles = above[-1] if above else []
-    names, units, titles = ([*row, *[""] * width][:width] for row in (names, units, titles))
-    return Header(begin, unique(names), tuple(map(str.strip, units)), tuple(map(str.strip, titles)))
+    titles = [row for place, (row, _) in enumerate(above, 1) if _is_of_titles(row, width, is_last=place == len(above))]
+    of_titles = [[*("" if _is_value(cell) else cell for cell in row), *[""] * width][:width] for row in titles]
+    rest = tuple(line for row, line in above if row not in titles or width == 2)
+    names, units = ([*row, *[""] * width][:width] for row in (names, units))
+    titles_up = tuple(tuple(map(_in_one_line, row)) for row in reversed(of_titles))
+    return Header(begin, unique(names), tuple(map(str.strip, units)), titles_up, rest)
+
+
+def _names_an_index(above: Sequence[Sequence[str]], width: int) -> bool:
+    """Whether the last row is one name below those of the other columns, as pandas writes it."""
+    if len(above) < 2 or len(above[-1]) != 1 or not 1 < len(above[-2]) <= width:
+        return False
+    is_free = not above[-2][0].strip() or use_of(above[-1][0], "").role == "time"
+    return is_free and not any(_is_value(cell) for cell in above[-2][1:])
+
+
+def _popped_units(above: list[tuple[list[str], str]], width: int) -> list[str]:
+    """The row of units, also above the names if one is of acceleration."""
+    for place in range(len(above) - 1, max(len(above) - _HEADER_ROWS, 0 if len(above) > 1 else 1) - 1, -1):
+        row = above[place][0]
+        is_near = place == len(above) - 1 or any(unit_named(cell, "acceleration") for cell in row)
+        if is_near and _is_units(row, width):
+            return above.pop(place)[0]
+    return []
+
+
+def _is_of_titles(row: Sequence[str], width: int, *, is_last: bool) -> bool:
+    """Whether cells above the header name columns: of two, the first may be a key."""
+    if not any(row[1:]) or len(row) > width or all(map(is_unnamed, row)):
+        return False
+    return width > 2 or not row[0] or (is_last and not is_key(row[0]))
+
+
+def _is_value(cell: str) -> bool:
+    found = number_and_unit(cell)
+    return found is not None and (not found[1] or unit_named(found[1]) is not None or found[1].lower() == "hz")
+
+
+def _in_one_line(cell: str) -> str:
+    return " ".join(cell.replace("_x000D_", " ").split())
 
 
 def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form: str) -> Sheet:
     """A sheet without idle columns and row numbers; the sentences in ``form`` become its first steps."""
-    unnamed = [not title and is_unnamed(column) for column, title in zip(header.columns, header.titles, strict=True)]
+    titled = [any(row[number] for row in header.titles) for number in range(len(header.columns))]
+    unnamed = [not title and is_unnamed(column) for column, title in zip(header.columns, titled, strict=True)]
     numbered = unnamed[0] and not all(unnamed) and numbers_rows(cells.iloc[:SAMPLE, 0])
 
     def is_idle(number: int) -> bool:
         return unnamed[number] and ((number == 0 and numbered) or not (cells.iloc[:, number] != "").any())
 
     kept = [number for number in range(len(unnamed)) if not is_idle(number)]
-    sheet = Sheet(name, header.columns, header.units, cells, decimal, header.begin + 1, titles=header.titles)
-    sheet = sheet.of_columns(kept)
+    heading, origin = named_above(header.lines), statement_of_simulation(header.lines)
+    sheet = Sheet(name, header.columns, header.units, cells, decimal, header.begin + 1, (), header.titles, heading)
+    sheet = replace(sheet.of_columns(kept), origin=origin)
     row_of_units = ", a row of units" if any(sheet.units) else ""
     names = ", ".join(printable(name, 40) for name in sheet.columns[:12]) + (" …" if len(sheet.columns) > 12 else "")
     layout = f"Data from row {sheet.first_row}{row_of_units}, columns: {names}."
     left_out = ["Left out: the numbers of the rows."] if numbered else []
-    return replace(sheet, steps=(*form, layout, *left_out))
+    return _with_clock(replace(sheet, steps=(*form, layout, *left_out)))
+
+
+def _with_clock(sheet: Sheet) -> Sheet:
+    """The sheet with the time of day as seconds from the first row, if it has no other time that goes on."""
+    sample = [[cell.strip() for cell in sheet.cells.iloc[:SAMPLE, number]] for number in range(len(sheet.columns))]
+    clocks = [
+        number for number, cells in enumerate(sample) if len(cells) >= _FEWEST_TIMES and all(map(_is_clock, cells))
+    ]
+    if not clocks:
+        return sheet
+    column = sheet.columns[clocks[0]]
+    hours, minutes, seconds = sheet.column(column).str.extract(_CLOCK).fillna("0").to_numpy().T
+    decimals = np.char.replace(np.char.replace(seconds.astype(str), ",", "."), ":", ".")
+    time_s = 3600 * hours.astype(float) + 60 * minutes.astype(float) + decimals.astype(float)
+    time_s += _DAY_S * np.cumsum(np.diff(time_s, prepend=time_s[0]) < -_DAY_S / 2)
+    left = []
+    for name, cell in zip(sheet.columns, sheet.units, strict=True):
+        unit = use_of(name, cell).unit or unit_named(name, "time")
+        values = sheet.parsed(name) * UNITS["time"].get(unit or "", np.nan)
+        if np.isfinite(values).all() and (np.diff(values) >= 0).all():
+            return sheet
+        if np.isfinite(values).all() and values.min() >= 0 and values.max() < 1:
+            time_s = np.floor(time_s) + values
+            left.append(name)
+    steps_s = np.diff(time_s)
+    if not 0 < np.median(steps_s) <= _LONGEST_STEP_S:
+        return sheet
+    cells = sheet.cells.copy()
+    cells.isetitem(clocks[0], pd.Series([repr(value) for value in (time_s - time_s[0]).tolist()], dtype=str))
+    units = tuple("s" if number == clocks[0] else cell for number, cell in enumerate(sheet.units))
+    note = (
+        f"Time from the clock of {' and '.join(printable(name, 40) for name in (column, *left))}, 0 in the first row."
+    )
+    sheet = replace(sheet, cells=cells, units=units, steps=(*sheet.steps, note))
+    return sheet.of_columns([number for number, name in enumerate(sheet.columns) if name not in left])
+
+
+def _is_clock(cell: str) -> bool:
+    found = _CLOCK.fullmatch(cell)
+    return found is not None and (found[1] is not None or not found[3].isdecimal())
 
 
 def numbers_rows(cells: pd.Series) -> bool:
@@ -249,6 +341,8 @@ def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_
 
 def _is_units(row: Sequence[str], width: int) -> bool:
     cells = [cell.strip() for cell in row]
+    if use_of(cells[0], "").role == "time" and unit_named(cells[0], "time") is None:
+        return False
     named = sum(unit_named(cell) is not None for cell in cells)
     blank = sum(cell.strip("[]()- ") == "" for cell in cells)
     return len(cells) <= width and named > 0 and 2 * (named + blank) >= len(cells) and named + blank >= len(cells) - 1
@@ -264,7 +358,7 @@ def unique(header: Sequence[str]) -> tuple[str, ...]:
     names: list[str] = []
     seen: set[str] = set()
     for number, cell in enumerate(header, start=1):
-        name = original(" ".join(cell.split()))[:_LONGEST_HEADER] or f"column {number}"
+        name = original(_in_one_line(cell))[:_LONGEST_HEADER] or f"column {number}"
         while name in seen:
             name += f" ({number})"
         seen.add(name)
@@ -362,8 +456,7 @@ def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Shee
         body.pop()
     cells = pd.DataFrame(body, columns=range(width), dtype=str)
     left = [f"Left out as hidden: {', '.join(hidden)}."] if hidden else []
-    origin = statement_of_simulation(" ".join(row) for row in rows[: header.begin])
-    return replace(sheet_of(name, header, cells, decimal, *left), origin=origin)
+    return sheet_of(name, header, cells, decimal, *left)
 
 
 def _explained(problem: Problem, rows: list[list[str]], uncalculated: list[bool]) -> Problem:

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from itertools import chain, islice, pairwise
+from itertools import accumulate, chain, islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,6 @@ from crashfuse.readers.members import as_text
 from crashfuse.readers.table_headers import bare_name, names_a_test
 from crashfuse.readers.table_mapping import propose
 from crashfuse.readers.table_sheet import SAMPLE, SHEET_LIMITS, Header, Sheet
-from crashfuse.readers.vocabulary import statement_of_simulation
 from crashfuse.signals.pulse import FloatArray
 
 _TIME = "X_Value"
@@ -37,6 +36,7 @@ _DELIMITERS = {"Comma": ",", "Semicolon": ";"}  # else tab
 _MOST_COLUMNS, _MOST_COLUMNS_IN_ALL = 2000, 20_000  # of a LabVIEW file
 _SAME_S = 1e-6  # times that differ by less are one
 _APART = "save each segment by itself"
+_LONGEST_CELL = 10  # lines
 _LONGEST_GAP = 1.5  # steps between segments that continue each other
 _MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
 _LARGEST_SAMPLE = 1 << 20  # characters
@@ -55,7 +55,8 @@ def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
     if mapping.kind != "pulses" or len(times) < 2 or roles.index("acceleration") < times[0]:
         return (sheet,)
     blocks = [(*range(times[0]), *range(*ends)) for ends in pairwise([*times, len(roles)])]
-    titles = [next(filter(None, (sheet.titles[number] for number in block)), "") for block in blocks]
+    cells = [[row[number] for row in sheet.titles for number in block if row[number]] for block in blocks]
+    titles = [next(filter(names_a_test, of_block), next(iter(of_block), "")) for of_block in cells]
     tests = len(set(titles)) == len(titles) and all(map(names_a_test, titles))
     parts = []
     for block, title in zip(blocks, titles, strict=True):
@@ -130,7 +131,7 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
             columns.append((_TIME, "s", pd.Series(texts, dtype=str)))
         columns.append(channel)
     names, units, series = zip(*columns, strict=True)
-    header = Header(segments[0].first_row - 1, table_sheet.unique(names), units, ("",) * len(names))
+    header = Header(segments[0].first_row - 1, table_sheet.unique(names), units)
     form = ["A LabVIEW measurement.", *[f"{n} segments are joined."] * (n > 1)]
     return table_sheet.sheet_of(name, header, pd.concat(series, axis=1, ignore_index=True), decimal, *form)
 
@@ -207,7 +208,7 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     if content.count(b"\n") + content.count(b"\r") > 2 * limits.rows:
         raise DataError(Problem(path.name, f"at most {limits.rows} rows", "more", _SHORTER))
     text = _decoded(content, path.name)
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = _rows(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
     del content, text
     if max(map(len, lines)) > _LONGEST_LINE:
         raise DataError(Problem(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN))
@@ -224,15 +225,26 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
         _check_commas(grid, path.name)
     names = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
     form = f"Columns separated by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
-    header = table_sheet.header_of(grid, decimal, path.name)
+    header = table_sheet.header_of(grid, decimal, path.name, sample)
     rest = lines[header.begin :]
     while rest and not rest[-1].strip(f" {delimiter}"):
         rest.pop()
     if len(rest) * len(header.columns) > _MOST_CELLS:
         raise DataError(Problem(path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns"))
     cells = _cells(rest, delimiter, len(header.columns), path.name, header.begin + 1)
-    sheet = table_sheet.sheet_of(path.name, header, cells, decimal, form)
-    return replace(sheet, origin=statement_of_simulation(lines[: header.begin]))
+    return table_sheet.sheet_of(path.name, header, cells, decimal, form)
+
+
+def _rows(lines: list[str]) -> list[str]:
+    """The lines of a text, those joined between which a quoted cell of a header has a line break."""
+    for first, line in enumerate(lines[:SAMPLE]):
+        if line.count('"') % 2:
+            quotes = accumulate(line.count('"') for line in lines[first : first + _LONGEST_CELL])
+            last = next((first + n for n, count in enumerate(quotes) if count % 2 == 0), first)
+            cell = " ".join(lines[first : last + 1])
+            if last > first and re.search(r"[^\W\d_]", cell):
+                return _rows([*lines[:first], cell, *lines[last + 1 :]])
+    return lines
 
 
 def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_row: int) -> pd.DataFrame:

@@ -18,16 +18,50 @@ sdata; the codes of NHTSA's and the IIHS's downloads.
 """
 
 import re
+import tomllib
+import unicodedata
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum
+from pathlib import Path
 from typing import Literal, get_args
 
 from crashfuse.errors import UsageError, printable
 from crashfuse.units import KPH, LB, MPH, MS, G
 from crashfuse.wording import KPH_KG, MPH_LB, Quantity
+
+_LETTERS = str.maketrans({"ł": "l", "ø": "o", "đ": "d", "ı": "i", "æ": "ae"})  # that have no accent to drop
+_ACCENTS = re.compile("[\u0300-\u036f]")
+_CJK = "[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7a3]"
+_SCRIPTS = re.compile(rf"(?<={_CJK})(?=[0-9a-z])|(?<=[0-9a-z])(?={_CJK})")
+
+
+def _unaccented(text: str) -> str:
+    flat = unicodedata.normalize("NFKD", text.casefold().translate(_LETTERS))
+    return unicodedata.normalize("NFC", _ACCENTS.sub("", flat))
+
+
+def plain(text: str) -> str:
+    """A name in any script as words of small letters without accents; CJK words stand apart from others."""
+    return " ".join(re.sub(r"[\W_]+", " ", _SCRIPTS.sub(" ", _unaccented(text))).split())
+
+
+_WORDS = tomllib.loads(_unaccented(Path(__file__).with_name("words.toml").read_text(encoding="utf-8")))
+
+
+def words(*groups: str) -> re.Pattern[str]:
+    """A pattern of the words in groups of ``words.toml`` (``body``, or ``key.source``), for a name that is plain."""
+    terms = [term for group in groups for part in _terms_of(*group.split(".")) for term in part.split(", ")]
+    letters = [term.replace("*", r"\w*") for term in terms if not re.search(_CJK, term)]
+    signs = [term for term in terms if re.search(_CJK, term)]
+    return re.compile("|".join([rf"\b(?:{'|'.join(letters)})(?![^\W\d])", *signs]))
+
+
+def _terms_of(group: str, *parts: str) -> Iterable[str]:
+    return [_WORDS[group][part] for part in parts or _WORDS[group]]
+
 
 AXES = "xyz"
 Travel = Literal["x", "-x", "y", "-y", "z", "-z"]  # in the file's own axes
@@ -45,11 +79,11 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }  # factors to SI by quantity and by our own unit name
 
 _SPELLINGS = {
-    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden"),
-    "ms": ("ms", "msec", "millisecond", "milliseconds", "millisekunden"),
-    "µs": ("µs", "us", "μs", "usec"),
+    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "с", "сек", "秒", "초"),
+    "ms": ("ms", "msec", "millisecond", "milliseconds", "millisekunden", "мс", "毫秒", "ミリ秒"),
+    "µs": ("us", "μs", "usec", "мкс", "微秒"),
     "g": ("g", "g's", "gs", "gn", "g0", "gee"),
-    "m/s²": ("m/s2", "m/ss", "m/s/s", "mps2", "ms-2", "m/sec2"),
+    "m/s²": ("m/s2", "m/ss", "m/s/s", "mps2", "ms-2", "m/sec2", "м/с2"),
     "mm/s²": ("mm/s2", "mm/ss", "mm/s/s", "mmps2", "mm/sec2"),
     "mm/ms²": ("mm/ms2", "mm/ms/ms", "mmpms2"),
     "km/h": ("km/h", "kph", "kmh", "kmph", "km/hr"),
@@ -78,9 +112,20 @@ _PLACES = (
 _CUTOFF_HZ = {"A": 1650.0, "B": 1000.0, "C": 300.0, "D": 100.0}  # of CFC 1000, 600, 180, 60 (SAE J211-1)
 _RAW_FIRST = "0PXSABCD"
 _PROGRAM = r"ls ?dyna|ls prepost|nodout|(nodal|element) history|radioss|abaqus|pam ?crash|madymo"
+_FE = (
+    r"fe[am]|(?<!.)fe|(?<=model )fe|(?<=acc )fe|(?<=a[xyz] )fe|"
+    r"(?<!santa )fe(?= (\d+ )?(modell?|sim|runs?|lauf|analys|mesh|netz|code|result|method))"
+)
 _SIMULATION = re.compile(
-    rf"(?<![^\W\d])({_PROGRAM}|sim(s|ula\w*)?|synthetic\w*|synthetisch\w*|cae|fe[am]?|finite element\w*|calculs?|"
-    r"num[eé]ri(c|qu|sch)\w*|virtu[ae]l\w*|predict\w*|prognos\w*|vorhersage\w*|(be)?rechnung\w*|modell?$)(?![^\W\d])"
+    rf"(?<![^\W\d])({_PROGRAM}|sim(s|ula\w*)?|synthetic\w*|synthetisch\w*|cae|{_FE}|finite element\w*|calculs?|"
+    r"numeri(c|qu|sch)\w*|virtu[ae]l\w*|predict\w*|prognos\w*|vorhersage\w*|(be)?rechnung\w*|modell?$)(?![^\W\d])|"
+    + words("simulation").pattern
+)
+_KEY = re.compile(r"([^:=,;\t|]{1,40}?)\s*[:=,;\t|]+\s*(.*)")
+_MARKS = "#%!*/;,\"' \t"
+_SOURCE = words("key.source")
+_FIRST_WORDS = re.compile(
+    r"(?!.*\b(test|versuch|essai|compared|vs|with|mit|for|fur|pour|vor|no|not|ohne)\b)(\w+ ){0,2}"
 )
 _STATEMENT = re.compile(r"\b(predicted by|ls dyna keyword|ls prepost|nodout|(nodal|element) history)\b")
 _PARAMETER = re.compile(
@@ -95,7 +140,7 @@ _SOUND = re.compile(
 )
 _FAILED = re.compile(
     r"\b(fail\w*|meaningless|no (valid )?(data|signal|values?)|not (ok|o k|valid|usable|good)|nok|n i o|nio|bad|"
-    r"invalid|lost|loss|broken|defect\w*|defekt\w*|destroyed|damaged|unusable|unbrauchbar|ausfall|ausgefallen|ungültig|"
+    r"invalid|lost|loss|broken|defect\w*|defekt\w*|destroyed|damaged|unusable|unbrauchbar|ausfall|ausgefallen|ungultig|"
     r"cf|mn|md|nd)\b"
 )
 _VEHICLE = r"(?:car|vehicle|veh|fahrzeug|pkw)"
@@ -112,8 +157,8 @@ _OTHER = re.compile(
 
 def unit_named(text: str, quantity: str | None = None) -> str | None:
     """Our name of the unit that a text spells; None if it is none (of this quantity, a key of ``UNITS``)."""
-    plain = text.strip().strip("[](){}").lower().replace("²", "2").replace("’", "'")
-    name = _NAMES.get(re.sub(r"[\s^*·()]", "", plain))
+    spelling = unicodedata.normalize("NFKC", text.strip()).strip("[](){}").lower().replace("’", "'")
+    name = _NAMES.get(re.sub(r"[\s^*·()]", "", spelling))
     known = {name for units in UNITS.values() for name in units} if quantity is None else UNITS[quantity]
     return name if name in known else None
 
@@ -250,9 +295,24 @@ def names_a_parameter(name: str) -> bool:
     return _PARAMETER.search(_plain(name)) is not None
 
 
+def key_and_value(line: str) -> tuple[str, str]:
+    """Split a line above a table, ``# Channel: Driver head X``; the value is empty where there is no key."""
+    text = line.strip().strip(_MARKS)
+    return (match[1], match[2].strip(_MARKS)) if (match := _KEY.match(text)) else (text, "")
+
+
 def statement_of_simulation(lines: Iterable[str]) -> str:
     """The first of the lines above a table that says that a program computed it."""
-    return next((line.strip() for line in lines if _STATEMENT.search(_plain(line))), "")
+    return next((line.strip() for line in lines if _STATEMENT.search(_plain(line)) or _says_simulated(line)), "")
+
+
+def _says_simulated(line: str) -> bool:
+    key, value = key_and_value(line)
+    if _SOURCE.search(_plain(key)):
+        return names_a_simulation(value) or names_a_simulation(f"{key} {value}")
+    text = _plain(key)
+    found = None if _plain(value) in ("no", "none", "nein", "non") else _SIMULATION.search(text)
+    return found is not None and _FIRST_WORDS.fullmatch(text[: found.start()]) is not None
 
 
 def is_computed(origin: str) -> bool:
@@ -269,7 +329,7 @@ def doubt_of(status: str) -> Doubt:
 
 
 def _plain(text: str) -> str:
-    return " ".join(re.sub(r"[\W_]+", " ", text[:200].casefold()).split())
+    return plain(text[:200])
 
 
 def other_setup(texts: Iterable[str]) -> str:
