@@ -62,6 +62,7 @@ _ALSO = {"acceleration": words("acceleration"), "time": words("time")}
 _OF_A_CHANNEL, _NAME, _OF_A_TEST = words("key.channel"), words("key.name"), words("key.test")
 _FEW_WORDS = 4
 _CURVE = re.compile(r".*(force|kraft|velocity|displacement|geschwindigkeit|weg)( [xyz])?")
+_REPEATED = re.compile(r" \(\d+\)$")  # what makes equal headers unique
 _WIDE = str.maketrans("（）［］【】", "()[][]")
 _OTHER_UNIT = re.compile(
     r"volts?|amperes?|k?n|[cm]?m|k?nm|[mkh]?pa|m?bar|psi|[mk]?v|m?a|(deg|rad|°)(/s)?|µ?m/m|µe|°c|hz|k?j|lbf|inch|in|ft"
@@ -92,7 +93,7 @@ class ColumnUse:
 def use_of(column: str, unit_cell: str) -> ColumnUse:
     """The role of a column by its header and the cell below it in a row of units; unrecognised, without a reason."""
     unit = _name_and_unit(column, unit_cell)[1]
-    place, code = place_of(column), _code_of(column)
+    place, code = place_of(_REPEATED.sub("", column)), _code_of(column)
     why = f"its unit is {unit}" if unit else "its name says so"
     if code is not None and not code.is_acceleration:
         return ColumnUse(column, "ignored", None, "its code is no acceleration's")
@@ -154,8 +155,12 @@ def names_a_dummy(column: str) -> bool:
 def named_above(lines: Iterable[str]) -> tuple[str, ...]:
     """What lines above a table name its curve: values of keys such as ``Channel: Driver head X``, or few words."""
     named = []
+    lines = [*lines]
+    is_listing = sum(_numbered_channel(line)[0] is not None for line in lines) > 1
     for line in lines:
         key, value = key_and_value(line)
+        if is_listing and _numbered_channel(line)[0]:
+            continue
         name = plain(key)
         if value and _OF_A_TEST.search(name):
             continue
@@ -166,13 +171,26 @@ def named_above(lines: Iterable[str]) -> tuple[str, ...]:
     return tuple(named)
 
 
+def listed_channels(lines: Iterable[str], width: int) -> dict[int, str]:
+    """The channels that lines above a table list, ``Channel 2: Tunnel X``, by the places of their columns."""
+    listed = {int(key[1]): value for key, value in map(_numbered_channel, lines) if key and value}
+    first = min(listed, default=0) if len(listed) == width else -(0 in listed)
+    return {number - first: value for number, value in listed.items()} if len(listed) > 1 else {}
+
+
+def _numbered_channel(line: str) -> tuple[re.Match[str] | None, str]:
+    key, value = key_and_value(line)
+    return (re.fullmatch(r"\D+(\d+)", key) if _OF_A_CHANNEL.search(plain(key)) else None), value
+
+
 def _names_a_curve(text: str) -> bool:
     name, use = plain(text), use_of(text, "")
-    if name.count(" ") >= _FEW_WORDS:
+    has_axis = re.search(r"\b(a?[xyz]|acc\w*)\b", name) is not None
+    if name.count(" ") >= _FEW_WORDS + 2 * has_axis:
         return False
     is_acceleration = use.role == "acceleration" or use.why in (OTHER_DIRECTION, OF_A_DUMMY)
-    is_part = is_ahead(text) and re.search(r"\b([xyz]|acc\w*)\b", name)
-    return bool(is_acceleration or is_part or _BODY.search(_VEHICLE.sub("", name)) or _CURVE.fullmatch(name))
+    is_part = _BODY.search(_VEHICLE.sub("", name)) or (has_axis and is_ahead(text))
+    return bool(is_acceleration or is_part or _CURVE.fullmatch(name))
 
 
 def is_key(text: str) -> bool:
@@ -193,6 +211,9 @@ def _name_and_unit(column: str, unit_cell: str) -> tuple[str, str | None]:
     """Split a header into name and unit: ``a_x (g)``, ``Zeit [ms]``, ``AX_m/s^2``, ``t/ms``, ``time in s``."""
     if (unit := unit_named(unit_cell)) is not None:
         return column, unit
+    if repeated := _REPEATED.search(column):
+        name, unit = _name_and_unit(column[: repeated.start()], "")
+        return name + repeated[0], unit
     column = column.translate(_WIDE)
     for match in re.finditer(r"[\[({]([^\])}]*(?:\([^)]*\)[^\])}]*)?)[\])}]", column):
         if (unit := unit_named(match.group(1))) is not None:

@@ -266,7 +266,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
             return chosen, _AHEAD.format(others) if others else ""
         if excluded:
             return (), f"Ahead of the passenger cell is all that is left: {others}."
-        return tuple(columns), f"Careful: {others} is ahead of the passenger cell, which moves farther."
+        return tuple(columns), f"Careful: {others}: ahead of the passenger cell, which stops later."
 
     def record(name: str, uses: tuple[ColumnUse, ...], rows: _Rows) -> Record:
         channels = {use.column: channel(use, rows) for use in uses}

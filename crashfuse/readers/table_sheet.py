@@ -21,8 +21,8 @@ import pandas as pd
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, zip_members
 from crashfuse.files.csv_text import original
-from crashfuse.readers.table_headers import is_key, named_above, use_of
-from crashfuse.readers.vocabulary import UNITS, number_and_unit, statement_of_simulation, unit_named
+from crashfuse.readers.table_headers import is_key, listed_channels, named_above, use_of
+from crashfuse.readers.vocabulary import number_and_unit, statement_of_simulation, unit_named
 from crashfuse.signals.pulse import FloatArray
 
 SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)
@@ -40,10 +40,6 @@ _NUMBER = {
     sign: re.compile(rf"[-+]?(\d+({re.escape(sign)}\d*)?|{re.escape(sign)}\d+)([eE][-+]?\d+)?|{grouped}")
     for sign, grouped in _GROUPED.items()
 }
-_CLOCK = re.compile(
-    r"(?:[\w./-]+(?: days?)?[ T]+)?(?:(\d{1,3}):)?(\d{1,3}):(\d{1,2}(?:[.,:]\d+)?)(?: ?[AaPp][Mm]|Z|[+-]\d\d:?\d\d)?"
-)
-_FEWEST_TIMES, _LONGEST_STEP_S, _DAY_S = 20, 0.1, 86400.0
 _UNNAMED = re.compile(r"column \d+")
 _MOST_CELLS, _MOST_CELLS_IN_ALL, _MOST_SHEETS = 500_000, 2_000_000, 500
 _AS_CSV = "save the sheet as CSV"
@@ -141,7 +137,7 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str, lines: Seq
     if begin is None:
         expected, found = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows", "none"
         raise DataError(Problem(name, expected, found, "export it with one header"))
-    lines = lines or ["\t".join(filter(None, row)) for row in grid[:begin]]
+    lines = lines or ["\t".join(filter(None, row)) for row in grid[: begin + 1]]
     rows = zip(grid[:begin], lines, strict=False)
     above = [(_trimmed(row), line) for row, line in rows if any(cell.strip() for cell in row)]
     width, filled = len(grid[begin]), max(len(_trimmed(row)[: len(grid[begin])]) for row in grid[begin:])
@@ -151,16 +147,24 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str, lines: Seq
     units = _popped_units(above, width)
     last = above[-1][0] if above else []
     is_header = above and (len(last) >= max(filled - 1, 2) or use_of(last[0], "").role == "time")
-    names = [*index, *above.pop()[0][len(index) :]] if is_header else index
+    header, header_line = above.pop() if is_header else ([], "")
+    names = [*index, *header[len(index) :]]
     if len(names) == filled - 1:
         names = _aligned(names, grid[begin:], decimal, name)
-    width = max(width, len(names))
-    titles = [row for place, (row, _) in enumerate(above, 1) if _is_of_titles(row, width, is_last=place == len(above))]
-    of_titles = [[*("" if _is_value(cell) else cell for cell in row), *[""] * width][:width] for row in titles]
-    rest = tuple(line for row, line in above if row not in titles or width == 2)
-    names, units = ([*row, *[""] * width][:width] for row in (names, units))
-    titles_up = tuple(tuple(map(_in_one_line, row)) for row in reversed(of_titles))
-    return Header(begin, unique(names), tuple(map(str.strip, units)), titles_up, rest)
+    width, has_prose = max(width, len(names)), ", " not in header_line + lines[begin]
+    titles, rest = list[list[str]](), list[str]()
+    for place, (row, line) in enumerate(above, 1):
+        is_prose = has_prose and ", " in line
+        if not is_prose and _is_of_titles(row, width, is_last=place == len(above)):
+            titles.insert(0, ["" if _is_value(cell) else _in_one_line(cell) for cell in row])
+            rest += [line] if width == 2 else []
+        else:
+            rest.append(line)
+    if listed := listed_channels(rest, width):
+        titles.append([listed.get(number, "") for number in range(width)])
+    names, units, *titles = ([*row, *[""] * width][:width] for row in (names, units, *titles))
+    of_columns = tuple(map(tuple, titles))
+    return Header(begin, unique(names), tuple(map(str.strip, units)), of_columns, tuple(rest))
 
 
 def _names_an_index(above: Sequence[Sequence[str]], width: int) -> bool:
@@ -185,7 +189,8 @@ def _is_of_titles(row: Sequence[str], width: int, *, is_last: bool) -> bool:
     """Whether cells above the header name columns: of two, the first may be a key."""
     if not any(row[1:]) or len(row) > width or all(map(is_unnamed, row)):
         return False
-    return width > 2 or not row[0] or (is_last and not is_key(row[0]))
+    is_named = not row[0] or use_of(row[0], "").role == "time" or (is_last and not is_key(row[0]))
+    return width > 2 or is_named
 
 
 def _is_value(cell: str) -> bool:
@@ -214,47 +219,7 @@ def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form
     names = ", ".join(printable(name, 40) for name in sheet.columns[:12]) + (" …" if len(sheet.columns) > 12 else "")
     layout = f"Data from row {sheet.first_row}{row_of_units}, columns: {names}."
     left_out = ["Left out: the numbers of the rows."] if numbered else []
-    return _with_clock(replace(sheet, steps=(*form, layout, *left_out)))
-
-
-def _with_clock(sheet: Sheet) -> Sheet:
-    """The sheet with the time of day as seconds from the first row, if it has no other time that goes on."""
-    sample = [[cell.strip() for cell in sheet.cells.iloc[:SAMPLE, number]] for number in range(len(sheet.columns))]
-    clocks = [
-        number for number, cells in enumerate(sample) if len(cells) >= _FEWEST_TIMES and all(map(_is_clock, cells))
-    ]
-    if not clocks:
-        return sheet
-    column = sheet.columns[clocks[0]]
-    hours, minutes, seconds = sheet.column(column).str.extract(_CLOCK).fillna("0").to_numpy().T
-    decimals = np.char.replace(np.char.replace(seconds.astype(str), ",", "."), ":", ".")
-    time_s = 3600 * hours.astype(float) + 60 * minutes.astype(float) + decimals.astype(float)
-    time_s += _DAY_S * np.cumsum(np.diff(time_s, prepend=time_s[0]) < -_DAY_S / 2)
-    left = []
-    for name, cell in zip(sheet.columns, sheet.units, strict=True):
-        unit = use_of(name, cell).unit or unit_named(name, "time")
-        values = sheet.parsed(name) * UNITS["time"].get(unit or "", np.nan)
-        if np.isfinite(values).all() and (np.diff(values) >= 0).all():
-            return sheet
-        if np.isfinite(values).all() and values.min() >= 0 and values.max() < 1:
-            time_s = np.floor(time_s) + values
-            left.append(name)
-    steps_s = np.diff(time_s)
-    if not 0 < np.median(steps_s) <= _LONGEST_STEP_S:
-        return sheet
-    cells = sheet.cells.copy()
-    cells.isetitem(clocks[0], pd.Series([repr(value) for value in (time_s - time_s[0]).tolist()], dtype=str))
-    units = tuple("s" if number == clocks[0] else cell for number, cell in enumerate(sheet.units))
-    note = (
-        f"Time from the clock of {' and '.join(printable(name, 40) for name in (column, *left))}, 0 in the first row."
-    )
-    sheet = replace(sheet, cells=cells, units=units, steps=(*sheet.steps, note))
-    return sheet.of_columns([number for number, name in enumerate(sheet.columns) if name not in left])
-
-
-def _is_clock(cell: str) -> bool:
-    found = _CLOCK.fullmatch(cell)
-    return found is not None and (found[1] is not None or not found[3].isdecimal())
+    return replace(sheet, steps=(*form, layout, *left_out))
 
 
 def numbers_rows(cells: pd.Series) -> bool:

@@ -25,13 +25,16 @@ from crashfuse.errors import CHECK_PATH, NO_FILE, DataError, Problem, printable
 from crashfuse.files.archive import Limits
 from crashfuse.readers import table_sheet
 from crashfuse.readers.members import as_text
-from crashfuse.readers.table_headers import bare_name, names_a_test
+from crashfuse.readers.table_headers import bare_name, names_a_test, use_of
 from crashfuse.readers.table_mapping import propose
 from crashfuse.readers.table_sheet import SAMPLE, SHEET_LIMITS, Header, Sheet
+from crashfuse.readers.vocabulary import UNITS, plain, unit_named, words
 from crashfuse.signals.pulse import FloatArray
 
 _TIME = "X_Value"
 _GAP = re.compile(r"[\t,;]")
+_ENCODINGS, _HEAD_BYTES = ("cp1252", "cp932", "gb18030", "cp949", "cp1251", "cp1250", "cp1254"), 4096
+_KNOWN = words("acceleration", "time", "body", "dummy", "vehicle", "ahead", "direction")
 _DELIMITERS = {"Comma": ",", "Semicolon": ";"}  # else tab
 _MOST_COLUMNS, _MOST_COLUMNS_IN_ALL = 2000, 20_000  # of a LabVIEW file
 _SAME_S = 1e-6  # times that differ by less are one
@@ -44,11 +47,56 @@ _AGAIN, _SHORTER = "export it again as CSV", "export a shorter record"
 _GROUPED_CELLS = re.compile(r"(?<![\w.])[-+]?[1-9]\d{0,2},\d{3}(?!\d)(\.\d+)?")
 _DECIMALS = re.compile(r"-0,\d+|[-+]?\d+,(0\d+|\d+[eE][-+]?\d+)")
 _BETWEEN_NAMES = (r"\s{2,}|\t", r"(?<=[)\]])\s+", r"\s+(?![\[(])", r"\s+")  # the likeliest first
+_CLOCK = re.compile(
+    r"(?:[\w./-]+(?: days?)?[ T]+)?(?:(\d{1,3}):)?(\d{1,3}):(\d{1,2}(?:[.,:]\d+)?)(?: ?[AaPp][Mm]|Z|[+-]\d\d:?\d\d)?"
+)
+_FEWEST_TIMES, _LONGEST_STEP_S, _DAY_S = 20, 0.1, 86400.0
 _DIALECTS = (",.", ";,", ";.", "\t,", "\t.", "|.", " .", " ,", ",,")  # delimiter, decimal; the last of quoted cells
+
+
+def _with_clock(sheet: Sheet) -> Sheet:
+    """The sheet with the time of day as seconds from the first row, if it has no other time that goes on."""
+    sample = [[cell.strip() for cell in sheet.cells.iloc[:SAMPLE, number]] for number in range(len(sheet.columns))]
+    clocks = [
+        number for number, cells in enumerate(sample) if len(cells) >= _FEWEST_TIMES and all(map(_is_clock, cells))
+    ]
+    if not clocks:
+        return sheet
+    column = sheet.columns[clocks[0]]
+    hours, minutes, seconds = sheet.column(column).str.extract(_CLOCK).fillna("0").to_numpy().T
+    decimals = np.char.replace(np.char.replace(seconds.astype(str), ",", "."), ":", ".")
+    time_s = 3600 * hours.astype(float) + 60 * minutes.astype(float) + decimals.astype(float)
+    time_s += _DAY_S * np.cumsum(np.diff(time_s, prepend=time_s[0]) < -_DAY_S / 2)
+    left = []
+    for name, cell in zip(sheet.columns, sheet.units, strict=True):
+        unit = use_of(name, cell).unit or unit_named(name, "time")
+        values = sheet.parsed(name) * UNITS["time"].get(unit or "", np.nan)
+        if np.isfinite(values).all() and (np.diff(values) >= 0).all():
+            return sheet
+        if np.isfinite(values).all() and values.min() >= 0 and values.max() < 1:
+            time_s = np.floor(time_s) + values
+            left.append(name)
+    steps_s = np.diff(time_s)
+    if not 0 < np.median(steps_s) <= _LONGEST_STEP_S:
+        return sheet
+    cells = sheet.cells.copy()
+    cells.isetitem(clocks[0], pd.Series([repr(value) for value in (time_s - time_s[0]).tolist()], dtype=str))
+    units = tuple("s" if number == clocks[0] else cell for number, cell in enumerate(sheet.units))
+    note = (
+        f"Time from the clock of {' and '.join(printable(name, 40) for name in (column, *left))}, 0 in the first row."
+    )
+    sheet = replace(sheet, cells=cells, units=units, steps=(*sheet.steps, note))
+    return sheet.of_columns([number for number, name in enumerate(sheet.columns) if name not in left])
+
+
+def _is_clock(cell: str) -> bool:
+    found = _CLOCK.fullmatch(cell)
+    return found is not None and (found[1] is not None or not found[3].isdecimal())
 
 
 def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
     """One sheet per time if several accelerations have their own; columns left of the first are in all of them."""
+    sheet = _with_clock(sheet)
     mapping = propose(sheet)
     roles = [use.role for use in mapping.uses]
     times = [number for number, role in enumerate(roles) if role == "time"]
@@ -304,10 +352,23 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
 def _decoded(content: bytes, name: str) -> str:
     text = "\x00"
     with suppress(UnicodeDecodeError):
-        text = content.decode("utf-16") if content[:2] in (b"\xff\xfe", b"\xfe\xff") else as_text(content)
+        text = content.decode("utf-16") if content[:2] in (b"\xff\xfe", b"\xfe\xff") else _as_text(content)
     if "\x00" in text:
         raise DataError(Problem(name, "a table as text", "bytes that are no text", f"{_AGAIN} in UTF-8"))
     return text
+
+
+def _as_text(content: bytes) -> str:
+    """In UTF-8, else in the encoding in whose letters the first lines have the most words that we know."""
+    with suppress(UnicodeDecodeError):
+        return content.decode("utf-8-sig")
+    known = {}
+    for encoding in _ENCODINGS:
+        with suppress(UnicodeDecodeError):
+            head = content[: content.rfind(b"\n", 0, _HEAD_BYTES) + 1 or None].decode(encoding)
+            known[encoding] = len(_KNOWN.findall(plain(head)))
+    best = max(known, key=known.__getitem__, default="")
+    return content.decode(best, errors="replace") if known.get(best) else as_text(content)
 
 
 def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:

@@ -111,7 +111,7 @@ _PLACES = (
 )
 _CUTOFF_HZ = {"A": 1650.0, "B": 1000.0, "C": 300.0, "D": 100.0}  # of CFC 1000, 600, 180, 60 (SAE J211-1)
 _RAW_FIRST = "0PXSABCD"
-_PROGRAM = r"ls ?dyna|ls prepost|nodout|(nodal|element) history|radioss|abaqus|pam ?crash|madymo"
+_PROGRAM = r"ls ?dyna|ls prepost|nodout|(nodal|element) history|d3plot|binout|radioss|abaqus|pam ?crash|madymo"
 _FE = (
     r"fe[am]|(?<!.)fe|(?<=model )fe|(?<=acc )fe|(?<=a[xyz] )fe|"
     r"(?<!santa )fe(?= (\d+ )?(modell?|sim|runs?|lauf|analys|mesh|netz|code|result|method))"
@@ -121,7 +121,7 @@ _SIMULATION = re.compile(
     r"numeri(c|qu|sch)\w*|virtu[ae]l\w*|predict\w*|prognos\w*|vorhersage\w*|(be)?rechnung\w*|modell?$)(?![^\W\d])|"
     + words("simulation").pattern
 )
-_KEY = re.compile(r"([^:=,;\t|]{1,40}?)\s*[:=,;\t|]+\s*(.*)")
+_KEY = re.compile(r"([^:=,;\t|]{1,40}?)(?:\s*[:=,;\t|]+|\s{2,})\s*(.*)")
 _MARKS = "#%!*/;,\"' \t"
 _SOURCE = words("key.source")
 _FIRST_WORDS = re.compile(
