@@ -44,12 +44,7 @@ _NOT_AS_TESTED = re.compile(
     r"dumm(y|ies)|zulad|cargo|payload|ballast)"
 )
 _INCLUDING = re.compile(r"\b(incl|inkl|including|with|mit)\b.*")
-_OTHER_AXIS = re.compile(
-    r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|(.* )?[yz] .*|"
-    r".*\b((quer|hoch)(beschl\w*|richtung)?|transvers\w*|(a|acc|accel)?(lat|vert)(eral\w*|i[ck]al\w*)?(a|acc|accel)?)\b.*"
-    rf"|.*({words('direction').pattern}).*"
-)
-_BODY, _DUMMY, _VEHICLE = words("body"), words("body", "dummy"), words("vehicle")
+_BODY, _DUMMY, _VEHICLE, _OTHER_AXIS = words("body"), words("body", "dummy"), words("vehicle"), words("direction")
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")  # HeadAccX, DUMMYHead
 _AHEAD = words("ahead")
 _OF_THE_VEHICLE = re.compile(
@@ -142,7 +137,7 @@ def why_no_acceleration(column: str, unit_cell: str) -> str:
 def why_not_the_vehicle(name: str) -> str:
     """Why the acceleration of this name or title is not the vehicle's along X; else empty."""
     code = _code_of(name)
-    if _OTHER_AXIS.fullmatch(place_of(name)) or (code and not code.is_along_x):
+    if _OTHER_AXIS.search(place_of(name)) or (code and not code.is_along_x):
         return OTHER_DIRECTION
     return OF_A_DUMMY if names_a_dummy(name) or (code and code.is_of_a_dummy) else ""
 

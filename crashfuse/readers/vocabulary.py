@@ -48,19 +48,23 @@ def plain(text: str) -> str:
     return " ".join(re.sub(r"[\W_]+", " ", _SCRIPTS.sub(" ", _unaccented(text))).split())
 
 
-_WORDS = tomllib.loads(_unaccented(Path(__file__).with_name("words.toml").read_text(encoding="utf-8")))
+_WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
 
 def words(*groups: str) -> re.Pattern[str]:
     """A pattern of the words in groups of ``words.toml`` (``body``, or ``key.source``), for a name that is plain."""
-    terms = [term for group in groups for part in _terms_of(*group.split(".")) for term in part.split(", ")]
-    letters = [term.replace("*", r"\w*") for term in terms if not re.search(_CJK, term)]
-    signs = [term for term in terms if re.search(_CJK, term)]
-    return re.compile("|".join([rf"\b(?:{'|'.join(letters)})(?![^\W\d])", *signs]))
-
-
-def _terms_of(group: str, *parts: str) -> Iterable[str]:
-    return [_WORDS[group][part] for part in parts or _WORDS[group]]
+    tables = (
+        _WORDS[group] if not part else {part: _WORDS[group][part]}
+        for group, _, part in (g.partition(".") for g in groups)
+    )
+    terms = [
+        _unaccented(term).replace("*", r"\w*")
+        for table in tables
+        for text in table.values()
+        for term in text.split(", ")
+    ]
+    letters, signs = ([term for term in terms if bool(re.search(_CJK, term)) is is_cjk] for is_cjk in (False, True))
+    return re.compile("|".join([rf"(?<![^\W\d])(?:{'|'.join(letters)})(?![^\W\d])", *signs]))
 
 
 AXES = "xyz"
@@ -78,23 +82,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "share": {"%": 0.01, "1": 1.0},
 }  # factors to SI by quantity and by our own unit name
 
-_SPELLINGS = {
-    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "с", "сек", "秒", "초"),
-    "ms": ("ms", "msec", "millisecond", "milliseconds", "millisekunden", "мс", "毫秒", "ミリ秒"),
-    "µs": ("us", "μs", "usec", "мкс", "微秒"),
-    "g": ("g", "g's", "gs", "gn", "g0", "gee"),
-    "m/s²": ("m/s2", "m/ss", "m/s/s", "mps2", "ms-2", "m/sec2", "м/с2"),
-    "mm/s²": ("mm/s2", "mm/ss", "mm/s/s", "mmps2", "mm/sec2"),
-    "mm/ms²": ("mm/ms2", "mm/ms/ms", "mmpms2"),
-    "km/h": ("km/h", "kph", "kmh", "kmph", "km/hr"),
-    "mph": ("mph", "mi/h", "mileperhour", "milesperhour"),
-    "m/s": ("m/s", "mps", "m/sec"),
-    "kg": ("kg", "kgs", "kilogram", "kilograms"),
-    "lb": ("lb", "lbs", "pound", "pounds", "lbm"),
-    "t": ("t", "tonne", "tonnes"),
-    "%": ("%", "percent", "prozent", "pct"),
-}
-_NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings}
+_NAMES = {spelling: name for name, spellings in _WORDS["unit"].items() for spelling in spellings.split(", ")}
 _LEADING_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?")
 _FORM = re.compile(r"[0-9?_][0-9A-Z?_]{15}")
 _DUMMY = frozenset(
@@ -111,16 +99,6 @@ _PLACES = (
 )
 _CUTOFF_HZ = {"A": 1650.0, "B": 1000.0, "C": 300.0, "D": 100.0}  # of CFC 1000, 600, 180, 60 (SAE J211-1)
 _RAW_FIRST = "0PXSABCD"
-_PROGRAM = r"ls ?dyna|ls prepost|nodout|(nodal|element) history|d3plot|binout|radioss|abaqus|pam ?crash|madymo"
-_FE = (
-    r"fe[am]|(?<!.)fe|(?<=model )fe|(?<=acc )fe|(?<=a[xyz] )fe|"
-    r"(?<!santa )fe(?= (\d+ )?(modell?|sim|runs?|lauf|analys|mesh|netz|code|result|method))"
-)
-_SIMULATION = re.compile(
-    rf"(?<![^\W\d])({_PROGRAM}|sim(s|ula\w*)?|synthetic\w*|synthetisch\w*|cae|{_FE}|finite element\w*|calculs?|"
-    r"numeri(c|qu|sch)\w*|virtu[ae]l\w*|predict\w*|prognos\w*|vorhersage\w*|(be)?rechnung\w*|modell?$)(?![^\W\d])|"
-    + words("simulation").pattern
-)
 _KEY = re.compile(r"([^:=,;\t|]{1,40}?)(?:\s*[:=,;\t|]+|\s{2,})\s*(.*)")
 _MARKS = "#%!*/;,\"' \t"
 _SOURCE = words("key.source")
@@ -128,11 +106,7 @@ _FIRST_WORDS = re.compile(
     r"(?!.*\b(test|versuch|essai|compared|vs|with|mit|for|fur|pour|vor|no|not|ohne)\b)(\w+ ){0,2}"
 )
 _STATEMENT = re.compile(r"\b(predicted by|ls dyna keyword|ls prepost|nodout|(nodal|element) history)\b")
-_PARAMETER = re.compile(
-    r"(?<![^\W\d])(param\w*|limit|limit (value|curve|line)s?|grenz(wert|kurve|linie)\w*|corridors?|korridor\w*)"
-    r"(?![^\W\d])"
-)
-_COMPUTED = re.compile(r"\b(calc\w*|comput\w*|deriv\w*|cm)\b")
+_SIMULATION, _PARAMETER, _COMPUTED = words("simulation"), words("parameter"), words("computed")
 _SOUND = re.compile(
     r"((data|channel|sensor|signal|filtered|ok|o k|okay|am|as measured|good|valid|sound|normal|passed|accepted|checked|"
     r"correct|bon|gut|i o|in ordnung|(no|without) (remark|error|failure|fault|comment)s?|not failed|\d{2,})( |$))*|"
