@@ -59,9 +59,15 @@ def test_what_is_in_a_zip_comes_out_of_it() -> None:
         ("campaign/.DS_Store", b"x"),
         ("__MACOSX/campaign/._tests.csv", b"x"),
         ("campaign/Thumbs.db", b"x"),
+        ("campaign/~$tests.xlsx", b"x"),
+        (entry("campaign\\cae\\a.csv"), b"b"),
         ("empty.csv", b""),
     )
-    assert unpacked(content) == {"campaign/tests/Prüfung 1.csv": b"a,b\n" * 1000, "empty.csv": b""}
+    assert unpacked(content) == {
+        "campaign/tests/Prüfung 1.csv": b"a,b\n" * 1000,
+        "campaign/cae/a.csv": b"b",
+        "empty.csv": b"",
+    }
 
 
 TRICKS = (
@@ -71,8 +77,8 @@ TRICKS = (
     ("a/./b.csv", "a path that leaves its folder"),
     ("a//b.csv", "a path that leaves its folder"),
     ("../", "a path that leaves its folder"),
-    ("..\\out.csv", "a backslash"),
-    ("\\\\server\\share\\out.csv", "a backslash"),
+    ("..\\out.csv", "a path that leaves its folder"),
+    ("\\\\server\\share\\out.csv", "an absolute path"),
     ("C:/out.csv", "a drive letter"),
     ("tests.csv:hidden", "a drive letter or a colon"),
     ("a\x00.csv", "cannot be printed"),

@@ -41,6 +41,13 @@ def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
     assert test.id == "A"
 
 
+def test_what_systems_leave_in_folders_is_passed_over(tmp_path: Path) -> None:
+    """Locks of open workbooks, AppleDouble, thumbnails: as in an archive, whatever their format by name."""
+    left = ("~$T1.xlsx", "._T1.csv", ".DS_Store", "__MACOSX/._T1.mme", "x/Thumbs.db", "x/.~lock.T1.csv#", "._T1.EV5")
+    source = written(tmp_path / "in", {"T1.csv": german(clock(), half_sine_g(clock())), **dict.fromkeys(left, b"\0")})
+    assert [record.id for record in read_records(Reading(source))] == ["T1"]
+
+
 @pytest.mark.parametrize(("ending", "mode"), [("tar.gz", "w:gz"), ("TGZ", "w:gz"), ("tar", "w")])
 def test_tar_archives_are_read_as_zips_are(tmp_path: Path, ending: str, mode: Literal["w", "w:gz"]) -> None:
     """One test, several, or tables: as downloads come."""

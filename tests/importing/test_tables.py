@@ -19,7 +19,7 @@ from crashfuse.readers.table_mapping import apply_conditions, propose
 from crashfuse.readers.tables import read_sheets
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.testing.readers import written
-from crashfuse.units import KPH, MS
+from crashfuse.units import KPH, MS, G
 from tests.conftest import SHARED, needs_shared, problems_of
 from tests.importing.crash_files import german, library
 from tests.importing.crashes import GIVEN, clock, half_sine_g, scatter_g
@@ -368,6 +368,147 @@ def test_row_names_of_r_are_no_times(tmp_path: Path) -> None:
     assert (one.unit, one.deceleration_sign) == ("g", "negative")
     stopped = kinematics(one.pulse.accel_mps2, 6.5, one.pulse.dt_s)
     assert float(stopped.t0_s) / MS == pytest.approx(65.7, abs=0.3)
+
+
+RIGHT = (55.0, 500.0, 47.7)  # TTZV in ms, crush in mm, peak in g
+OF_OTHERS: Sequence[tuple[str, str, dict[str, Any]]] = (
+    ("other_quantity/test_velocity_kph.csv", "begins at its largest value", {}),
+    ("other_quantity/test_vx.csv", "vx: its name is not an acceleration's", {}),
+    ("other_quantity/cae_rwall_kn.csv", "rwall_1: its name is not an acceleration's", {"role": "cae"}),
+    ("other_quantity/cae_displacement_inch.csv", "does not end near 0", {"role": "cae"}),
+    ("upper_header_rows/T7.csv", "ax_g: a dummy's: Driver head", {}),
+    ("upper_header_rows/T12.csv", "Data: a dummy's: Driver head X", {}),
+    ("upper_header_rows/T9.csv", r"by its own account ax_g \(Simulation\)", {"role": "tests"}),
+    ("upper_header_rows/T13.txt", r"by its own account acc_g \(# Source: FE model run 12\)", {"role": "tests"}),
+    ("line_break_in_header/T51.csv", "Acc Y [g]", {}),
+    ("cabin_taken_for_dummy/T21.csv", "Occupant compartment X [g]", {}),
+    ("dummy_in_other_languages/T41.csv", r"Aceleración cabeza X \[g\]: a dummy's", {}),
+    ("non_latin_headers/left_right_6ms.csv", "found 加速度左, 加速度右; if they are sensors of one crash", {}),
+    ("non_latin_headers/left_right_6ms.csv", "加速度右.*6 ms later than 加速度左", {"record_id": "V"}),
+    ("santa_fe/T31.csv", "Santa Fe acceleration x [g]", {"role": "tests"}),
+    ("santa_fe/SF", "11TUNN000000ACXP", {}),
+    ("system_files/excel_lock", "Acceleration x [g]", {}),
+    ("system_files/appledouble", "Acceleration x [g]", {}),
+    ("forms_of_time/seconds_no_unit.csv", "Acceleration x [g]", {}),
+)
+
+
+@needs_shared
+@pytest.mark.parametrize(("name", "right", "options"), OF_OTHERS)
+def test_each_kind_of_foreign_file_is_read_or_refused_by_its_cause(
+    tmp_path: Path, name: str, right: str, options: dict[str, Any]
+) -> None:
+    """The pulse of 14.2 m/s comes out of the channel that is right, or the cause is told and nothing written."""
+    given = replace(GIVEN, condition=PartialCondition(14.2, front_weight_kg=905.0, rear_weight_kg=655.0))
+    path = FILES.parent / name
+    if right.endswith((" [g]", "ACXP")):
+        (one,) = import_source(path, tmp_path / "out", given, **options)
+        motion = kinematics(one.pulse.accel_mps2[one.pulse.time_s >= 0], 14.2, one.pulse.dt_s)
+        found = motion.t0_s / MS, motion.displacement_m.max() / MS, -one.pulse.accel_mps2.min() / G
+        assert one.channels == (right,)
+        assert found == pytest.approx(RIGHT, rel=2e-3)
+        return
+    with pytest.raises(DataError, match=right):
+        import_source(path, tmp_path / "out", given, **options)
+    assert not (tmp_path / "out").exists()
+
+
+@needs_shared
+def test_a_logger_that_counts_within_the_second_is_read_with_its_clock() -> None:
+    """1801 samples at 10 kHz, over the full second."""
+    (record,) = read_records(Reading(FILES.parent / "forms_of_time" / "us_wraps.csv"))
+    np.testing.assert_allclose(record.channels[0].time_s, 1e-4 * np.arange(1801), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("above", "right"),
+    [
+        (";Kopf;Tunnel\n;x;x\nZeit [ms];;", "= x (3)"),  # as pandas writes levels, and the name of the index
+        ("place;Dummy;Vehicle\npart;chest;tunnel\nt_ms;;", "= tunnel"),
+        ("Driver;;\nhead;head;\nt [ms];ax [g];ay [g]", "ax [g]: a dummy's: head"),
+        ("Messstelle;Kopf Fahrer X\nDummy;H3\nEinheit;g\nZeit [ms];Wert", "Wert: a dummy's: Kopf Fahrer X"),
+        ("Sensor location;Tunnel\nUnits;g\nDummy;Hybrid III head\nTime (ms);Data", "= Data"),
+        ("Name;tête;tunnel\nUnité;g;g\nT;C1;C2", "= C2"),
+        ("# Location: Engine top\nt [ms];a [g]", "Careful: a [g]: ahead of the passenger cell"),
+        ("Motor oben X\nt [ms];a [g]", "Careful: a [g]: ahead of the passenger cell"),
+        ("# Direction: Y\nt [ms];a [g]", "Careful: travel along y"),
+        ("Solver;LS-DYNA R13\nt [ms];a [g]", "by its own account a [g] (LS-DYNA R13)"),
+        ("Numerical simulation, run 7\nt [ms];a [g]", "by its own account a [g] (Numerical simulation, run 7)"),
+        ("Versuch 7 zur Simulation\nHyundai Santa Fe\nt [ms];a [g]", "= a [g]"),
+        ("Model: Santa Fe\nFrontal, rigid wall, 2 dummies, engine 1.6 l\nt [ms];a [g]", "= a [g]"),
+        ("Channel 1: Driver head X\nChannel 2: Sill X\nt [ms];ch1;ch2", "= ch2"),
+        ("X-velocity\nTime [ms];A8874", "A8874: no acceleration: X-velocity"),
+        ('"t\n[ms]";"Kopf X\n[g]"', "Kopf X [g]: a dummy's"),
+        ('"t\r\n[ms]";"Acc Y\r\n(g)";"Tunnel\r\nAcc X\r\n(g)"', "= Tunnel Acc X (g)"),
+        ("t [ms];Fußraum links [g];Motor [g]", "= Fußraum links [g]"),
+        ("t [ms];乗員室 X [g];エンジン X [g];頭部 X [g]", "= 乗員室 X [g]"),
+        ("t [ms];Bumper X [g];testa X [g]", "the channel of x that is the vehicle's pulse, found Bumper X [g]"),
+        ("t [ms];Engine X [g];Tunnel Y [g]", "the channel of x that is the vehicle's pulse, found Engine X [g]"),
+        ("Время [мс];Ускорение слева [g];Ускорение справа [g]", "found Ускорение слева, Ускорение справа; if they"),
+        ("时间（ms）;头部加速度（g）;加速度Y（g）;加速度X（g）", "= 加速度X（g）"),
+        ("t [ms];RF1", "RF1: its name is not an acceleration's"),
+        ("t [ms];Kontaktkraft", "Kontaktkraft: its name is not an acceleration's"),
+        ("t [ms];SANTA-FE floor [g]", "= SANTA-FE floor [g]"),
+        ("t [ms];FE-Netz 3 [g]", "by its own account FE-Netz 3 [g]"),
+    ],
+)
+def test_what_names_a_column_is_read_wherever_it_stands(tmp_path: Path, above: str, right: str) -> None:
+    """In rows and lines above, with line breaks, in any language: one column is the pulse, or the cause is told."""
+    n = above.count(";") if '"' in above else max(line.count(";") for line in above.split("\n"))
+    path = table(tmp_path, above, TIME_S / MS, *[PULSE_G] * n)
+    if right.startswith("= "):
+        assert import_source(path, tmp_path / "out", GIVEN)[0].channels == (right[2:],)
+    elif right.startswith("Careful"):
+        assert right in " ".join(import_source(path, tmp_path / "out", GIVEN)[0].steps)
+    else:
+        assert right in refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "header"),
+    [("cp932", "時間 [ms];頭部加速度 [g]"), ("gb18030", "时间 [ms];头部 [g]"), ("cp1251", "Время [ms];голова [g]")],
+)
+def test_encodings_are_told_by_their_words(tmp_path: Path, encoding: str, header: str) -> None:
+    """Excel writes CSV in that of its language."""
+    (tmp_path / "x.csv").write_bytes(lines(header, TIME_S / MS, PULSE_G).encode(encoding))
+    assert f"{header.partition(';')[2]}: a dummy's" in refusal(tmp_path / "x.csv")
+
+
+@pytest.mark.parametrize("role", ["tests", "cae"])
+def test_a_curve_of_another_quantity_is_asked_about(tmp_path: Path, role: Role) -> None:
+    """One of the units always fits: velocity and displacement in any, until the user says that it is one."""
+    motion = kinematics(9.80665 * PULSE_G, 15.6, 2e-4)
+    velocity, displacement = 3.6 * motion.velocity_mps, 1e3 * motion.displacement_m
+    for values, cause in ((velocity, "begins at its largest"), (velocity - 56, "end near"), (displacement, "end near")):
+        path = table(tmp_path, "t [ms];CH1", TIME_S / MS, values)
+        with pytest.raises(DataError, match=cause):
+            import_source(path, tmp_path / "out", GIVEN, role=role)
+
+
+DAY = np.datetime64("2024-03-05T23:59:59.95")
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        ("Time;a [g]", "{t:%H:%M:%S.%f};{a:.5f}"),
+        ("Timestamp;a [g]", "{t:%d.%m.%Y %H:%M:%S,%f};{a:.5f}"),
+        ("Date;Time;ms;a [g]", "{t:%Y/%m/%d};{t:%H:%M:%S};{ms:.1f};{a:.5f}"),
+        ("µs;a [g]", "{us:.0f};{a:.5f}"),
+        ("Time [s];a [g]", "{s:.4f};{a:.5f}"),
+    ],
+)
+def test_clocks_and_counters_that_begin_anew_are_times(tmp_path: Path, header: str, row: str) -> None:
+    """Over midnight, a full second or minute; time goes on from the first row."""
+    rows = []
+    for late_s, a in zip((TIME_S - TIME_S[0]).tolist(), PULSE_G.tolist(), strict=True):
+        t = (DAY + np.timedelta64(round(1e6 * late_s), "us")).item()
+        rows.append(row.format(t=t, a=a, ms=t.microsecond / 1e3, us=t.microsecond, s=t.second + t.microsecond / 1e6))
+    (tmp_path / "x.csv").write_text("\n".join([header, *rows]), encoding="utf-8")
+    (record,) = read_records(Reading(tmp_path / "x.csv"))
+    time_s = record.channels[0].time_s
+    np.testing.assert_allclose(time_s - time_s[0], TIME_S - TIME_S[0], atol=1e-7)
+    np.testing.assert_allclose(record.channels[0].values, PULSE_G, atol=1e-4)
 
 
 @needs_shared

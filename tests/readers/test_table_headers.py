@@ -7,6 +7,7 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.importing import Reading, import_source, read_records
+from crashfuse.readers.table_headers import names_a_dummy, why_no_acceleration
 from crashfuse.readers.vocabulary import Travel
 from crashfuse.testing.readers import written
 from tests.conftest import Capture
@@ -64,3 +65,21 @@ def test_a_dead_sensor_does_not_travel(tmp_path: Path) -> None:
     for number, other in enumerate((np.full(TIME_S.size, 90.0), 5 * SHAKING + 20, 5 * SHAKING + drift, 0 * PULSE)):
         (record,) = read_records(Reading(table(tmp_path / str(number), "ax [g];az [g]", PULSE, other)))
         assert record.proposed == ("ax [g]",)
+
+
+DUMMIES = (
+    "Head X;Kopf;tête conducteur;cabeza;testa;cabeça;hoofdversnelling;huvud;głowa;hlava řidiče;baş ivmesi;голова;頭部;"
+    "머리;chest;Becken;genou;HeadAccX;Dummy 1;Occupant X;manichino;乘员胸部"
+)
+VEHICLES = (
+    "Occupant compartment X;occupant safety cell;foot well;Fußraum;Insassenzelle;Headliner;habitacle;pied milieu;客室;"
+    "乗員室;先頭車両;车头;Hoofdsteun;Firewall X;Tunnel reinforcement;Kraftstofftank;load floor;Longeron bas;Pos. 3;Z4"
+)
+CURVES = "RF1;rwall_1;vx;v_x;Contact 3;disp;force;Kraft;Weg;Geschwindigkeit;сила;速度;変位;Rigidwall 1;RWFORC;U1;Weg x"
+
+
+def test_words_of_many_languages_tell_dummies_from_vehicles_and_quantities() -> None:
+    """With accents and without, in any script."""
+    assert [name for name in DUMMIES.split(";") if not names_a_dummy(name)] == []
+    assert [name for name in VEHICLES.split(";") if names_a_dummy(name) or why_no_acceleration(name, "")] == []
+    assert [name for name in CURVES.split(";") if not why_no_acceleration(name, "")] == []

@@ -66,12 +66,12 @@ def test_whatever_the_form_the_pulse_is_the_same(tmp_path: Path, content: str, e
 
 
 def test_without_headers_the_clock_is_found(tmp_path: Path) -> None:
-    """Two bare columns: the one that increases evenly is time, in s or ms by how long that would be."""
-    for step, factor in ((0.1, MS), (1e-4, 1.0)):
-        lines = [f"{-0.5 * i % 7} {i * step:.6f}" for i in range(1000)]
+    """Two bare columns: the one that increases evenly is time, in the unit in which length and rate are a crash's."""
+    for step, factor, n in ((0.1, MS, 1000), (1e-4, 1.0, 1000), (5e-4, 1.0, 11_000), (100.0, 1e-6, 1800)):
+        lines = [f"{-0.5 * i % 7} {i * step:.6f}" for i in range(n)]
         record = one_record(one_sheet(tmp_path / "T1.txt", "\n".join(lines)))
         (channel,) = record.channels
-        assert channel.time_s[-1] == pytest.approx(999 * step * factor)
+        assert channel.time_s[-1] == pytest.approx((n - 1) * step * factor)
         assert (channel.values[1], channel.unit) == (6.5, None)
 
 

@@ -73,9 +73,19 @@ STATUS = {
 }  # fmt: skip
 SIMULATED = (
     "simulation", "CAE", "FE model", "parameter", "predicted", "limit curve", "Simulated by LS-DYNA", "Berechnung",
-    "PAM-CRASH", "modèle numérique", "synthetic", "Simulación",
+    "PAM-CRASH", "modèle numérique", "synthetic", "Simulación", "FE", "FE 12", "Santa Fe, FE mesh", "仿真", "расчет",
 )  # fmt: skip
-MEASURED = ("", "transducer", "hardware", "camera", "calculation", "simultaneous recorder", "femur gauge")
+MEASURED = (
+    "",
+    "transducer",
+    "hardware",
+    "camera",
+    "calculation",
+    "simultaneous recorder",
+    "femur gauge",
+    "Santa Fe",
+    "Civic FE",
+)
 
 
 @pytest.mark.parametrize(("doubt", "status"), [(doubt, text) for doubt, texts in STATUS.items() for text in texts])
