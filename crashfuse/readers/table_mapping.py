@@ -50,6 +50,7 @@ _SHORTEST_S, _LONGEST_RECORD_S = 0.03, 60.0
 _SLOWEST_HZ, _FASTEST_HZ = 500.0, 2e6
 _PERIODS_S = (1.0, 60.0, 3600.0, 86400.0)  # after which clocks begin anew
 _LISTED = 12  # columns in a sentence
+_CHOSEN = "chosen by the user"
 _AHEAD = "Ahead of the passenger cell, not averaged: {}."
 _FEWEST_NUMBERS = 10  # numbers of each kind needed to tell thousands separators from decimal signs
 
@@ -81,7 +82,7 @@ class Mapping:
             raise UsageError(f"A column that is {role} has {', '.join(units) or 'no unit'}, not {unit!r}.")
 
         def chosen(use: ColumnUse) -> ColumnUse:
-            return ColumnUse(column, role, named or (use.unit if use.unit in units else None), "chosen by the user")
+            return ColumnUse(column, role, named or (use.unit if use.unit in units else None), _CHOSEN)
 
         return replace(self, uses=tuple(chosen(use) if use.column == column else use for use in self.uses))
 
@@ -237,7 +238,8 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     if not all(wanted.values()):
         raise DataError([_one_column(sheet, role, mapping.of(role)) for role, fine in wanted.items() if not fine])
     time, time_steps = _seconds(sheet, times[0])
-    ahead = {use.column for use in accelerations if any(map(is_ahead, sheet.said_of(use.column)))}
+    proposed = [use.column for use in accelerations if use.why != _CHOSEN]
+    ahead = {column for column in proposed if any(map(is_ahead, sheet.said_of(column)))}
     behind = tuple(use for use in accelerations if use.column not in ahead)
     excluded = any(use.why.startswith((OTHER_DIRECTION, OF_A_DUMMY)) for use in mapping.of("ignored"))
     noted = ""
@@ -385,7 +387,6 @@ def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]
 
 
 def _time_unit(times: FloatArray) -> tuple[str, float]:
-    """The unit by which length and rate are those of a crash, and the length in it."""
     span, step = (float(np.ptp(times)), float(np.median(np.abs(np.diff(times))))) if times.size > 1 else (0.0, 0.0)
     for unit, factor in UNITS["time"].items():
         if _SHORTEST_S <= span * factor <= _LONGEST_RECORD_S and 1 / _FASTEST_HZ <= step * factor <= 1 / _SLOWEST_HZ:

@@ -22,7 +22,7 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, zip_members
 from crashfuse.files.csv_text import original
 from crashfuse.readers.table_headers import is_key, listed_channels, named_above, use_of
-from crashfuse.readers.vocabulary import number_and_unit, statement_of_simulation, unit_named
+from crashfuse.readers.vocabulary import statement_of_simulation, unit_named
 from crashfuse.signals.pulse import FloatArray
 
 SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)
@@ -40,6 +40,7 @@ _NUMBER = {
     sign: re.compile(rf"[-+]?(\d+({re.escape(sign)}\d*)?|{re.escape(sign)}\d+)([eE][-+]?\d+)?|{grouped}")
     for sign, grouped in _GROUPED.items()
 }
+_QUANTITY = re.compile(r"(?<!\w)\d+(?:[.,]\d+)?\s*([^\s;,)]+)")
 _UNNAMED = re.compile(r"column \d+")
 _MOST_CELLS, _MOST_CELLS_IN_ALL, _MOST_SHEETS = 500_000, 2_000_000, 500
 _AS_CSV = "save the sheet as CSV"
@@ -85,7 +86,8 @@ class Sheet:
 
     def said_of(self, column: str) -> tuple[str, ...]:
         """All that names a column: its header, titles, lines above the table, and the name of the sheet."""
-        return (column, *self.titles_of(column), *self.heading, *filter(None, [self.name.partition(": ")[2]]))
+        sheet = _without_quantities(self.name.partition(": ")[2])
+        return (column, *self.titles_of(column), *self.heading, *filter(None, [sheet]))
 
     def has_row_names(self, column: str) -> bool:
         """Whether a column is the first, and has no header although others have one."""
@@ -154,9 +156,9 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str, lines: Seq
     width, has_prose = max(width, len(names)), ", " not in header_line + lines[begin]
     titles, rest = list[list[str]](), list[str]()
     for place, (row, line) in enumerate(above, 1):
-        is_prose = has_prose and ", " in line
+        is_prose = has_prose and ", " in line and '"' not in line
         if not is_prose and _is_of_titles(row, width, is_last=place == len(above)):
-            titles.insert(0, ["" if _is_value(cell) else _in_one_line(cell) for cell in row])
+            titles.insert(0, ["" if _is_value(cell) else _without_quantities(cell) for cell in row])
             rest += [line] if width == 2 else []
         else:
             rest.append(line)
@@ -168,7 +170,7 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str, lines: Seq
 
 
 def _names_an_index(above: Sequence[Sequence[str]], width: int) -> bool:
-    """Whether the last row is one name below those of the other columns, as pandas writes it."""
+    # one name below those of the other columns, as pandas writes it
     if len(above) < 2 or len(above[-1]) != 1 or not 1 < len(above[-2]) <= width:
         return False
     is_free = not above[-2][0].strip() or use_of(above[-1][0], "").role == "time"
@@ -176,7 +178,6 @@ def _names_an_index(above: Sequence[Sequence[str]], width: int) -> bool:
 
 
 def _popped_units(above: list[tuple[list[str], str]], width: int) -> list[str]:
-    """The row of units, also above the names if one is of acceleration."""
     for place in range(len(above) - 1, max(len(above) - _HEADER_ROWS, 0 if len(above) > 1 else 1) - 1, -1):
         row = above[place][0]
         is_near = place == len(above) - 1 or any(unit_named(cell, "acceleration") for cell in row)
@@ -186,7 +187,6 @@ def _popped_units(above: list[tuple[list[str], str]], width: int) -> list[str]:
 
 
 def _is_of_titles(row: Sequence[str], width: int, *, is_last: bool) -> bool:
-    """Whether cells above the header name columns: of two, the first may be a key."""
     if not any(row[1:]) or len(row) > width or all(map(is_unnamed, row)):
         return False
     is_named = not row[0] or use_of(row[0], "").role == "time" or (is_last and not is_key(row[0]))
@@ -194,8 +194,11 @@ def _is_of_titles(row: Sequence[str], width: int, *, is_last: bool) -> bool:
 
 
 def _is_value(cell: str) -> bool:
-    found = number_and_unit(cell)
-    return found is not None and (not found[1] or unit_named(found[1]) is not None or found[1].lower() == "hz")
+    return re.search(r"[^\W\d_]", _without_quantities(cell)) is None
+
+
+def _without_quantities(text: str) -> str:
+    return _QUANTITY.sub(lambda match: "" if unit_named(match[1]) else match[0], _in_one_line(text)).strip()
 
 
 def _in_one_line(cell: str) -> str:

@@ -48,55 +48,48 @@ _GROUPED_CELLS = re.compile(r"(?<![\w.])[-+]?[1-9]\d{0,2},\d{3}(?!\d)(\.\d+)?")
 _DECIMALS = re.compile(r"-0,\d+|[-+]?\d+,(0\d+|\d+[eE][-+]?\d+)")
 _BETWEEN_NAMES = (r"\s{2,}|\t", r"(?<=[)\]])\s+", r"\s+(?![\[(])", r"\s+")  # the likeliest first
 _CLOCK = re.compile(
-    r"(?:[\w./-]+(?: days?)?[ T]+)?(?:(\d{1,3}):)?(\d{1,3}):(\d{1,2}(?:[.,:]\d+)?)(?: ?[AaPp][Mm]|Z|[+-]\d\d:?\d\d)?"
+    r"\s*(?:[\w./-]+(?: days?)?[ T]+)?(?=\d+:\d+[:.,])(?:(\d+):)?(\d+):(\d+(?:[.,:]\d+)?)"
+    r"(?: ?[AaPp][Mm]|Z|[+-]\d\d:?\d\d)?\s*"
 )
 _FEWEST_TIMES, _LONGEST_STEP_S, _DAY_S = 20, 0.1, 86400.0
 _DIALECTS = (",.", ";,", ";.", "\t,", "\t.", "|.", " .", " ,", ",,")  # delimiter, decimal; the last of quoted cells
 
 
-def _with_clock(sheet: Sheet) -> Sheet:
-    """The sheet with the time of day as seconds from the first row, if it has no other time that goes on."""
-    sample = [[cell.strip() for cell in sheet.cells.iloc[:SAMPLE, number]] for number in range(len(sheet.columns))]
-    clocks = [
-        number for number, cells in enumerate(sample) if len(cells) >= _FEWEST_TIMES and all(map(_is_clock, cells))
-    ]
-    if not clocks:
+def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
+    column = next((name for name in sheet.columns if _is_clock(sheet.column(name))), None)
+    if column is None:
         return sheet
-    column = sheet.columns[clocks[0]]
-    hours, minutes, seconds = sheet.column(column).str.extract(_CLOCK).fillna("0").to_numpy().T
-    decimals = np.char.replace(np.char.replace(seconds.astype(str), ",", "."), ":", ".")
-    time_s = 3600 * hours.astype(float) + 60 * minutes.astype(float) + decimals.astype(float)
+    parts = sheet.column(column).str.extract(_CLOCK).fillna("0").replace("[,:]", ".", regex=True)
+    time_s = parts.astype(float).to_numpy() @ (3600.0, 60.0, 1.0)
     time_s += _DAY_S * np.cumsum(np.diff(time_s, prepend=time_s[0]) < -_DAY_S / 2)
-    left = []
+    used = [column]
     for name, cell in zip(sheet.columns, sheet.units, strict=True):
         unit = use_of(name, cell).unit or unit_named(name, "time")
         values = sheet.parsed(name) * UNITS["time"].get(unit or "", np.nan)
-        if np.isfinite(values).all() and (np.diff(values) >= 0).all():
-            return sheet
-        if np.isfinite(values).all() and values.min() >= 0 and values.max() < 1:
+        if (np.diff(values) >= 0).all():
+            return sheet  # a time that goes on
+        if values.min() >= 0 and values.max() < 1:  # within the second
             time_s = np.floor(time_s) + values
-            left.append(name)
-    steps_s = np.diff(time_s)
-    if not 0 < np.median(steps_s) <= _LONGEST_STEP_S:
+            used.append(name)
+    if not 0 < np.median(np.diff(time_s)) <= _LONGEST_STEP_S:
         return sheet
-    cells = sheet.cells.copy()
-    cells.isetitem(clocks[0], pd.Series([repr(value) for value in (time_s - time_s[0]).tolist()], dtype=str))
-    units = tuple("s" if number == clocks[0] else cell for number, cell in enumerate(sheet.units))
-    note = (
-        f"Time from the clock of {' and '.join(printable(name, 40) for name in (column, *left))}, 0 in the first row."
-    )
+    place, cells = sheet.columns.index(column), sheet.cells.copy()
+    cells.isetitem(place, pd.Series([repr(value) for value in (time_s - time_s[0]).tolist()], dtype=str))
+    units = (*sheet.units[:place], "s", *sheet.units[place + 1 :])
+    note = f"Time by the clock of {' and '.join(printable(name, 40) for name in used)}, 0 in the first row."
     sheet = replace(sheet, cells=cells, units=units, steps=(*sheet.steps, note))
-    return sheet.of_columns([number for number, name in enumerate(sheet.columns) if name not in left])
+    return sheet.of_columns([number for number, name in enumerate(sheet.columns) if name not in used[1:]])
 
 
-def _is_clock(cell: str) -> bool:
-    found = _CLOCK.fullmatch(cell)
-    return found is not None and (found[1] is not None or not found[3].isdecimal())
+def _is_clock(cells: pd.Series) -> bool:
+    return (
+        len(cells) >= _FEWEST_TIMES and all(cells[:SAMPLE].str.fullmatch(_CLOCK)) and all(cells.str.fullmatch(_CLOCK))
+    )
 
 
 def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
     """One sheet per time if several accelerations have their own; columns left of the first are in all of them."""
-    sheet = _with_clock(sheet)
+    sheet = _with_clock_in_seconds(sheet)
     mapping = propose(sheet)
     roles = [use.role for use in mapping.uses]
     times = [number for number, role in enumerate(roles) if role == "time"]
@@ -256,7 +249,7 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     if content.count(b"\n") + content.count(b"\r") > 2 * limits.rows:
         raise DataError(Problem(path.name, f"at most {limits.rows} rows", "more", _SHORTER))
     text = _decoded(content, path.name)
-    lines = _rows(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
+    lines = _with_quoted_breaks_joined(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
     del content, text
     if max(map(len, lines)) > _LONGEST_LINE:
         raise DataError(Problem(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN))
@@ -283,15 +276,14 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     return table_sheet.sheet_of(path.name, header, cells, decimal, form)
 
 
-def _rows(lines: list[str]) -> list[str]:
-    """The lines of a text, those joined between which a quoted cell of a header has a line break."""
+def _with_quoted_breaks_joined(lines: list[str]) -> list[str]:
     for first, line in enumerate(lines[:SAMPLE]):
         if line.count('"') % 2:
             quotes = accumulate(line.count('"') for line in lines[first : first + _LONGEST_CELL])
             last = next((first + n for n, count in enumerate(quotes) if count % 2 == 0), first)
             cell = " ".join(lines[first : last + 1])
             if last > first and re.search(r"[^\W\d_]", cell):
-                return _rows([*lines[:first], cell, *lines[last + 1 :]])
+                return _with_quoted_breaks_joined([*lines[:first], cell, *lines[last + 1 :]])
     return lines
 
 
@@ -352,17 +344,18 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
 def _decoded(content: bytes, name: str) -> str:
     text = "\x00"
     with suppress(UnicodeDecodeError):
-        text = content.decode("utf-16") if content[:2] in (b"\xff\xfe", b"\xfe\xff") else _as_text(content)
+        text = (
+            content.decode("utf-16") if content[:2] in (b"\xff\xfe", b"\xfe\xff") else _in_likeliest_encoding(content)
+        )
     if "\x00" in text:
         raise DataError(Problem(name, "a table as text", "bytes that are no text", f"{_AGAIN} in UTF-8"))
     return text
 
 
-def _as_text(content: bytes) -> str:
-    """In UTF-8, else in the encoding in whose letters the first lines have the most words that we know."""
+def _in_likeliest_encoding(content: bytes) -> str:
     with suppress(UnicodeDecodeError):
         return content.decode("utf-8-sig")
-    known = {}
+    known = {}  # the words that we know in the first lines
     for encoding in _ENCODINGS:
         with suppress(UnicodeDecodeError):
             head = content[: content.rfind(b"\n", 0, _HEAD_BYTES) + 1 or None].decode(encoding)
