@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -464,7 +465,7 @@ def test_a_curve_of_another_quantity_is_asked_about(tmp_path: Path, role: Role) 
             import_source(path, tmp_path / "out", GIVEN, role=role)
 
 
-DAY = np.datetime64("2024-03-05T23:59:59.95")
+DAY = datetime(2024, 3, 5, 23, 59, 59, 950_000)
 
 
 @pytest.mark.parametrize(
@@ -481,7 +482,7 @@ def test_clocks_and_counters_that_begin_anew_are_times(tmp_path: Path, header: s
     """Over midnight, a full second or minute; time goes on from the first row."""
     rows = []
     for late_s, a in zip((TIME_S - TIME_S[0]).tolist(), PULSE_G.tolist(), strict=True):
-        t = (DAY + np.timedelta64(round(1e6 * late_s), "us")).item()
+        t = DAY + timedelta(microseconds=round(1e6 * late_s))
         rows.append(row.format(t=t, a=a, ms=t.microsecond / 1e3, us=t.microsecond, s=t.second + t.microsecond / 1e6))
     (tmp_path / "x.csv").write_text("\n".join([header, *rows]), encoding="utf-8")
     (record,) = read_records(Reading(tmp_path / "x.csv"))
