@@ -9,6 +9,7 @@ import numpy as np
 
 from crashfuse.readers.vocabulary import (
     AXES,
+    HEADERS,
     UNITS,
     UNPLACED,
     ChannelCode,
@@ -27,22 +28,8 @@ ColumnRole = Literal[
 # reasons why an acceleration is not the pulse
 OTHER_DIRECTION, OF_A_DUMMY, A_LIMIT = "another direction than X", "a dummy's", "a limit, no signal"
 _LIMIT = re.compile(r"(upper|lower|ober\w*|unter\w*)( (bound|limit|band|grenze|schranke))?")
-_WORDS: dict[ColumnRole, str] = {
-    "id": r"id|(test|run) ?(id|nr|no|number|name)?|versuch(s ?(nr|nummer|name))?|lauf|name|nr|no|number|variante|"
-    r"simulation|sim|case|record",
-    "time": r"t|time|zeit|temps|tiempo|tempo|time.*|zeit.*",
-    "acceleration": r"a|ax|a ?x|accx?|acc .*|accel.*|.* accel.*|beschl.*|.* beschl.*|decel.*|verzog.*|puls.*|.* pulse?|"
-    r"(.* )?langsbeschl.*",
-    "speed": r"v|v0|v ?0|speed|.* speed|velocity|.* velocity|geschw.*|.*geschwindigkeit|vitesse.*",
-    "front_weight": r".*(front|vorn|vorder).*|.*\b(va|fa)\b.*|wf",
-    "rear_weight": r".*(rear|hint).*|.*\b(ha|ra)\b.*|wr",
-    "mass": r".*(mass|masse|weight|gewicht).*|m",
-}
-_WEIGHT = re.compile(r".*(mass|masse|weight|gewicht|load|last|axle|achs).*|wf|wr")
-_NOT_AS_TESTED = re.compile(
-    r"\b(soll|ziel|rebound|ruckprall|ruckwurf|planned|geplant|target|nominal|delta|dv\b|ees\b|wind|"
-    r"dumm(y|ies)|zulad|cargo|payload|ballast)"
-)
+_HEADERS = {name: re.compile(pattern) for name, pattern in HEADERS.items()}
+_WEIGHT, _NOT_AS_TESTED, _OTHER_UNIT = (_HEADERS[name] for name in ("weight", "not_as_tested", "other_unit"))
 _INCLUDING = re.compile(r"\b(incl|inkl|including|with|mit)\b.*")
 _BODY, _DUMMY, _VEHICLE, _OTHER_AXIS = words("body"), words("body", "dummy"), words("vehicle"), words("direction")
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")  # HeadAccX, DUMMYHead
@@ -59,9 +46,6 @@ _FEW_WORDS = 4
 _CURVE = re.compile(r".*(force|kraft|velocity|displacement|geschwindigkeit|weg)( [xyz])?")
 _REPEATED = re.compile(r" \(\d+\)$")  # what makes equal headers unique
 _WIDE = str.maketrans("（）［］【】", "()[][]")
-_OTHER_UNIT = re.compile(
-    r"volts?|amperes?|k?n|[cm]?m|k?nm|[mkh]?pa|m?bar|psi|[mk]?v|m?a|(deg|rad|°)(/s)?|µ?m/m|µe|°c|hz|k?j|lbf|inch|in|ft"
-)
 _LETTER = re.compile(r"(?<![^\W\d_])(a|acc|accel)?([ _.-]?)([xyz])(?![^\W\d_])", re.IGNORECASE)
 _CODE = re.compile(r"(?<![^\W_])([0-9?_][0-9A-Z?_]{11}AC)([XYZ123])([0-9A-Z?_])(?![^\W_])", re.IGNORECASE)
 _NUMBERS = "123"  # of the directions in some codes
@@ -220,7 +204,7 @@ def _name_and_unit(column: str, unit_cell: str) -> tuple[str, str | None]:
 
 
 def _is(role: ColumnRole, name: str) -> bool:
-    return re.fullmatch(_WORDS[role], name) is not None or (role in _ALSO and _ALSO[role].search(name) is not None)
+    return _HEADERS[role].fullmatch(name) is not None or (role in _ALSO and _ALSO[role].search(name) is not None)
 
 
 def _code_of(column: str) -> ChannelCode | None:

@@ -30,6 +30,7 @@ from crashfuse.readers.table_mapping import propose
 from crashfuse.readers.table_sheet import SAMPLE, SHEET_LIMITS, Header, Sheet
 from crashfuse.readers.vocabulary import UNITS, plain, unit_named, words
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.wording import time_text
 
 _TIME = "X_Value"
 _GAP = re.compile(r"[\t,;]")
@@ -48,7 +49,7 @@ _GROUPED_CELLS = re.compile(r"(?<![\w.])[-+]?[1-9]\d{0,2},\d{3}(?!\d)(\.\d+)?")
 _DECIMALS = re.compile(r"-0,\d+|[-+]?\d+,(0\d+|\d+[eE][-+]?\d+)")
 _BETWEEN_NAMES = (r"\s{2,}|\t", r"(?<=[)\]])\s+", r"\s+(?![\[(])", r"\s+")  # the likeliest first
 _CLOCK = re.compile(
-    r"\s*(?:[\w./-]+(?: days?)?[ T]+)?(?=\d+:\d+[:.,])(?:(\d+):)?(\d+):(\d+(?:[.,:]\d+)?)"
+    r"\s*(?:[\w./-]+(?: days?)?[ T]+)?(-?)(?=\d+:\d+[:.,])(?:(\d+):)?(\d+):(\d+(?:[.,:]\d+)?)"
     r"(?: ?[AaPp][Mm]|Z|[+-]\d\d:?\d\d)?\s*"
 )
 _FEWEST_TIMES, _LONGEST_STEP_S, _DAY_S = 20, 0.1, 86400.0
@@ -59,8 +60,8 @@ def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
     column = next((name for name in sheet.columns if _is_clock(sheet.column(name))), None)
     if column is None:
         return sheet
-    parts = sheet.column(column).str.extract(_CLOCK).fillna("0").replace("[,:]", ".", regex=True)
-    time_s = parts.astype(float).to_numpy() @ (3600.0, 60.0, 1.0)
+    signs, *parts = sheet.column(column).str.extract(_CLOCK).fillna("0").replace("[,:]", ".", regex=True).to_numpy().T
+    time_s = np.array((3600.0, 60.0, 1.0)) @ np.array(parts, dtype=float) * np.where(signs == "-", -1.0, 1.0)
     time_s += _DAY_S * np.cumsum(np.diff(time_s, prepend=time_s[0]) < -_DAY_S / 2)
     used = [column]
     for name, cell in zip(sheet.columns, sheet.units, strict=True):
@@ -73,10 +74,12 @@ def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
             used.append(name)
     if not 0 < np.median(np.diff(time_s)) <= _LONGEST_STEP_S:
         return sheet
+    first_s = time_s[0] if time_s[0] > 0 else 0.0
     place, cells = sheet.columns.index(column), sheet.cells.copy()
-    cells.isetitem(place, pd.Series([repr(value) for value in (time_s - time_s[0]).tolist()], dtype=str))
+    cells.isetitem(place, pd.Series([repr(value) for value in (time_s - first_s).tolist()], dtype=str))
     units = (*sheet.units[:place], "s", *sheet.units[place + 1 :])
-    note = f"Time by the clock of {' and '.join(printable(name, 40) for name in used)}, 0 in the first row."
+    names = " and ".join(printable(name, 40) for name in used)
+    note = f"Time by the clock of {names}, from {time_text(time_s[0] - first_s)} on."
     sheet = replace(sheet, cells=cells, units=units, steps=(*sheet.steps, note))
     return sheet.of_columns([number for number, name in enumerate(sheet.columns) if name not in used[1:]])
 

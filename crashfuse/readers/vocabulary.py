@@ -35,6 +35,7 @@ from crashfuse.wording import KPH_KG, MPH_LB, Quantity
 _LETTERS = str.maketrans({"ł": "l", "ø": "o", "đ": "d", "ı": "i", "æ": "ae"})  # that have no accent to drop
 _ACCENTS = re.compile("[\u0300-\u036f]")
 _CJK = "[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7a3]"
+_BETWEEN_WORDS = re.compile("[^\\w\u0900-\u0eff]|_")  # in Indic and Thai words marks are no letters
 _SCRIPTS = re.compile(rf"(?<={_CJK})(?=[0-9a-z])|(?<=[0-9a-z])(?={_CJK})")
 
 
@@ -45,24 +46,20 @@ def _unaccented(text: str) -> str:
 
 def plain(text: str) -> str:
     """A name in any script as words of small letters without accents; CJK words stand apart from others."""
-    return " ".join(re.sub(r"[\W_]+", " ", _SCRIPTS.sub(" ", _unaccented(text))).split())
+    return " ".join(_BETWEEN_WORDS.sub(" ", _SCRIPTS.sub(" ", _unaccented(text))).split())
 
 
 _WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
+HEADERS: Mapping[str, str] = _WORDS["header"]
+
 
 def words(*groups: str) -> re.Pattern[str]:
     """A pattern of the words in groups of ``words.toml`` (``body``, or ``key.source``), for a name that is plain."""
-    tables = (
-        _WORDS[group] if not part else {part: _WORDS[group][part]}
-        for group, _, part in (g.partition(".") for g in groups)
-    )
-    terms = [
-        _unaccented(term).replace("*", r"\w*")
-        for table in tables
-        for text in table.values()
-        for term in text.split(", ")
-    ]
+    terms: list[str] = []
+    for group, _, part in (name.partition(".") for name in groups):
+        texts = [_WORDS[group][part]] if part else _WORDS[group].values()
+        terms += [_unaccented(term).replace("*", r"\w*") for text in texts for term in text.split(", ")]
     letters, signs = ([term for term in terms if bool(re.search(_CJK, term)) is is_cjk] for is_cjk in (False, True))
     return re.compile("|".join([rf"(?<![^\W\d])(?:{'|'.join(letters)})(?![^\W\d])", *signs]))
 
