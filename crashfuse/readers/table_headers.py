@@ -141,7 +141,7 @@ def named_above(lines: Iterable[str]) -> tuple[str, ...]:
         if is_listing and _numbered_channel(line)[0]:
             continue
         name = plain(key)
-        if value and _OF_A_TEST.search(name):
+        if value and (_OF_A_TEST.search(name) or (value[0].isdigit() and _CURVE.fullmatch(name))):
             continue
         text = value if value and (_OF_A_CHANNEL.search(name) or _NAME.search(name)) else key
         is_list = len({"x", "y", "z"} & set(plain(text).split())) > 1 or len(re.split("[,;|\t]", text)) > 2

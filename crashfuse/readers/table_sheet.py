@@ -187,7 +187,7 @@ def _popped_units(above: list[tuple[list[str], str]], width: int) -> list[str]:
 
 
 def _is_of_titles(row: Sequence[str], width: int, *, is_last: bool) -> bool:
-    if not any(row[1:]) or len(row) > width or all(map(is_unnamed, row)):
+    if all(map(_is_value, row[1:])) or len(row) > width or all(map(is_unnamed, row)):
         return False
     is_named = not row[0] or use_of(row[0], "").role == "time" or (is_last and not is_key(row[0]))
     return width > 2 or is_named

@@ -417,6 +417,7 @@ def test_a_logger_that_counts_within_the_second_is_read_with_its_clock() -> None
         ("Versuch 7 zur Simulation\nHyundai Santa Fe\nt [ms];a [g]", "= a [g]"),
         ("Model: Santa Fe\nFrontal, rigid wall, 2 dummies, engine 1.6 l\nt [ms];a [g]", "= a [g]"),
         ("Channel 1: Driver head X\nChannel 2: Sill X\nt [ms];ch1;ch2", "= ch2"),
+        ("Velocity;51 km/h\nSpeed;51 km/h\nt [ms];CH1", "= CH1"),
         ("X-velocity\nTime [ms];A8874", "A8874: no acceleration: X-velocity"),
         ('"t\n[ms]";"Kopf X\n[g]"', "Kopf X [g]: a dummy's"),
         ('"t\r\n[ms]";"Acc Y\r\n(g)";"Tunnel\r\nAcc X\r\n(g)"', "= Tunnel Acc X (g)"),
