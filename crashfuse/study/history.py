@@ -128,10 +128,12 @@ def keep(result: PastResult) -> None:
 
 
 def annotate(result: PastResult, note: str) -> None:
-    """Write a note on a result that is kept; a DataError if somebody has written another one since."""
+    """Write a note on a result that is kept; a DataError if it no longer is, or has another note since."""
     text = printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
     with sole_writer(_home(), _PATIENCE_S):
-        before = _read(_home() / f"{result.id}.json") or result
+        before = _read(_home() / f"{result.id}.json")
+        if before is None:
+            raise DataError(Problem(result.campaign, "a result that is kept", "one forgotten since", "compute it again"))
         if before.note not in (result.note, text):
             found = f"“{before.note}”, which was written since"
             raise DataError(Problem(result.campaign, f"the note “{result.note}”", found, "write yours again"))
