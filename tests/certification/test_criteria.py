@@ -107,7 +107,7 @@ NO_COSTS = "expected costs test and wrong_answer, above 0, the wrong answer the 
         (f"{CRUSH}at_most = 650\nwindow_ms = 60", "expected no window_ms, which only the rating has, found 60"),
         (
             f"{CRUSH}at_most = 650\nhint = 1",
-            "expected the keys name, metric, window_ms, at_least, at_most, unit, found",
+            "expected the keys name, metric, unit, window_ms, at_least, at_most, found",
         ),
         (f'{CRUSH}at_most = 650\nname = " "', "expected a name of at most 100 characters in one line"),
         (
