@@ -44,7 +44,7 @@ def rate(arguments: argparse.Namespace) -> None:
 def _choices(arguments: argparse.Namespace) -> RatingChoices:
     channels, others, also = map(tuple, (arguments.channel, arguments.comparison_channel, arguments.also))
     unit = ACCELERATION_UNITS.get(arguments.unit, arguments.unit)
-    return RatingChoices(channels, others, arguments.channel_filter_class, unit, also)
+    return RatingChoices(channels, others, arguments.channel_filter_class, unit, also, arguments.as_given)
 
 
 def _explained(arguments: argparse.Namespace) -> list[dict[str, Any]]:
