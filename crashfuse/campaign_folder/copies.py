@@ -5,8 +5,8 @@ share of one pulse that no line through the other explains, at the best shift, a
 copies that were shifted, scaled, cropped, resampled, filtered again or rounded; at least 0.7 % between the closest of
 4000 pairs of measured repeats (a helmet on a headform), and 3.9 % between simulated cars with 2 % scatter.
 
-Two sensors of one crash are no copies: they differ by some 5 to 15 %, repeats of measured impacts by 1 to 100 %. So
-likeness alone says nothing. Names do that differ by a place alone, and a condition equal to the digit where few are.
+Sensors of one crash differ by 5 to 15 %, measured repeats by 1 % and more. So likeness alone does not tell them apart.
+Names do that differ by a place alone, and a condition equal to the digit where few are.
 """
 
 import re
@@ -94,17 +94,14 @@ def sensors_of_one_crash(
 
 
 def _of_two_crashes(one: About, other: About) -> bool:
-    """By their dates, numbers or laboratories."""
     return any(key in dict(other) and dict(other)[key] != value for key, value in one if key not in _OF_SENSORS)
 
 
 def _without_place(name: str) -> list[str]:
-    """The words of a name that name no place of a sensor: ``V7_SillLeft`` and ``V7 tunnel`` are both of V7."""
-    words, kept = [word.casefold() for word in _TOKEN.findall(name)], list[str]()
-    for before, word in zip(["", *words], words, strict=False):
-        if not (_PLACE.fullmatch(word) or (word.isdigit() and before in _NUMBERED)):
-            kept.append(word)
-    return kept
+    """The words of a name but those of a sensor's place: ``V7_SillLeft`` and ``V7 tunnel`` are both of V7."""
+    words = [word.casefold() for word in _TOKEN.findall(name)]
+    pairs = zip(["", *words], words, strict=False)
+    return [word for before, word in pairs if not (_PLACE.fullmatch(word) or (word.isdigit() and before in _NUMBERED))]
 
 
 def check_runs_differ(table: ConditionTable, accel: npt.NDArray[np.float32], warnings: list[str]) -> None:

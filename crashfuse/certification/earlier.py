@@ -154,6 +154,7 @@ def _of(values: dict[str, Any], digest: str, sealed: str) -> Earlier:
         criteria,
         matrix,
         _occupant(values),
+        # what a file says of others' seals is believed if it is sealed itself
         tuple(_trial(trial, believed=bool(sealed)) for trial in before.get("verdicts", ())),
         {_text(name): _outcomes(tests) for name, tests in before.get("waived_and_tested", {}).items()},
         tuple(_removed(**test) for test in before.get("gone", ())),
@@ -165,7 +166,6 @@ def _of(values: dict[str, Any], digest: str, sealed: str) -> Earlier:
 
 
 def _in_their_units(limits: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """As they were judged: what a user who states no unit is asked about was settled then."""
     return [{"unit": METRIC_UNITS.get(limit["metric"], ""), **limit} for limit in limits]
 
 
@@ -186,7 +186,6 @@ def _ids(ids: Iterable[str]) -> tuple[str, ...]:
 
 
 def _trial(trial: dict[str, Any], *, believed: bool) -> Trial:
-    """That verdicts before it were sealed, a file says that is sealed itself, or nobody."""
     (limit,) = criteria_of(_in_their_units([trial["criterion"]])).items
     numbers, test = (trial["measured"], trial.get("shift", 0.0)), trial["test"]
     _require(all(map(is_number, numbers)) and not id_trouble(test))

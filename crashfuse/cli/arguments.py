@@ -225,7 +225,7 @@ def _add_rating_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--comparison-channel", nargs="+", default=(), metavar="NAME", help="if named otherwise")
     parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
     parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help="60, 180 or so, or none")
-    parser.add_argument("--as-given", action="store_true", help="move, turn and filter nothing, whatever the format")
+    parser.add_argument("--as-given", action="store_true", help="move, turn and filter nothing")
     printed = parser.add_mutually_exclusive_group()
     printed.add_argument("--json", action="store_true", help="print JSON instead of a table")
     printed.add_argument("--csv", action="store_true", help="print CSV instead of a table")

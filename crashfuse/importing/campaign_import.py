@@ -238,8 +238,8 @@ def _of_one_crash(settled: Sequence[Settled], *, given_once: bool) -> tuple[Sett
     for *pair, share in sensors_of_one_crash(ids, conditions, accel, about, given_once=given_once):
         for one, other in permutations(ids[int(place)] for place in pair):
             others.setdefault(one, []).append(f"{other} (alike to {100 * share:.0f} %)")
-    advice = "if they are sensors of one crash, import one, or average them as columns of one table"
-    notes = {name: (f"Careful: at one condition with {listed(alike)}; {advice}.",) for name, alike in others.items()}
+    told = "Careful: at one condition with {}; import one of them if they are sensors of one crash."
+    notes = {name: (told.format(listed(alike)),) for name, alike in others.items()}
     return tuple(replace(one, steps=(*one.steps, *notes.get(one.id, ()))) for one in settled)
 
 

@@ -1,7 +1,7 @@
 """Ratings of files against each other: two of any kind that the import reads, pairs from a table, ISO-MME tests.
 
-Tables keep their time and sign, and the channels of whole ISO-MME tests are rated as they are. Every other file goes
-through the steps of the import, so that a rating is the same before and after it, and a note has what they changed.
+Tables keep their time and sign, channels of whole ISO-MME tests all they have. Every other file goes through the steps
+of the import, so that a rating is the same before and after it. A note has what they changed.
 """
 
 import math
@@ -39,7 +39,7 @@ from crashfuse.wording import time_text
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
 COLUMNS = (*("reference", "comparison", "channel", "window_ms"), *("overall", *WEIGHTS, "grade", "basis", "note"))
-"""Of a table of ratings; a note says why there is none, or what was changed before, or speaks against a channel."""
+"""Of a table of ratings; a note says why there is none, what was changed before, or what speaks against it."""
 
 _PAIR_COLUMNS = ("reference", "comparison", "reference_channel", "comparison_channel")
 _MOST_PAIRS = 10_000
@@ -222,7 +222,6 @@ def _curve(path: Path, channels: tuple[str, ...], choices: RatingChoices) -> _Cu
 
 
 def _as_given(case: Case, choices: RatingChoices) -> _Curve:
-    """By its own time and sign; what a table names a deceleration is turned, unless asked not to."""
     channels = agreeing_channels(case)
     time_s, values = average(case, channels)
     accel, changes = values * ACCELERATION_UNITS[_unit(case.record, channels[0], case.choices)], list[str]()

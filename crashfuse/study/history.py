@@ -133,7 +133,8 @@ def annotate(result: PastResult, note: str) -> None:
     with sole_writer(_home(), _PATIENCE_S):
         before = _read(_home() / f"{result.id}.json")
         if before is None:
-            raise DataError(Problem(result.campaign, "a result that is kept", "one forgotten since", "compute it again"))
+            kept, found = "a result that is kept", "one that was forgotten since"
+            raise DataError(Problem(result.campaign, kept, found, "compute it again"))
         if before.note not in (result.note, text):
             found = f"“{before.note}”, which was written since"
             raise DataError(Problem(result.campaign, f"the note “{result.note}”", found, "write yours again"))

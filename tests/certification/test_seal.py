@@ -2,9 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterator, Sequence
-from functools import reduce
-from operator import getitem
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -111,28 +109,17 @@ def test_no_changed_byte_of_any_file_passes(reviewed: Path, data: st.DataObject)
     assert all(name in f"{problem.where} {problem.found}" for problem in problems)
 
 
-def _leaves(value: object, *path: object) -> Iterator[tuple[object, ...]]:
-    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    yield path
-    for key, part in parts:
-        yield from _leaves(part, *path, key)
-
-
-@pytest.mark.parametrize("name", [FILE, SEAL, REVIEW])
-def test_no_field_that_is_believed_can_be_changed(reviewed: Path, name: str) -> None:
-    """Each removed, or with another value that reads as well, one after the other, in its place."""
-    content = (reviewed / name).read_text()
-    for *above, key in filter(None, _leaves(json.loads(content))):
-        for other in ("AA" * 32, None):
-            values = json.loads(content)
-            part = reduce(getitem, above, values)
-            if other is None:
-                del part[key]
-            else:
-                part[key] = base64.b64encode(b"x" * 64).decode() if key == "signature" else other
-            (reviewed / name).write_text(json.dumps(values, indent=2))
-            (problem,) = problems_of(lambda: verify(reviewed))
-            assert name in f"{problem.where} {problem.found}", (*above, key)
+@pytest.mark.parametrize("name", [SEAL, REVIEW])
+@pytest.mark.parametrize("field", ["public_key", "signature"])
+@pytest.mark.parametrize("of_another", [False, True])
+def test_no_field_of_a_signature_can_be_changed(reviewed: Path, name: str, field: str, of_another: bool) -> None:
+    """Nor be left out: neither for another's, which reads as well."""
+    values = json.loads((reviewed / name).read_text())
+    other = json.loads((reviewed / (REVIEW if name == SEAL else SEAL)).read_text())
+    changed = {key: (other if key == field else values)[key] for key in values if of_another or key != field}
+    (reviewed / name).write_text(json.dumps(changed))
+    (problem,) = problems_of(lambda: verify(reviewed))
+    assert name in f"{problem.where} {problem.found}"
 
 
 def test_a_seal_of_before_with_digests_of_lines_holds(sealed: Path) -> None:
@@ -145,20 +132,16 @@ def test_a_seal_of_before_with_digests_of_lines_holds(sealed: Path) -> None:
     assert (problem.where, problem.found) == ("track_record.csv", "no such file")
 
 
-def test_who_signs_what_another_sealed_is_no_maker_of_it(sealed: Path, tmp_path: Path) -> None:
-    """The file names the key of its maker."""
-    make_keys(tmp_path / "forger")
-    _sign(sealed / SEAL, read_key(tmp_path / "forger", "private"), (sealed / FILE).read_bytes())
-    (problem,) = problems_of(lambda: verify(sealed))
-    assert (problem.where, problem.found.split()[-1]) == (SEAL, key_name(read_key(tmp_path / "forger.pub", "public")))
-
-
 def test_whoever_seals_it_anew_has_another_key(sealed: Path, maker: Path, tmp_path: Path) -> None:
     """What was changed and sealed again holds by its own key, and not by the one that the reviewer was given."""
     make_keys(tmp_path / "forger")
     (sealed / "track_record.csv").write_bytes(TABLE.replace(b"not met", b"met"))
-    seal(sealed, read_key(tmp_path / "forger", "private"), {}, None)
-    assert verify(sealed).key == key_name(read_key(tmp_path / "forger.pub", "public"))
+    forger, its_name = read_key(tmp_path / "forger", "private"), key_name(read_key(tmp_path / "forger.pub", "public"))
+    _sign(sealed / SEAL, forger, (sealed / FILE).read_bytes())  # which names its maker
+    (problem,) = problems_of(lambda: verify(sealed))
+    assert (problem.where, problem.found) == (SEAL, f"one by the key {its_name}")
+    seal(sealed, forger, {}, None)
+    assert verify(sealed).key == its_name
     (problem,) = problems_of(lambda: verify(sealed, maker.with_name("maker.pub")))
     assert (problem.where, key_name(read_key(maker.with_name("maker.pub"), "public")) in problem.expected) == (
         SEAL,

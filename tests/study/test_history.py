@@ -103,7 +103,7 @@ def test_a_note_brings_no_forgotten_result_back(past: PastResult, home: Path) ->
     """A list that still shows it may be older than the records."""
     keep(past)
     (home / f"{past.id}.json").unlink()
-    with pytest.raises(DataError, match="found one forgotten since"):
+    with pytest.raises(DataError, match="found one that was forgotten since"):
         annotate(past, "before the new rail")
     assert past_results() == []
 
