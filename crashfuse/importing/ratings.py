@@ -111,7 +111,7 @@ def explain_files(
     *,
     choices: RatingChoices = RatingChoices(),
 ) -> list[RatingExplanation]:
-    """Explain how two files rate, over each window: as :func:`rate_files`, with what each rating is made of."""
+    """As :func:`rate_files`, what each rating is made of."""
     one, other = _curves(Path(reference), Path(comparison), choices, _curve)
     return [explain_rating(one.pulse, other.pulse, window_ms) for window_ms in windows_ms]
 
@@ -279,8 +279,7 @@ def rate_channels(
     """Rate every channel of one ISO-MME test against the channel of the other that has the same code.
 
     Of several channels with one code, the n-th is rated against the n-th; one that cannot be rated has one row, with a
-    note. Tests are given by their folder, ``.mme`` file or zip. Of the choices only ``also`` counts; a UsageError
-    refuses others that change a curve.
+    note. Tests are given by their folder, ``.mme`` file or zip. A UsageError refuses choices that change a curve.
     """
     if choices != RatingChoices(also=choices.also, as_given=choices.as_given):
         raise UsageError("Channels are rated as they are: choose nothing.")

@@ -1,6 +1,6 @@
 """What was computed on this machine: a small record of every study and prediction, kept beside the cache.
 
-A record holds ratings and settings, no pulses, in a file written whole or not at all, by one process at a time.
+A record holds ratings and settings, no pulses.
 """
 
 import hashlib

@@ -89,9 +89,7 @@ def test_check_names_the_sensors(tmp_path: Path) -> None:
     record = pd.read_csv(folder / "tests" / "T09.csv")
     record["acceleration_g"] += np.where(record["time_ms"] < 90, np.sin(record["time_ms"] / 5), 0.0)
     record.to_csv(folder / "tests" / "T09_right.csv", index=False)
-    assert any(
-        warning.startswith(f"tests.csv, T09 and T09_right: {ONE_CRASH}") for warning in load_campaign(folder).warnings
-    )
+    assert f"tests.csv, T09 and T09_right: {ONE_CRASH}" in " ".join(load_campaign(folder).warnings)
 
 
 @needs_shared

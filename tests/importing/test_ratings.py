@@ -23,9 +23,8 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.testing.readers import written
 from crashfuse.units import G
 from tests.conftest import SHARED, Capture, needs_shared, not_none
-from tests.importing import crash_files
-from tests.importing.crash_files import german
-from tests.importing.crashes import SPEED_MPS, clock, half_sine_g, ringing_g, scatter_g
+from tests.importing.crash_files import german, isomme
+from tests.importing.crashes import clock, half_sine_g, ringing_g, scatter_g
 
 CAMRY = SHARED / "real" / "nhtsa_10146_camry2018"
 SEATS = SHARED / "real" / "formats" / "isomme_seat" / "nh_g.zip"
@@ -37,7 +36,7 @@ def files(tmp_path: Path) -> Path:
     own = pd.DataFrame({"time_s": clock(0, 0.12), "acceleration_g": half_sine_g(clock(0, 0.12))})
     own.to_csv(tmp_path / "own.csv", index=False)
     ringing = half_sine_g(clock()) + np.where(clock() >= 0, ringing_g(clock()), 0.0)
-    written(tmp_path, {"lab.csv": german(clock(), ringing), "iso.zip": zipped(crash_files.isomme("V2", scatter=4.0))})
+    written(tmp_path, {"lab.csv": german(clock(), ringing), "iso.zip": zipped(isomme("V2", scatter=4.0))})
     return tmp_path
 
 
@@ -90,13 +89,6 @@ def test_a_rating_is_the_same_before_and_after_the_import(files: Path) -> None:
     ]
 
 
-def isomme(folder: Path, name: str, values_g: FloatArray, start_s: float) -> Path:
-    """An ISO-MME test of 56 km/h and 1700 kg."""
-    channel = Channel("10VEHC000000ACXP", "X", "g", values_g, 1e-4, start_s)
-    descriptors = [("Velocity test object 1", f"{SPEED_MPS:.9g}"), ("Mass test object 1", "1700")]
-    return written(folder, isomme_files(IsommeTest(name, descriptors, (channel,)))) / name
-
-
 HEADERS = ["Time [ms];Acceleration x [g]", "t/ms;a_x (g)", "Zeit [ms];Beschleunigung x in g", "time_ms;acceleration_g"]
 
 
@@ -126,7 +118,7 @@ def test_what_the_import_changes_is_told_and_left_out_on_demand(tmp_path: Path, 
     own, counts = tmp_path / "own.csv", tmp_path / "counts.csv"
     own.write_bytes(german(time_s, half_sine_g(time_s), header=HEADERS[0]))
     counts.write_bytes(german(time_s + 7, late_g, header=HEADERS[0]))
-    iso, as_given = isomme(tmp_path, "V1", -late_g, start_s=0.0), RatingChoices(as_given=True)
+    iso = written(tmp_path, isomme("V1", values_g=-late_g, start_s=0.0)) / "V1"
     turned = "comparison: turned, so that deceleration is negative."
     assert rate_files(own, iso, [60])["note"].item().startswith(turned)
     told = rate_files(own, counts, [60])
@@ -134,11 +126,11 @@ def test_what_the_import_changes_is_told_and_left_out_on_demand(tmp_path: Path, 
     assert float(not_none(moved)[1]) == pytest.approx(7012, abs=1.5)
     assert overall(told)[0] > 0.95
     expected = rate_windows(Pulse(time_s, half_sine_g(time_s)), Pulse(time_s, -late_g), [60])[60]
-    given = rate_files(own, iso, [60], choices=as_given)
+    given = rate_files(own, iso, [60], choices=RatingChoices(as_given=True))
     assert overall(given) == pytest.approx([expected.overall], abs=1e-5)
     assert given["note"].tolist() == [""]
     with pytest.raises(DataError, match="expected a record over 0–60 ms, found 7000–7150"):
-        rate_files(own, counts, [60], choices=as_given)
+        rate_files(own, counts, [60], choices=RatingChoices(as_given=True))
     files = [str(own), str(iso), "--windows-ms", "60"]
     assert cli.main(["rate", *files]) == cli.DONE
     assert f"Careful: {turned}" in capsys.readouterr().out
@@ -245,7 +237,7 @@ def test_isomme_tests_are_rated_channel_by_channel(tmp_path: Path) -> None:
     folder = written(tmp_path / "other", {**dummy("A", head), **dummy("BB", head, "kN")})
     table = rate_channels(folder / "A", folder / "BB", [80]).set_index("channel")
     assert "expected the unit N, found kN" in table.loc["11FEMRLE00H3FOZB", "note"]
-    folder = written(tmp_path, {**crash_files.isomme("V1"), **dummy("A", half_sine_g(clock()))})
+    folder = written(tmp_path, {**isomme("V1"), **dummy("A", half_sine_g(clock()))})
     with pytest.raises(DataError, match="codes that occur in one of them only"):
         rate_channels(folder / "V1", folder / "A")
 
