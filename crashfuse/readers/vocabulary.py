@@ -33,8 +33,12 @@ AXES = "xyz"
 Travel = Literal["x", "-x", "y", "-y", "z", "-z"]  # in the file's own axes
 TRAVELS: tuple[Travel, ...] = get_args(Travel)
 
-# factors to m/s² of the units that occur in records; the last two are LS-DYNA's
-ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
+# factors to m/s² of the units that occur in records; mm/s² and what follows are those of solvers
+ACCELERATION_UNITS: Mapping[str, float] = {
+    **{"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3},
+    **{"cm/s²": 0.01, "in/s²": 0.0254, "ft/s²": 0.3048},
+}
+USUAL_UNITS = tuple(ACCELERATION_UNITS)[:4]  # the others are not inferred
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time": {"s": 1.0, "ms": MS, "µs": 1e-6},
@@ -52,6 +56,7 @@ _SPELLINGS = {
     "m/s²": ("m/s2", "m/ss", "m/s/s", "mps2", "ms-2", "m/sec2"),
     "mm/s²": ("mm/s2", "mm/ss", "mm/s/s", "mmps2", "mm/sec2"),
     "mm/ms²": ("mm/ms2", "mm/ms/ms", "mmpms2"),
+    **{f"{of}/s²": (f"{of}/s2", f"{of}/s/s", f"{of}ps2", f"{of}/sec2") for of in ("cm", "in", "ft")},
     "km/h": ("km/h", "kph", "kmh", "kmph", "km/hr"),
     "mph": ("mph", "mi/h", "mileperhour", "milesperhour"),
     "m/s": ("m/s", "mps", "m/sec"),
