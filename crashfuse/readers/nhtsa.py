@@ -170,6 +170,13 @@ def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
     return [sensor for sensor in there if sensor.vehicle == min(other.vehicle for other in there)]
 
 
+def other_vehicles(sensors: Sequence[Sensor]) -> list[str]:
+    """A sentence on those of other vehicles, if there are any."""
+    first, *others = sorted({sensor.vehicle for sensor in sensors if sensor.is_of_the_vehicle}) or [""]
+    left_out = printable(" and ".join(others))
+    return [f"Channels of vehicle {printable(first)}; those of vehicle {left_out} are left out."] if others else []
+
+
 def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     sensors = {str(sensor.number): sensor for sensor in channels}
 
@@ -210,6 +217,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
             raise DataError(Problem(specification.where, LACKING[0], have, LACKING[1]))
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
         condition, steps = _condition(sections, candidates[0].vehicle, specification.where)
+        steps += other_vehicles([one for one in listed if one.number in files])
         test = sections["TEST"][0]
         other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
         about = {name: _field(test, index) for name, index in _ABOUT.items()}

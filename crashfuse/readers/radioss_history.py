@@ -223,9 +223,6 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     set_out = solver_run.initial_speed(chosen)  # in the units of the run
     mass, mass_of = _mass(run, set_out)
     units = _units(run, chosen, source)
-    if mass is not None and solver_run.mass_unit_kg(mass, units[1] or "m/s²") is None:
-        expected, found = "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g"
-        raise DataError(Problem(source, expected, found, "choose another run"))
     steps = [f"Radioss run{f', {run.title}' if run.title else ''}.", *run.notes, units[2]]
     speed_mps, no_speed = None, "accelerometers alone, without an initial velocity"
     if np.isfinite(set_out):
@@ -234,6 +231,9 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     steps.append(why)
     if run.unread:
         steps.append(f"Not read: {listed(run.unread)}.")
+    if mass is not None and solver_run.mass_unit_kg(mass, units[1] or "m/s²") is None:
+        expected, found = "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g"
+        raise DataError(Problem(source, expected, found, "choose another run"))
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
     steps += solver_run.note_of_kept(len(kept), len(nodes))
     impulse = run.walls.get("XYZ"[axis])  # walls are written as impulses, not as forces

@@ -360,8 +360,8 @@ def run_record(
 
 def impulse_mass(wall: tuple[FloatArray, FloatArray], nodes: Sequence[History]) -> float:
     """The mass that the force of the barrier stops, in the unit of the run; 0 if nothing stops."""
-    changes = [float(np.abs(node.velocity - node.velocity[0]).max()) for node in nodes]
-    change = float(np.nan_to_num(np.median(changes)))
+    changes = [float(np.nan_to_num(np.abs(node.velocity - node.velocity[0]).max())) for node in nodes]
+    change = float(np.median(changes)) if nodes else 0.0
     return float(np.abs(integral(wall[1], wall[0])).max()) / change if change > 0 and wall[0].size > 1 else 0.0
 
 

@@ -27,7 +27,7 @@ from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse
 from crashfuse.readers.tdms_container import Properties, TdmsChannel, TdmsFile, parse_tdms
-from crashfuse.readers.vocabulary import UNITS, ChannelCode
+from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
 from crashfuse.wording import time_text
@@ -39,11 +39,13 @@ _ABOUT = {  # words in the names of properties
     "date": r"(test[ _-]*)?date([ _-]*(of[ _-]*(the[ _-]*)?test|time))?",
 }
 _SENSOR = ("sensor", "sensor name", "sensor_name", "transducer id", "transducer_id", "serial number", "serial_number")
+_COMMENTS = ("comment", "comments", "remark", "remarks", "description")
 _MOST_CHANNELS = 200  # of a test that could be its pulse
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _MOST_VALUES = 20_000_000  # in all of them
 _MOST_CLOCKS = 1000
 _SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
+_PROCESSED = re.compile(r"raw|roh|filter|cfc|process|calc|resampl|copy", re.IGNORECASE)
 _ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)  # 1000 channels of 10,000 samples have 80 MB
@@ -79,7 +81,11 @@ def _waveform(
     )
     origin = origin or (channel.group if vocabulary.is_simulated(channel.group) else "")
     sensor = next(filter(None, (_text_of(properties, key) for key in _SENSOR)), "")
-    return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, "the file", origin, status, sensor)
+    code = ChannelCode.parsed(label)
+    status = status if code is None or vocabulary.doubt_of(status) else code.dullness or status
+    comment = max((_text_of(properties, key) for key in _COMMENTS), key=vocabulary.doubt_in)
+    told = "the file", origin, status, sensor, "", comment
+    return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, *told)
 
 
 class _Candidate(NamedTuple):
@@ -104,22 +110,36 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         expected = "accelerations along X, by units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: table_headers.likelihood(one.channel.name))
-    channels, unread, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
+    read = found[:_MOST_CHANNELS]
+    channels, unread, began_s = _read_channels(file, read, every, where)
     if not channels:
         raise DataError(list(unread.values()))
+    repeated = Counter(one.channel.name for one in read)
+    groups = {_name(one.channel, repeated): one.channel.group for one in read}
+    tests = _groups_alike(channels, groups)
     condition, steps = _laboratory_condition(found[0].properties)
-    if len(set(began_s.values())) > 1:
-        channels = _aligned(channels, began_s, steps)
+    speeds = {_laboratory_condition(one.properties)[0].speed_mps for one in found if one.channel.group in tests}
+    if len(speeds) > 1:
+        condition, steps = (
+            PartialCondition(),
+            [f"TDMS file; groups {', '.join(map(printable, tests))} differ in speed."],
+        )
+    for part in [{test} for test in tests] or [{*groups.values()}]:
+        began = {name: start_s for name, start_s in began_s.items() if groups[name] in part}
+        if len(set(began.values())) > 1:
+            channels |= _aligned({name: one for name, one in channels.items() if groups[name] in part}, began, steps)
     if others := sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every):
         steps.append(f"Left out: dummies, and other directions ({others}).")
     if unread:
         steps.append(f"Left out for lack of samples or times: {', '.join(map(printable, unread))}.")
-    chosen, why = _proposed(channels, len(found), what)
+    chosen, why = _proposed(channels, len(found), what, tests)
+    if chosen and (unused := {*groups.values()} - {groups[name] for name in chosen}):
+        steps.append(f"Left out: accelerations of the groups {', '.join(map(printable, sorted(unused)))}.")
     about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
     pairs = ((name, key) for name, words in _ABOUT.items() for key in file.properties if re.fullmatch(words, key))
     pedigree = {name: text for name, key in pairs if (text := _text_of(file.properties, key))}
-    read = record_id, where, condition, tuple(channels.values()), chosen, (*steps, *why)
-    return Record(*read, unread=unread, other_setup=vocabulary.other_setup(about), about=pedigree)
+    content = record_id, where, condition, tuple(channels.values()), chosen, (*steps, *why)
+    return Record(*content, unread=unread, other_setup=vocabulary.other_setup(about), about=pedigree)
 
 
 def _read_channels(
@@ -131,7 +151,7 @@ def _read_channels(
     channels, unread, began_s = dict[str, RecordedChannel](), dict[str, Problem](), dict[str, float]()
     for one in found:
         channel, start = one.channel, one.properties.get("wf_start_time")
-        name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
+        name = _name(channel, repeated)
         try:
             clock = None if _number_of(one.properties, "wf_increment") else _clock_of(one, clocks, file, times)
             read = _waveform(file, channel, name, channel.name, where, clock)
@@ -146,6 +166,21 @@ def _read_channels(
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
             raise DataError(Problem(where, expected, "more", ONE_TEST))
     return channels, unread, began_s
+
+
+def _name(channel: TdmsChannel, times: Mapping[str, int]) -> str:
+    return channel.name if times[channel.name] == 1 else f"{channel.group}/{channel.name}"
+
+
+def _groups_alike(channels: Mapping[str, RecordedChannel], groups: Mapping[str, str]) -> list[str]:
+    """Groups with the same sensor of a vehicle, as of several tests; not one raw and one filtered."""
+    measured = {name: group for name, group in groups.items() if name in channels and not channels[name].is_simulated}
+    of_sensor = dict[str, set[str]]()
+    for name, group in measured.items():
+        code = ChannelCode.parsed(channels[name].label)
+        if code is not None and code.rank < UNPLACED and not _PROCESSED.search(group):
+            of_sensor.setdefault(code.sensor, set()).add(group)
+    return sorted({group for alike in of_sensor.values() if len(alike) > 1 for group in alike})
 
 
 def _aligned(
@@ -182,14 +217,26 @@ def _clock_of(
     return times[key]
 
 
-def _proposed(channels: Mapping[str, RecordedChannel], n: int, what: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _proposed(
+    channels: Mapping[str, RecordedChannel], n: int, what: str, tests: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     unit = "" if any(channel.unit for channel in channels.values()) else "; none states its unit"
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
         codes = {name: code for name in names if (code := ChannelCode.parsed(channels[name].label)) is not None}
-        chosen, why = vocabulary.propose_by_code(codes)
+        if tests:
+            return (
+                (),
+                f"The groups {', '.join(map(printable, tests))} hold the same channels; choose those of one test.",
+            )
+        objects = {code.text[0] for code in codes.values() if code.rank < UNPLACED}
+        vehicle = min(objects, default="")
+        chosen, why = vocabulary.propose_by_code(
+            {name: code for name, code in codes.items() if code.text[0] == vehicle} or codes
+        )
         if chosen:
-            return chosen, why
+            others = f" Those of test object {' and '.join(sorted(objects - {vehicle}))} are left out."
+            return chosen, f"{why}{others if len(objects) > 1 else ''}"
         if len(names) == 1 and len(channels) == n and what == "acceleration":
             return tuple(names), f"The only {what}{unit}: {printable(names[0])}."
         return (), f"Choose one of {len(channels)} {what}s{unit}."
@@ -243,12 +290,15 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
         label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
         return _waveform(file, channel, str(sensor.number), label, where)
 
+    tests = sorted({_text_of(properties, "test_tstno") for _, properties in pairs})
+    if len(tests) > 1:
+        raise DataError(Problem(where, "one test", f"{printable(', '.join(tests))}", ONE_TEST))
     test = sensors[candidates[0]][1]
     speed = _number_of(test, "veh_vehspd") or _number_of(test, "test_clsspd")
     mass = _number_of(test, "veh_vehtwt")
     car = " ".join(filter(None, (_text_of(test, f"veh_{name}") for name in ("year", "maked", "modeld"))))
     title = f"NHTSA test {_text_of(test, 'test_tstno')}, {printable(car)}."
-    steps = [title, *nhtsa.condition_steps(speed, mass, where)]
+    steps = [title, *nhtsa.condition_steps(speed, mass, where), *nhtsa.other_vehicles(list(sensors))]
     condition = PartialCondition(speed * KPH or None, mass or None)
     other = nhtsa.other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}
