@@ -21,7 +21,7 @@ from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
 from crashfuse.readers.lsdyna_binout import read_binout
 from crashfuse.readers.lsdyna_histories import Histories, States, energies_text, quality_of, read_nodout
-from crashfuse.readers.members import COPY_ALL, opened_members, read_all
+from crashfuse.readers.members import ASK, COPY_ALL, opened_members, read_all
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import AXES, Travel
 
@@ -209,8 +209,7 @@ def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | Non
     if not matsum and (parts := files.text.get("matsum")) is not None:
         matsum = energies_text(parts.chunks(budget), parts.where)
     if not run.nodes:
-        advice = "ask the solver for it (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
-        raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
+        raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", ASK))
     began = float(run.nodes[0].time[0])
     if run.is_cut:  # energies of what was before are not the crash's
         glstat, matsum = (

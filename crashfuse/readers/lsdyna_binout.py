@@ -17,7 +17,7 @@ import numpy.typing as npt
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers import lsdyna_histories
 from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, Histories, States
-from crashfuse.readers.members import COPY_AGAIN, COPY_ALL, CUT_SHORT, OTHER_KIND
+from crashfuse.readers.members import ASK, COPY_AGAIN, COPY_ALL, CUT_SHORT, OTHER_KIND
 from crashfuse.readers.solver_run import KEEP_APART, History, axis_of_travel
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
@@ -339,8 +339,11 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
     with np.errstate(invalid="ignore"):  # damaged data may hold any number
         forms = _DATABASES[part.database]
         there = [form for form in forms if form.format(axis) in part.names(part.states[0])]
+        if forms[1] not in there:
+            expected, found = "velocities of nodes, and accelerations", f"none in {part.database}"
+            raise DataError(Problem(part.where, expected, found, ASK))
         for of, name in zip(values, forms, strict=True):
-            if there == [forms[1]] and name == forms[0]:
+            if name not in there:
                 continue  # the velocities tell
             for place, state in enumerate(part.states):
                 row = part.value(state, name.format(axis))

@@ -208,7 +208,7 @@ def departure_time(nodes: Sequence[History], travel: Travel | None) -> float:
     rest = int(at_rest[-1])
     set_in, braked_in = time[first] - time[rest], time[first + slow[0]] - time[first]
     change = np.median([integral(node.acceleration, node.time)[[rest, first]] for node in nodes], axis=0)
-    is_told = abs(change[1] - change[0]) > top / 2
+    is_told = abs(abs(change[1] - change[0]) - top) < top / 2
     is_set = _AT_ONCE * set_in <= braked_in and (travel is not None or not is_told)
     return float(time[first] if is_set else time[0])
 
@@ -234,7 +234,7 @@ def units_of(
     if may_be[0] == "m/s²" and (fitting or not may_be_imperial or not _is_too_hard(nodes)):
         return 1.0, "m/s²", f"SI units: {told}."
     speeds = (number(fastest * ACCELERATION_UNITS[of] / KPH, ".1f") for of in may_be)
-    options = " or ".join(f"{kph} km/h by {of}" for kph, of in zip(speeds, may_be, strict=True))
+    options = " or ".join(f"{kph} km/h if in {of}" for kph, of in zip(speeds, may_be, strict=True))
     return 1.0, None, f"Unit of length unknown: {told}, {options}."
 
 

@@ -41,6 +41,7 @@ _ABOUT = {  # words in the names of properties
 _SENSOR = ("sensor", "sensor name", "sensor_name", "transducer id", "transducer_id", "serial number", "serial_number")
 _COMMENTS = ("comment", "comments", "remark", "remarks", "description")
 _MOST_CHANNELS = 200  # of a test that could be its pulse
+_ONE_CRASH_S = 10.0  # between loggers
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _MOST_VALUES = 20_000_000  # in all of them
 _MOST_CLOCKS = 1000
@@ -116,7 +117,7 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         raise DataError(list(unread.values()))
     repeated = Counter(one.channel.name for one in read)
     groups = {_name(one.channel, repeated): one.channel.group for one in read}
-    tests = _groups_alike(channels, groups)
+    tests = _groups_alike(channels, groups, began_s)
     condition, steps = _laboratory_condition(found[0].properties)
     speeds = {_laboratory_condition(one.properties)[0].speed_mps for one in found if one.channel.group in tests}
     if len(speeds) > 1:
@@ -133,8 +134,10 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     if unread:
         steps.append(f"Left out for lack of samples or times: {', '.join(map(printable, unread))}.")
     chosen, why = _proposed(channels, len(found), what, tests)
+    if tests:
+        channels = {name: replace(one, label=f"group {groups[name]}") for name, one in channels.items()}
     if chosen and (unused := {*groups.values()} - {groups[name] for name in chosen}):
-        steps.append(f"Left out: accelerations of the groups {', '.join(map(printable, sorted(unused)))}.")
+        steps.append(f"Left out: accelerations of other groups: {', '.join(map(printable, sorted(unused)))}.")
     about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
     pairs = ((name, key) for name, words in _ABOUT.items() for key in file.properties if re.fullmatch(words, key))
     pedigree = {name: text for name, key in pairs if (text := _text_of(file.properties, key))}
@@ -172,15 +175,18 @@ def _name(channel: TdmsChannel, times: Mapping[str, int]) -> str:
     return channel.name if times[channel.name] == 1 else f"{channel.group}/{channel.name}"
 
 
-def _groups_alike(channels: Mapping[str, RecordedChannel], groups: Mapping[str, str]) -> list[str]:
-    """Groups with the same sensor of a vehicle, as of several tests; not one raw and one filtered."""
-    measured = {name: group for name, group in groups.items() if name in channels and not channels[name].is_simulated}
-    of_sensor = dict[str, set[str]]()
-    for name, group in measured.items():
-        code = ChannelCode.parsed(channels[name].label)
-        if code is not None and code.rank < UNPLACED and not _PROCESSED.search(group):
-            of_sensor.setdefault(code.sensor, set()).add(group)
-    return sorted({group for alike in of_sensor.values() if len(alike) > 1 for group in alike})
+def _groups_alike(
+    channels: Mapping[str, RecordedChannel], groups: Mapping[str, str], began_s: Mapping[str, float]
+) -> list[str]:
+    """Groups with the same sensor of a vehicle, as of several tests; not one raw and one filtered, or of one time."""
+    of_sensor = dict[str, dict[str, float]]()
+    for name, channel in channels.items():
+        code = ChannelCode.parsed(channel.label)
+        is_placed = code is not None and code.rank < UNPLACED
+        if code and is_placed and not channel.is_simulated and not _PROCESSED.search(groups[name]):
+            of_sensor.setdefault(code.sensor, {})[groups[name]] = began_s.get(name, np.nan)
+    alike = (times for times in of_sensor.values() if not np.ptp([*times.values()]) < _ONE_CRASH_S)
+    return sorted({group for times in alike if len(times) > 1 for group in times})
 
 
 def _aligned(

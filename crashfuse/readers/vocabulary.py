@@ -103,16 +103,17 @@ _SOUND = re.compile(
     r"unknown|undefined|not (specified|stated|checked|applicable)|n a|none|novalue"
 )
 _FAILURE = (
-    r"fail\w*|fault\w*|meaningless|n i o|nio|nok|bad|invalid|lost|loss|broken?|defect\w*|defekt\w*|destroyed|damaged|"
-    r"unusable|unbrauchbar|ausfall|ausgefallen|ungültig|disconnected|unplugged|detached|dislodged|torn|severed|"
-    r"dead(?! pedal)|abgerissen|kabelbruch|gebrochen|perdue?|cassée?|défaillant\w*|(open|short) circuit|"
-    r"(came|pulled|fell|broke|ripped) (off|loose|away|out|free)"
+    r"fail\w*|fault\w*|malfunction\w*|non ?functional|meaningless|n i o|nio|nok|bad|invalid|lost|loss|broken?|"
+    r"corrupt\w*|defect\w*|defekt\w*|destroyed|damaged|unusable|unbrauchbar|ausfall|ausgefallen|ungültig|disconnected|"
+    r"unplugged|detached|dislodged|torn|severed|cable cut|dead(?! pedal)|abgerissen|kabelbruch|gebrochen|perdue?|"
+    r"cassée?|défaillant\w*|(open|short) circuit|(came|pulled|fell|broke|ripped) (off|loose|away|out|free)"
 )
 _DOUBT = (
     r"question\w*|suspect\w*|suspicious|doubtful|dubious|unreliable|unrealistic|implausible|unplausibel|anomal\w*|"
-    r"abnormal\w*|errati\w*|errors?|erroneous|incorrect|wrong|intermittent\w*|drift\w*|nois[ey]\w*|spik\w*|saturat\w*|"
-    r"clipp\w*|over ?(range|load|driven)\w*|out of range|exceed\w*|drop ?outs?|loose|artefact\w*|artifact\w*|"
-    r"fragwürdig|zweifelhaft|gestört|störung\w*|übersteuert|douteu\w*"
+    r"abnormal\w*|errati\w*|(data|signal|sensor|channel) errors?|erroneous|incorrect|wrong|spurious|intermittent\w*|"
+    r"drift(s|ed|ing)|nois[ey]\w*|spik\w*|saturat\w*|clipp\w*|truncated|over ?(range|load|drive)[nd]?|out of range|"
+    r"exceed\w*|drop(ped)? ?outs?|loose|artefact\w*|artifact\w*|fragwürdig|zweifelhaft|gestört|störung\w*|übersteuert|"
+    r"douteu\w*"
 )
 _FAILED = re.compile(
     rf"\b({_FAILURE}|no (valid |usable )?(data|signal|values?|output|response|reading|channel)|"

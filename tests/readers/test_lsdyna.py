@@ -76,7 +76,7 @@ def test_a_model_in_inch_or_cm_is_not_taken_for_one_in_mm(
     monkeypatch.setitem(SYSTEMS, "other", (in_a_metre, 1.0, 1e-3))
     record = only(saved(tmp_path / "run7", binout=Run(unit="other").binout()))
     assert (record.condition.speed_mps, record.condition.mass_kg) == (None, None)
-    with pytest.raises(DataError, match=r"found a unit of length unknown: .* at up to [\d.]+, .* by in/s² or .* by cm/s²; give"):
+    with pytest.raises(DataError, match=r"found a unit of length unknown: .* at up to [\d.]+, .* in/s² or .* cm/s²; give"):
         settle(record, WEIGHTS, role="cae")
     with pytest.raises(DataError, match=r"give its unit \(--unit\), or convert it"):
         settle(record, replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS)), role="cae")
