@@ -104,11 +104,11 @@ class Case:
         return low <= abs(change_mps) / self.speed_mps <= high
 
     def fits_in(self, unit: str, gain: float) -> bool:
-        """Whether a change of velocity in this unit of acceleration times seconds is that of such a vehicle."""
+        """As :meth:`fits`, of a change in this unit of acceleration times seconds."""
         return self.is_moving and self.fits(gain * ACCELERATION_UNITS[unit])
 
     def delta_v(self, time_s: FloatArray, values: FloatArray) -> float:
-        """As the function, from the time zero on that the user gave: before it, a run may speed a vehicle up."""
+        """As the function, from the user's time zero on: before it, a run may speed up."""
         zero_s = self.choices.time_zero_s
         crash = time_s >= (-np.inf if zero_s is None else zero_s)
         return delta_v(time_s[crash], values[crash]) if crash.sum() > 1 else delta_v(time_s, values)

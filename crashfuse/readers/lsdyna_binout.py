@@ -267,7 +267,7 @@ def _add_states(states: States, file: _LsdaFile, database: str) -> None:
 
 
 def _in_order(file: _LsdaFile, database: str) -> list[tuple[_Folder, dict[str, int]]]:
-    """Folders of states are numbered as they are written."""
+    # numbered as they are written
     states = [(folder, names) for folder, names in file.folders.items() if folder[0] == database and "time" in names]
     return sorted(states, key=lambda state: (len(state[0][-1]), state[0][-1]))
 

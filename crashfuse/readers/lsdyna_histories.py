@@ -10,7 +10,6 @@ from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
 
 import numpy as np
 
@@ -44,7 +43,6 @@ _AS_TEXT |= {name.replace("_", " "): name for name in GLSTAT if name.endswith(("
 States = dict[float, dict[str, float]]  # values by name, by the time of the state
 
 _NO_EXPONENT_LETTER = re.compile(r"(?<=[\d.])([-+])")  # as Fortran writes exponents of three digits: 1.2-103
-_AT_REST = 0.01  # in any unit
 _LONGEST_ID = 19  # digits
 _STATE_TIME = re.compile(rb"at time\s*([-+.\dEeDd]+)")
 _ROW = re.compile(rb"\s*(\d+)(?=[\s+-]|$)(.*)", re.DOTALL)  # a negative number may directly follow the node number
@@ -60,7 +58,7 @@ class Histories:
     nodes: tuple[History, ...]
     total: int  # nodes in the files
     start: FloatArray = field(default_factory=lambda: np.zeros((3, 1)))  # velocities at the first state, (3, n_nodes)
-    # the largest speeds of any node along each axis; of the start alone where nodes set out with a speed
+    # the largest speeds of any node along each axis
     fastest: FloatArray = field(default_factory=lambda: np.zeros(3))
     notes: tuple[str, ...] = ()  # what was joined or left out
     is_cut: bool = False  # to begin where velocities are set
@@ -68,7 +66,7 @@ class Histories:
     walls: States = field(default_factory=dict)  # forces of all rigid walls together
 
     def since_departure(self, travel: Travel | None, start: Callable[[float], FloatArray]) -> "Histories":
-        """From where the velocity of nodes at rest is set; ``start`` gives velocities then, shape (3, n_nodes)."""
+        """From where a velocity is set, if so; ``start`` gives velocities then, shape (3, n_nodes)."""
         nodes = [node for node in self.nodes if node.name.isdecimal()] or list(self.nodes)
         if not nodes or (time := departure_time(nodes, travel)) <= nodes[0].time[0]:
             return self
@@ -78,7 +76,7 @@ class Histories:
 
 
 def latest(times: Sequence[float]) -> list[int]:
-    """Places of states, in order of writing, that are kept: of those that a restart repeats the later."""
+    """Places of states as written, of those that a restart repeats the later."""
     places: list[int] = []
     for place, time in enumerate(times):
         while places and times[places[-1]] >= time:
@@ -88,7 +86,7 @@ def latest(times: Sequence[float]) -> list[int]:
 
 
 def add_state(states: States, time: float, values: dict[str, float]) -> dict[str, float]:
-    """A state in order of writing; it takes the place of those from its time on, which a restart repeats."""
+    """Add a state as written, in the place of those that a restart repeats."""
     if states and time <= next(reversed(states)):
         for later in [other for other in states if other >= time]:
             del states[later]
@@ -187,13 +185,11 @@ class _Nodout:
         self._places: list[int] = []  # of accelerations and velocities in a row
         self._first: dict[str, list[float]] = {}
         self._start = np.zeros((3, 0))
-        self._axes: list[int] = []  # that are kept
-        self._series: dict[str, list[array[float]]] = {}  # accelerations along these axes, then velocities
+        self._series: dict[str, array[float]] = {}  # three accelerations and three velocities a state
         self._unread = False  # a row of the last state was cut short or cannot be read
         self._notes: list[str] = []
 
     def take(self, line: bytes) -> None:
-        """Read a line."""
         if line.startswith(b"{"):
             self._in_legend = b"BEGIN" in line
         elif self._in_legend:
@@ -213,48 +209,44 @@ class _Nodout:
             self._unread = not self._take_row(row.group(1).decode("latin-1"), row.group(2))
 
     def _damaged(self) -> DataError:
-        whole = min((len(values) for series in self._series.values() for values in series), default=0)
+        whole = min((len(values) for values in self._series.values()), default=0) // 6
         found = f"one that cannot be read after state {whole}"
         return DataError(Problem(self._where, "rows with all values of each node", found, COPY_AGAIN))
 
     def histories(self, title: str) -> Histories:
         if len(self._times) == 1:
             self._choose()
-        counts = {len(values) for series in self._series.values() for values in series}
+        counts = {len(values) // 6 for values in self._series.values()}
         whole, states = min(counts, default=0), len(self._times)
         if whole < states - 1 or max(counts, default=0) > states:
             raise self._damaged()
         if not whole:
             expected = "velocities and accelerations of nodes (x-vel, x-accl …)"
             raise DataError(Problem(self._where, expected, "none", "choose the nodout of a run"))
-        time, n = np.array(self._times[:whole]), len(self._axes)
-        # accelerations and velocities, axes, nodes, states
-        values = np.array([[of[:whole] for of in series] for series in self._series.values()])
-        values = values.reshape(len(self._series), 2, n, whole).transpose(1, 2, 0, 3)
-        fastest = np.abs(self._start).max(axis=1)
-        if n > 1:
-            fastest = np.maximum(fastest, np.abs(values[1]).max(axis=(1, 2)))
-        at = self._axes.index(axis_of_travel(self._start, self._travel, fastest)) if n > 1 else 0
-        nodes = tuple(
-            History(name, self._titles.get(name, ""), time, *values[:, at, place])
-            for place, name in enumerate(self._series)
+        time = np.array(self._times[:whole])
+        # kinds (acceleration, velocity), axes, nodes, states
+        values = (
+            np.array([of[: 6 * whole] for of in self._series.values()]).reshape(-1, whole, 2, 3).transpose(2, 3, 0, 1)
         )
-        notes = (*self._notes, *((CUT,) if whole < states else ()))
+        fastest = np.maximum(np.abs(self._start).max(axis=1), np.abs(values[1]).max(axis=(1, 2)))
+        along = values[:, axis_of_travel(self._start, self._travel, fastest)]
+        nodes = tuple(
+            History(name, self._titles.get(name, ""), time, accel, velocity)
+            for name, accel, velocity in zip(self._series, *along, strict=True)
+        )
+        notes = (*self._notes, CUT) if whole < states else tuple(self._notes)
         run = Histories(title, nodes, len(self._first), self._start, fastest, notes)
-        if n == 1:
-            return run
-        return run.since_departure(self._travel, lambda begin: values[1][:, :, int(np.searchsorted(time, begin))])
+        return run.since_departure(self._travel, lambda begin: values[1][..., int(np.searchsorted(time, begin))])
 
     def _rewind(self) -> None:
-        """A restart repeats states."""
         place = bisect_left(self._times, self._now)
         if not place:
             expected, found = "one run", f"another, which begins at {self._now:.4g}"
             raise DataError(Problem(self._where, expected, found, "split the file"))
         self._notes.append(f"A restart repeats the states from {self._now:.4g} on: the later ones are read.")
         del self._times[place:]
-        for values in chain(*self._series.values()):
-            del values[place:]
+        for values in self._series.values():
+            del values[6 * place :]
         self._unread = False
 
     def _begin_state(self, columns: list[bytes]) -> None:
@@ -266,20 +258,14 @@ class _Nodout:
             raise self._damaged()
         self._times.append(self._now)
         self._places = [columns.index(column) for column in _WANTED]
-        check_count(len(self._times) * max(len(self._series), 1) * max(len(self._axes), 1), self._where)
+        check_count(3 * len(self._times) * max(len(self._series), 1), self._where)
 
     def _choose(self) -> None:
         if not self._first:
             return
         self._start = np.array(list(self._first.values())).T[3:]
-        at_rest = np.abs(self._start).mean(axis=1).max() < _AT_REST
-        self._axes = [0, 1, 2] if at_rest else [axis_of_travel(self._start, self._travel)]
         kept = nodes_to_keep(list(self._first), self._titles, self._most)
-        self._series = {
-            name: [array("d", [values[kind + axis]]) for kind in (0, 3) for axis in self._axes]
-            for name, values in self._first.items()
-            if name in kept
-        }
+        self._series = {name: array("d", values) for name, values in self._first.items() if name in kept}
 
     def _take_row(self, name: str, rest: bytes) -> bool:
         first = len(self._times) == 1 and len(self._first) < MOST_NODES
@@ -292,7 +278,5 @@ class _Nodout:
         if first:
             self._first[name] = values
             return True
-        along = [values[kind + axis] for kind in (0, 3) for axis in self._axes]
-        for into, value in zip(self._series[name], along, strict=True):
-            into.append(value)
+        self._series[name].extend(values)
         return True

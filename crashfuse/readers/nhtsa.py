@@ -83,7 +83,7 @@ class Sensor:
 
     @property
     def doubt(self) -> Doubt:
-        """What speaks against it, by data status and comment."""
+        """By data status and comment."""
         return max(doubt_of(self.quality), doubt_in(self.comment))
 
     @property
@@ -171,7 +171,7 @@ def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
 
 
 def other_vehicles(sensors: Sequence[Sensor]) -> list[str]:
-    """A sentence on those of other vehicles, if there are any."""
+    """A sentence on sensors of other vehicles, if any."""
     first, *others = sorted({sensor.vehicle for sensor in sensors if sensor.is_of_the_vehicle}) or [""]
     left_out = printable(" and ".join(others))
     return [f"Channels of vehicle {printable(first)}; those of vehicle {left_out} are left out."] if others else []

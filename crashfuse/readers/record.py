@@ -204,14 +204,14 @@ def proposal(
 
 
 class LoadCell(NamedTuple):
-    """A load cell of a barrier, or a sum of some: time in s and force in N, None where it fails."""
+    """A load cell of a barrier, or a sum of some; None where it fails."""
 
     signal: _Signal | None
     sums: int = 0  # 1: some cells, 2: all of them
 
 
 def summed_wall(cells: Sequence[LoadCell], steps: list[str]) -> Wall | None:
-    """The force of a barrier, told in ``steps``: of its cells where all are sound, else their sum in the file."""
+    """The force of a barrier, told in ``steps``: of its cells, or where one fails of their sum in the file."""
     ranks = [[cell.signal for cell in cells if cell.sums == rank] for rank in range(3)]
     single, n = _total(ranks[0]), len(ranks[0])
     if single is not None and n > 2 and (largest := _sum_among(ranks[0])) is not None:
@@ -231,7 +231,6 @@ def summed_wall(cells: Sequence[LoadCell], steps: list[str]) -> Wall | None:
 
 
 def _total(signals: Sequence[_Signal | None]) -> Wall | None:
-    """Their sum, if all are there and on one clock."""
     sound = [signal for signal in signals if signal is not None]
     alike = all(time_s.shape == sound[0][0].shape and np.allclose(time_s, sound[0][0]) for time_s, _ in sound)
     if not sound or not alike or len(sound) < len(signals):
@@ -240,7 +239,6 @@ def _total(signals: Sequence[_Signal | None]) -> Wall | None:
 
 
 def _sum_among(signals: Sequence[_Signal | None]) -> Wall | None:
-    """One that is the sum of all others, though no name says so."""
     time_s, forces = next(filter(None, signals))[0], np.array([signal[1] for signal in signals if signal is not None])
     largest = forces[np.square(forces).sum(axis=1).argmax()]
     error = np.square(forces.sum(axis=0) - 2 * largest).sum()

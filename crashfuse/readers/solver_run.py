@@ -1,8 +1,7 @@
 """What a run of any solver tells: histories of nodes, accelerometers among them, travel, units, mass and quality.
 
 No solver records which nodes are accelerometers: titles tell; without titles, nodes that travel as far as most others
-are proposed. LS-DYNA records no units either: crash models are built in mm, s, t; in mm, ms, kg or g; in m, s, kg; or
-in ft, s, slug. Mass and force have one scale: the size of a vehicle's mass tells which.
+are proposed. LS-DYNA records no units either: duration, speed and the size of a vehicle's mass tell them, and so force.
 """
 
 import hashlib
@@ -39,6 +38,7 @@ _PLACES = (
 _SLOWEST_MPS = 1.0
 _LEAST_OF_FASTEST = 0.2  # a vehicle is at its fastest when it sets out; what is accelerated first is none
 _AT_SPEED, _AT_REST, _AT_ONCE = 0.98, 0.05, 5.0  # shares of the largest speed; by so much faster set than lost
+_STILL = 0.005  # of the largest speed of any node, which may have come off
 _OBLIQUE = 0.25  # 14°: the component along the axis is 3 % short
 
 # the title and the line below it in every text file of LS-DYNA
@@ -111,7 +111,7 @@ class History:
 
     @property
     def lacks_acceleration(self) -> bool:
-        """Whether the file has its velocity alone."""
+        """Whether the file has velocities alone."""
         return bool(np.isnan(self.acceleration).all() and np.isfinite(self.velocity).all())
 
 
@@ -176,15 +176,13 @@ def _words(title: str) -> str:
 
 
 def axis_of_travel(start: FloatArray, travel: Travel | None = None, fastest: FloatArray | None = None) -> int:
-    """The axis given, else along which nodes set out fastest on average; velocities have the shape (3, n_nodes).
-
-    Nodes at rest have the axis of their largest speeds, ``fastest``, shape (3,).
-    """
+    """The axis given, else along which nodes set out fastest on average, or get fastest from rest (shape (3,))."""
     if travel is not None:
         return AXES.index(travel[-1])
     speeds = np.abs(_finite(start)).mean(axis=1)
-    at_rest = fastest is not None and speeds.max() <= _AT_REST * fastest.max()
-    return int((fastest if at_rest and fastest is not None else speeds).argmax())
+    if fastest is not None and speeds.max() <= _STILL * fastest.max():
+        speeds = fastest
+    return int(speeds.argmax())
 
 
 def _finite(start: FloatArray) -> FloatArray:
@@ -192,10 +190,9 @@ def _finite(start: FloatArray) -> FloatArray:
 
 
 def departure_time(nodes: Sequence[History], travel: Travel | None) -> float:
-    """When the velocity of nodes at rest is set, as after a preload; their first time where they are not at rest.
+    """When the velocity of nodes at rest is set, as after a preload; else their first time.
 
-    Nodes that speed up, as no acceleration of theirs tells, and brake from there. Where the user gives their travel,
-    their accelerations may tell: what is struck does not brake again.
+    They speed up as their accelerations do not tell, or as the user says (``travel``), and brake from there.
     """
     nodes = _finest([node for node in nodes if not is_on_a_dummy(node)] or nodes)
     time, speed = nodes[0].time, np.median([np.abs(node.velocity) for node in nodes], axis=0)
@@ -239,7 +236,6 @@ def units_of(
 
 
 def _is_too_hard(nodes: Sequence[History]) -> bool:
-    """Whether nodes in SI units would be faster, or stop harder, than a car in a barrier test."""
     initial, stops = initial_speed(nodes), []
     for node in nodes:
         stopped = node.velocity * np.sign(node.velocity[0]) <= 0
@@ -304,7 +300,7 @@ def note_of_kept(kept: int, total: int) -> list[str]:
 
 
 def mass_unit_kg(mass: float, unit: str | None) -> float | None:
-    """The unit of mass in kg that goes with a unit of acceleration, by the size of a vehicle's mass; None if none."""
+    """The unit of mass in kg, of those that go with a unit of acceleration, by the size of a vehicle's mass."""
     kilograms = _MASSES_KG.get(unit or "", ())
     heaviest = _HEAVIEST_CAR_KG if len(kilograms) == 1 else 60_000
     return next((one for one in kilograms if 300 <= mass * one <= heaviest), None)
@@ -359,7 +355,7 @@ def run_record(
 
 
 def impulse_mass(wall: tuple[FloatArray, FloatArray], nodes: Sequence[History]) -> float:
-    """The mass that the force of the barrier stops, in the unit of the run; 0 if nothing stops."""
+    """The mass that a barrier stops, in the unit of the run; 0 if none."""
     changes = [float(np.nan_to_num(np.abs(node.velocity - node.velocity[0]).max())) for node in nodes]
     change = float(np.median(changes)) if nodes else 0.0
     return float(np.abs(integral(wall[1], wall[0])).max()) / change if change > 0 and wall[0].size > 1 else 0.0

@@ -178,7 +178,7 @@ def _name(channel: TdmsChannel, times: Mapping[str, int]) -> str:
 def _groups_alike(
     channels: Mapping[str, RecordedChannel], groups: Mapping[str, str], began_s: Mapping[str, float]
 ) -> list[str]:
-    """Groups with the same sensor of a vehicle, as of several tests; not one raw and one filtered, or of one time."""
+    """Those with one sensor of a vehicle, as of several tests, unless one is filtered, or began with the other."""
     of_sensor = dict[str, dict[str, float]]()
     for name, channel in channels.items():
         code = ChannelCode.parsed(channel.label)

@@ -245,13 +245,13 @@ class ChannelCode:
 
     @property
     def sums(self) -> int:
-        """Whether it is a sum of some load cells of a matrix (1), or of all (2)."""
+        """Whether it is a sum of some load cells (1), or of all (2)."""
         fine = self.text[6:8], self.text[8:10]
         return 0 if "SU" not in fine else 2 if {"SU", "00"} == {*fine} else 1
 
     @property
     def dullness(self) -> str:
-        """What its filter class took from a pulse; empty if that is no more than CFC 60 takes."""
+        """What its filter takes beyond CFC 60; empty if nothing."""
         return _DULL.get(self.text[15], "")
 
 
@@ -315,13 +315,13 @@ def doubt_of(status: str) -> Doubt:
 
 
 def doubt_in(comment: str) -> Doubt:
-    """What speaks against a channel, by a comment on it in any words; nothing where none of them is of quality."""
+    """What speaks against a channel, by a comment in any words, most of which are not of quality."""
     words = _DENIED.sub(" ", _plain(comment))
     return Doubt.FAILED if _FAILED.search(words) else Doubt.SOME if _DOUBTED.search(words) else Doubt.NONE
 
 
 def sums_of(name: str) -> int:
-    """Whether a load cell's name is that of a sum of some of them (1), or of all (2)."""
+    """As :attr:`ChannelCode.sums`, by a name."""
     words = _plain(name)
     return (1 if _SOME_CELLS.search(words) else 2) if _SUM.search(words) else 0
 
