@@ -240,7 +240,8 @@ def _is_too_hard(nodes: Sequence[History]) -> bool:
     for node in nodes:
         stopped = node.velocity * np.sign(node.velocity[0]) <= 0
         stops += [float(node.time[stopped.argmax()] - node.time[0])] if stopped.any() else []
-    return initial > _FAST_MPS or bool(stops and initial > _HARD_MPS2 * float(np.median(stops)))
+    is_hard = bool(stops and initial > _HARD_MPS2 * float(np.median(stops)))
+    return initial > _FAST_MPS or (is_hard and initial > _FAST_MPS / 2)  # else too slow in ft
 
 
 def initial_speed(nodes: Sequence[History]) -> float:

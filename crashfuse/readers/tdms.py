@@ -111,20 +111,14 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         expected = "accelerations along X, by units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: table_headers.likelihood(one.channel.name))
-    read = found[:_MOST_CHANNELS]
-    channels, unread, began_s = _read_channels(file, read, every, where)
+    channels, unread, groups, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
-    repeated = Counter(one.channel.name for one in read)
-    groups = {_name(one.channel, repeated): one.channel.group for one in read}
     tests = _groups_alike(channels, groups, began_s)
     condition, steps = _laboratory_condition(found[0].properties)
     speeds = {_laboratory_condition(one.properties)[0].speed_mps for one in found if one.channel.group in tests}
     if len(speeds) > 1:
-        condition, steps = (
-            PartialCondition(),
-            [f"TDMS file; groups {', '.join(map(printable, tests))} differ in speed."],
-        )
+        condition, steps = PartialCondition(), ["TDMS file; its groups differ in speed."]
     for part in [{test} for test in tests] or [{*groups.values()}]:
         began = {name: start_s for name, start_s in began_s.items() if groups[name] in part}
         if len(set(began.values())) > 1:
@@ -147,14 +141,17 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
 
 def _read_channels(
     file: TdmsFile, found: Sequence[_Candidate], every: Sequence[_Candidate], where: str
-) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, float]]:
+) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, str], dict[str, float]]:
+    """Channels by name, those that cannot be read, the groups of either, and when recording began."""
     repeated = Counter(one.channel.name for one in found)
     clocks = [one for one in every if one.use.role == "time"][:_MOST_CLOCKS]
     times: dict[str, FloatArray] = {}
-    channels, unread, began_s = dict[str, RecordedChannel](), dict[str, Problem](), dict[str, float]()
+    channels, unread = dict[str, RecordedChannel](), dict[str, Problem]()
+    groups, began_s = dict[str, str](), dict[str, float]()
     for one in found:
         channel, start = one.channel, one.properties.get("wf_start_time")
-        name = _name(channel, repeated)
+        name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
+        groups[name] = channel.group
         try:
             clock = None if _number_of(one.properties, "wf_increment") else _clock_of(one, clocks, file, times)
             read = _waveform(file, channel, name, channel.name, where, clock)
@@ -168,11 +165,7 @@ def _read_channels(
         if sum(channel.values.size for channel in channels.values()) > _MOST_VALUES:
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
             raise DataError(Problem(where, expected, "more", ONE_TEST))
-    return channels, unread, began_s
-
-
-def _name(channel: TdmsChannel, times: Mapping[str, int]) -> str:
-    return channel.name if times[channel.name] == 1 else f"{channel.group}/{channel.name}"
+    return channels, unread, groups, began_s
 
 
 def _groups_alike(
@@ -233,7 +226,7 @@ def _proposed(
         if tests:
             return (
                 (),
-                f"The groups {', '.join(map(printable, tests))} hold the same channels; choose those of one test.",
+                f"The same channels are in several groups, {', '.join(map(printable, tests))}: choose those of one.",
             )
         objects = {code.text[0] for code in codes.values() if code.rank < UNPLACED}
         vehicle = min(objects, default="")

@@ -341,9 +341,9 @@ def test_sensors_are_aligned_by_the_times_at_which_recording_began(
         (
             "Test_041/11TUNN000000ACXP Test_042/11TUNN000000ACXP",
             0,
-            "The groups Test_041, Test_042 hold the same channels",
+            "in several groups, Test_041, Test_042: choose",
         ),
-        ("A/11TUNN000000ACXP B/11TUNN000000ACXD", 0, "The groups A, B hold the same channels"),
+        ("A/11TUNN000000ACXP B/11TUNN000000ACXD", 0, "in several groups, A, B: choose"),
         ("Raw/11TUNN000000ACXP Filtered/11TUNN000000ACXD", 1, "accelerations of other groups: Filtered."),
         ("Car/11TUNN000000ACXP Car/21TUNN000000ACXP", 1, "Those of test object 2 are left out."),
         ("DAS1/10SEATLERE00ACXP DAS2/10SEATRIRE00ACXP DAS3/10BPILLE0000ACXP", 2, "of other groups: DAS3."),
