@@ -9,7 +9,7 @@ from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LEAST_M, STOPS, gap_s
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, require_number, several
 from crashfuse.readers.record import AxleWeights, Channels, PartialCondition, Record
-from crashfuse.readers.vocabulary import ACCELERATION_UNITS, acceleration_unit, speed
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, USUAL_UNITS, acceleration_unit, speed
 from crashfuse.signals.filters import CFC60_NOISE, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
@@ -103,12 +103,22 @@ class Case:
         low, high = STOPS[self.role]
         return low <= abs(change_mps) / self.speed_mps <= high
 
+    def fits_in(self, unit: str, gain: float) -> bool:
+        """As :meth:`fits`, of a change in this unit of acceleration times seconds."""
+        return self.is_moving and self.fits(gain * ACCELERATION_UNITS[unit])
+
+    def delta_v(self, time_s: FloatArray, values: FloatArray) -> float:
+        """As the function, from the user's time zero on: before it, a run may speed up."""
+        zero_s = self.choices.time_zero_s
+        crash = time_s >= (-np.inf if zero_s is None else zero_s)
+        return delta_v(time_s[crash], values[crash]) if crash.sum() > 1 else delta_v(time_s, values)
+
 
 def unit_and_sign(case: Case, channels: Channels, time_s: FloatArray, values: FloatArray) -> tuple[str, str]:
     """The unit of the numbers and the sign of deceleration; a unit is refused where only another fits the speed."""
-    choices, steps, gain = case.choices, case.steps, delta_v(time_s, values)
-    fitting = [name for name, factor in ACCELERATION_UNITS.items() if case.is_moving and case.fits(gain * factor)]
+    choices, steps, gain = case.choices, case.steps, case.delta_v(time_s, values)
     label = choices.unit or channels[0].unit
+    fitting = [name for name in dict.fromkeys((label or "", *USUAL_UNITS)) if name and case.fits_in(name, gain)]
     if label is None:
         if len(fitting) != 1:
             expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
@@ -133,7 +143,7 @@ def unit_and_sign(case: Case, channels: Channels, time_s: FloatArray, values: Fl
 
 def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str) -> Problem | None:
     """The problem of a change of velocity that is unlike the known impact speed."""
-    change = delta_v(time_s, accel)
+    change = case.delta_v(time_s, accel)
     if not case.is_moving or case.fits(change):
         return None
     return _unlike(case, time_s, change, unit, crash_advice(case.record, "speed, unit, channels and time zero"))
