@@ -262,7 +262,7 @@ def _show_differences(answer: Answer) -> None:
     first, second, *more = names
 
     def minus(name: str) -> str:
-        return f"− {name}" if more else f"{second if name == first else first} − {name}"
+        return plain(f"− {name}" if more else f"{second if name == first else first} − {name}")
 
     base = names.index(choose("Difference", names, key="subtracted", label_of=minus))
     show_table(side_by_side(shown, display, base), "beside")

@@ -5,17 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from tests.browser.conftest import FIGURE, PILL, Server, User
+from tests.browser.conftest import FIGURE, MAIN, PILL, Server, User
 
 pytestmark = pytest.mark.slow
 
 PICTURE, LINK = "![p](http://crash.test/p.png)", "[Log in again](https://crash.test/in) www.crash.test me@crash.test"
+OWN = "![p](own.png)"  # all that an id, which names a file, may hold of an address
 TAGS = "<a href='http://crash.test'>front</a> <img src='http://crash.test/i.png'>"
 MADE = """
 const place = e => e.href?.baseVal ?? e.href ?? e.src;  // a link, a link in a figure, a picture
-return [...document.querySelectorAll("a, img, image")]
-  .filter(e => /^\\w+:/.test(place(e)) && !/^(data|blob):/.test(place(e)) && new URL(place(e)).host !== location.host)
-  .map(e => e.outerHTML);
+const is_foreign = e => /^\\w+:/.test(place(e)) && !/^(data|blob):/.test(place(e))
+  && (new URL(place(e)).host !== location.host || place(e).endsWith("own.png"));
+return [...document.querySelectorAll("a, img, image")].filter(is_foreign).map(e => e.outerHTML);
 """
 
 
@@ -25,19 +26,21 @@ def foreign(campaign_on_disk: Path, tmp_path: Path) -> Path:
     folder = shutil.copytree(campaign_on_disk, tmp_path / "www.crash.test")
     head, first, *rows = (folder / "tests.csv").read_text(encoding="utf-8").splitlines()
     table = [f'{head},"{PICTURE}",{LINK}', f'{first},"{TAGS}",www.crash.test', *(f"{row},rear,{LINK}" for row in rows)]
-    (folder / "tests.csv").write_text("\n".join(table).replace("T2,", "www.T2.test,", 1), encoding="utf-8")
-    (folder / "tests" / "T2.csv").rename(folder / "tests" / "www.T2.test.csv")
+    (folder / "tests.csv").write_text("\n".join(table).replace("\nT", f"\n{OWN} www.T"), encoding="utf-8")
+    for pulse in (folder / "tests").iterdir():
+        pulse.rename(folder / "tests" / f"{OWN} www.{pulse.name}")
     (folder / "campaign.toml").write_text(
         f'name = "{PICTURE} {LINK}"\nnotice = "{LINK}: {PICTURE}"\n', encoding="utf-8"
     )
-    (folder / "notes.csv").write_text(f'test,start_ms,end_ms,text\nT1,30,,"{LINK} {TAGS}"\n', encoding="utf-8")
+    note = f'test,start_ms,end_ms,text\n{OWN} www.T1,30,,"{LINK} {TAGS}"\n'
+    (folder / "notes.csv").write_text(note, encoding="utf-8")
     criterion = f'[[criterion]]\nname = "{LINK} {PICTURE}"\nmetric = "max_crush"\nat_most = 700\n'
     (folder / "criteria.toml").write_text(criterion, encoding="utf-8")
     return folder
 
 
 def made(user: User) -> list[str]:
-    """The links to elsewhere, and the pictures from there, that are on the page."""
+    """The links to elsewhere, and the pictures from there or by an id, that are on the page."""
     return [str(html) for html in user.browser.execute_script(MADE)]
 
 
@@ -49,9 +52,18 @@ def test_no_page_makes_anything_of_it(server: Server, user: User, foreign: Path)
         user.open_tab(tab)
         user.find(FIGURE)
         assert made(user) == []
+    user.press("www.T4", f"{MAIN} {PILL}")
+    user.sees("Take ![p]")
+    assert made(user) == []
+    user.press("Undo")
     user.go("Train")
     user.choose_approaches("CAE", "Displacement domain")
+    user.open_tab("Diagnostics")
+    user.sees("Train without", "button")
+    assert made(user) == []
     user.go("Compare")
+    user.sees("Predict test", "button")
+    assert made(user) == []
     user.starts("Predict test", FIGURE)
     assert made(user) == []
     user.press("Notes and marks on", "summary")

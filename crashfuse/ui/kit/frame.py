@@ -102,8 +102,9 @@ def sidebar(page: str) -> View | Sequence[Problem]:
         if state["campaign"] is None and ASKED not in state:
             state["campaign"] = campaigns.at_start()
         name = st.selectbox(
-            "Campaign", names, index=None, placeholder="none open", key="campaign", persist_state="session",
-            format_func=campaigns.label, on_change=_turn_to_campaign,
+            "Campaign", names, index=None if state["campaign"] is None else 0,  # None: Escape would clear the choice
+            placeholder="none open", key="campaign", persist_state="session", format_func=campaigns.label,
+            on_change=_turn_to_campaign,
         )  # fmt: skip
         if name is not None:
             try:
