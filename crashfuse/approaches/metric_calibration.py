@@ -5,7 +5,7 @@ be, for each metric by itself, as the same draws can be too wide in one metric a
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -176,16 +176,28 @@ def calibrated_metrics(
     metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
     if prediction.draws_mps2 is None:
         return metrics
-    distributions = metric_distributions(drawn, errors)
 
-    def expected(metric: Metric) -> Metric:
-        distribution = distributions[metric.name]
-        if distribution is None:
-            return replace(metric, drawn=True)
-        lower, upper = distribution.interval
-        return replace(metric, value=distribution.median, lower=lower, upper=upper, drawn=True)
+    def expected(values: Mapping[str, FloatArray], metrics: Iterable[Metric]) -> dict[str, Metric]:
+        distributions = metric_distributions(values, errors)
+        return {metric.name: _of_single_test(metric, distributions[metric.name]) for metric in metrics}
 
-    return tuple(map(expected, metrics))
+    folds = {} if prediction.apart is None else {"the others": ~prediction.apart, prediction.apart_as: prediction.apart}
+    unknown = [replace(metric, value=None, of_pulse=None) for metric in metrics]
+    by_fold = {
+        fold: expected({name: values[draws] for name, values in drawn.items()}, unknown)
+        for fold, draws in folds.items()
+    }
+    return tuple(
+        replace(metric, folds={fold: own[name] for fold, own in by_fold.items()})
+        for name, metric in expected(drawn, metrics).items()
+    )
+
+
+def _of_single_test(metric: Metric, distribution: Distribution | None) -> Metric:
+    if distribution is None:
+        return replace(metric, drawn=True)
+    lower, upper = distribution.interval
+    return replace(metric, value=distribution.median, lower=lower, upper=upper, drawn=True)
 
 
 def representative_pulses(

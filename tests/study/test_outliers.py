@@ -112,6 +112,6 @@ def test_near_a_test_apart_draws_show_both_ways_to_fold_and_the_average_the_usua
     moved = both.draws_mps2 - (noise - noise.mean())
     np.testing.assert_allclose(moved[~both.apart], np.tile(1.02 * usual, (140, 1)), atol=1e-9)
     np.testing.assert_allclose(moved[both.apart], np.tile(1.02 * (usual + difference), (60, 1)), atol=1e-9)
-    assert "as S1, S2 and S3" in both.notes[-1]
+    assert both.apart_as == "S4"
     alone = replace(prediction, draws_mps2=None)
     assert with_both_folds(alone, apart, odd, usual, fitted) is alone
