@@ -5,7 +5,7 @@ be, for each metric by itself, as the same draws can be too wide in one metric a
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -176,21 +176,19 @@ def calibrated_metrics(
     metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
     if prediction.draws_mps2 is None:
         return metrics
-
-    def expected(values: Mapping[str, FloatArray], metrics: Iterable[Metric]) -> dict[str, Metric]:
-        distributions = metric_distributions(values, errors)
-        return {metric.name: _of_single_test(metric, distributions[metric.name]) for metric in metrics}
-
-    folds = {} if prediction.apart is None else {"the others": ~prediction.apart, prediction.apart_as: prediction.apart}
-    unknown = [replace(metric, value=None, of_pulse=None) for metric in metrics]
+    distributions = metric_distributions(drawn, errors)
+    folds = {} if prediction.apart is None else {"most": ~prediction.apart, prediction.apart_as: prediction.apart}
     by_fold = {
-        fold: expected({name: values[draws] for name, values in drawn.items()}, unknown)
+        fold: metric_distributions({name: values[draws] for name, values in drawn.items()}, errors)
         for fold, draws in folds.items()
     }
-    return tuple(
-        replace(metric, folds={fold: own[name] for fold, own in by_fold.items()})
-        for name, metric in expected(drawn, metrics).items()
-    )
+
+    def expected(metric: Metric) -> Metric:
+        unknown = replace(metric, value=None, of_pulse=None)
+        both = {fold: _of_single_test(unknown, own[metric.name]) for fold, own in by_fold.items()}
+        return replace(_of_single_test(metric, distributions[metric.name]), folds=both)
+
+    return tuple(map(expected, metrics))
 
 
 def _of_single_test(metric: Metric, distribution: Distribution | None) -> Metric:

@@ -202,7 +202,6 @@ def _bias_difference(one: BiasPoints, other: BiasPoints) -> float:
 
 
 def _rated_both_ways(one: CrashTest, other: CrashTest, window_ms: float) -> float:
-    """Mean of the ratings of each pulse against the other, which is scaled to its speed."""
     ratings = []
     for test, compared in ((one, other), (other, one)):
         scale = test.condition.speed_mps / compared.condition.speed_mps

@@ -35,9 +35,7 @@ _GOOD = 0.80
 _FARTHER = (
     "The condition is farther in speed from all tests than any of these was from the others: see the width of the band."
 )
-SPEED_GROUPS = "recommendation.speed_groups"
-"""Code of the one fact of a study that is not of its own folds, but of those with whole speed groups left out."""
-
+SPEED_GROUPS = "recommendation.speed_groups"  # the one fact that rests on other folds than the study's own
 _BASIS = "Here tests are left out of this one fit; a study fits anew without each."
 
 
@@ -115,7 +113,6 @@ def _use(approach: str, why: str) -> Fact:
 def _undecided(
     equal: Sequence[str], means: Mapping[float, Sequence[float]], lowest: Sequence[float], n_tests: int
 ) -> str:
-    """From which approaches so many tests cannot tell the first, and which window or worst test prefers another."""
     told = [read_out([CLASSES[other].in_words for other in equal[1:]])]
     for what, ratings in {**{f"0–{w:g} ms": of_all for w, of_all in means.items()}, "the worst test": lowest}.items():
         higher, lower = max(ratings), ratings[0]
@@ -126,7 +123,6 @@ def _undecided(
 
 
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
-    """The paper's advice (Sect. 4.3), for use when no left-out predictions are available."""
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
     is_beside = AboutTimeDomain.name in names and away <= _NEAR_MPS
     name = AboutTimeDomain.name if is_beside else names[0]
@@ -180,10 +176,9 @@ def _recommendation(study: Study) -> Recommendation:
         undecided = _undecided((name, *equal), means, worst, n)
     shown = {other: Quantity((float(values.mean()),), "g", ".2f") for other, values in crps.items()}
     others = [Sentence("{} {}", CLASSES[other].in_words, value) for other, value in shown.items() if other != name]
-    with_group = " (each with all at about its speed)" * grouped
     distance = Sentence(
-        f"Over 0–{window_ms:g} ms, on {n} left-out tests{with_group}, its mean distance from what was measured (CRPS, "
-        "less is better) is {}.",
+        f"Over 0–{window_ms:g} ms, on {n} left-out tests, its mean distance from what was measured (CRPS, less is "
+        "better) is {}.",
         joined([Sentence("{}", shown[name]), *filter(None, [joined(others, ", ")])], "; "),
     )
     facts = [

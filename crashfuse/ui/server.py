@@ -57,7 +57,7 @@ _ANOTHER_NAME = PlainTextResponse(
     "the name to server.allowedHosts in .streamlit/config.toml.",
     403,
 )
-_NOT_FOUND = PlainTextResponse("Not found", 404)
+_NOTHING = PlainTextResponse("", 404)
 _ANOTHER_ORIGIN = WebSocketClose(1008)  # against the policy; before it is open, the server answers 403
 # on refusing a page of another origin, Streamlit would ask a server on the network for this machine's address
 net_util._external_ip = ""
@@ -143,7 +143,7 @@ class Guard:
         is_known = BROWSER in connection.cookies
         app = self._app if is_host_allowed(connection.headers.get("host")) else _ANOTHER_NAME
         if scope["path"].rstrip("/").endswith("/_stcore/metrics"):  # of memory and sessions, which concern no visitor
-            app = _NOT_FOUND
+            app = _NOTHING
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":

@@ -76,9 +76,8 @@ def _show_headline(outcome: "_Outcome") -> list[str]:
     facts = recommend(outcome.shown).facts  # of the view that is shown, as all figures and tables below
     words = {fact.code: outcome.view.display.words(fact.sentence) for fact in facts if fact.code != SPEED_GROUPS}
     headline = [words.pop(code) for code in ("recommendation.use", "recommendation.ratings")]
-    longest = max(outcome.study.config.windows_ms)
-    if outcome.view.display.window_ms != longest:  # what is said does not follow the choice in the sidebar
-        headline.append(f"This is over {results.window_label(longest)}.")
+    if outcome.view.display.window_ms != (longest := max(outcome.study.config.windows_ms)):
+        headline.append(f"This is over {results.window_label(longest)}.")  # whatever is chosen in the sidebar
     results.show_recommendation(headline)
     return list(words.values())
 
@@ -113,7 +112,7 @@ class _Outcome:
 def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
     if outcome.study.speed_groups is not None:
         choose("Left out", [_ALONE, _GROUP], key="ways")
-    return outcome.shown, "speed group" if outcome.shown.config.leave_out == "speed group" else "test"
+    return outcome.shown, outcome.shown.config.split_configs[0].leave_out
 
 
 def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:

@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -46,53 +47,27 @@ def made(user: User) -> list[str]:
 
 def test_no_page_makes_anything_of_it(server: Server, user: User, foreign: Path) -> None:
     """No link, no picture, in text, fields, tables and figures; a heading is read as it is written."""
-    user.open_folder(server, foreign)
-    assert made(user) == []
-    for tab in ("Conditions", "CAE model", "Tests"):
-        user.open_tab(tab)
-        user.find(FIGURE)
+    steps: list[tuple[Any, ...]] = [
+        (user.open_folder, server, foreign),
+        *((user.open_tab, "Conditions"), (user.find, FIGURE), (user.open_tab, "CAE model"), (user.find, FIGURE)),
+        *((user.open_tab, "Tests"), (user.press, "www.T4", f"{MAIN} {PILL}"), (user.sees, "Take ![p]")),
+        *((user.press, "Undo"), (user.go, "Train"), (user.choose_approaches, "CAE", "Displacement domain")),
+        *((user.open_tab, "Diagnostics"), (user.sees, "Train without", "button")),
+        *((user.go, "Compare"), (user.sees, "Predict test", "button"), (user.starts, "Predict test", FIGURE)),
+        *((user.press, "Notes and marks on", "summary"), (user.sees, "Log in again")),
+        *((user.open_tab, "Why"), (user.sees, "Humps, and")),
+        *((user.open_tab, "Ratings and metrics"), (user.sees, "Rating by")),
+        *((user.open_tab, "Pulses"), (user.sees, "Nearest")),
+        *((user.press, "Over displacement", PILL), (user.sees, "Marks: maximum crush")),
+        *((user.go, "Study"), (user.starts, "Leave out each", FIGURE)),
+        *((user.open_tab, tab) for tab in ("Bands", "Past results", "Ratings")),
+        *((user.go, "Predict"), (user.starts, "Predict", FIGURE)),
+        *((user.press, "Pin this prediction"), (user.press, "1 pinned")),
+        (lambda: user.open(server, "certify", campaign=foreign.name, approach="cae"),),
+        *((user.sees, "Add a planned test"), (user.starts, "Certify", '[class*="_tab"] button')),
+        *((user.open_tab, tab) for tab in ("Track record", "Validated domain", "Answer")),
+        *((user.press, "", '[class*="planned_tests"] button'), (user.sees, "See the predicted pulse there")),
+    ]
+    for step, *given in steps:
+        step(*given)
         assert made(user) == []
-    user.press("www.T4", f"{MAIN} {PILL}")
-    user.sees("Take ![p]")
-    assert made(user) == []
-    user.press("Undo")
-    user.go("Train")
-    user.choose_approaches("CAE", "Displacement domain")
-    user.open_tab("Diagnostics")
-    user.sees("Train without", "button")
-    assert made(user) == []
-    user.go("Compare")
-    user.sees("Predict test", "button")
-    assert made(user) == []
-    user.starts("Predict test", FIGURE)
-    assert made(user) == []
-    user.press("Notes and marks on", "summary")
-    user.sees("Log in again")
-    assert made(user) == []
-    for tab, shown in (("Why", "Humps, and"), ("Ratings and metrics", "Rating by"), ("Pulses", "Nearest")):
-        user.open_tab(tab)
-        user.sees(shown)
-        assert made(user) == []
-    user.press("Over displacement", PILL)
-    user.sees("Marks: maximum crush")
-    assert made(user) == []
-    user.go("Study")
-    user.starts("Leave out each", FIGURE)
-    for tab in ("Bands", "Past results", "Ratings"):
-        user.open_tab(tab)
-        assert made(user) == []
-    user.go("Predict")
-    user.starts("Predict", FIGURE)
-    user.press("Pin this prediction")
-    user.press("1 pinned")
-    assert made(user) == []
-    user.open(server, "certify", campaign=foreign.name, approach="cae")
-    user.sees("Add a planned test")
-    assert made(user) == []
-    user.starts("Certify", '[class*="_tab"] button')
-    for tab in ("Track record", "Validated domain", "Answer"):
-        user.open_tab(tab)
-        assert made(user) == []
-    user.press("", '[class*="planned_tests"] button')
-    user.sees("See the predicted pulse there")
-    assert made(user) == []

@@ -251,7 +251,6 @@ def _nearest(subject: Subject) -> Sequence[str]:
 
 
 def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
-    """The settings that a text stands for, otherwise like those shown, if there are such."""
     with suppress(ValueError):
         preset, seed, leave_out = text.removeprefix(_SETTINGS).split(" ", 2)
         if int(seed) in address.CHOICES["seed"].options and leave_out in figures.LEFT_OUT:

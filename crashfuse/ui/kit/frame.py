@@ -216,7 +216,6 @@ def _note(sentence: str, asked: str) -> None:
 
 
 def _turn_to_campaign() -> None:
-    """Begin with the campaign's defaults: a test's name may mean another condition there."""
     if st.session_state["campaign"] != st.session_state.pop(ASKED, ""):
         address.leave_campaign()
     forget()
@@ -358,7 +357,6 @@ def _open_with(page: str, chosen: Mapping[str, str]) -> None:
 
 @st.cache_data(ttl=60, show_spinner=False)
 def _not_kept() -> str:
-    """A sentence if nothing can be kept in the cache folder; empty if it can."""
     folder = default_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
