@@ -139,7 +139,7 @@ class PredictedPulse:
         shown = Display.of(self.campaign.units, **display)
         estimates = figures.chosen({each.approach: each for each in self.estimates}, approaches, band)
         others = [other.beside(self) if isinstance(other, PredictedPulse) else other for other in several(also)]
-        further = {**figures.other_fold(self.campaign, estimates, band), **figures.beside(self.campaign, others, shown)}
+        further = {**figures.other_fold(estimates, band), **figures.beside(self.campaign, others, shown)}
         lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
         if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
             further = {**lead.representative, **further}

@@ -47,7 +47,7 @@ class Session:
 
     def press(self, label: str) -> "Session":
         """Press the one button of this label."""
-        (button,) = [button for button in self.app.button if button.label == label]
+        (button,) = [button for button in self.app.button if as_read(button.label) == label]
         button.click()
         return self.run()
 

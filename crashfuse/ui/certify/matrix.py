@@ -138,7 +138,6 @@ def _units(system: UnitSystem) -> tuple[str, str, str]:
 
 
 def _usual(view: View) -> list[str]:
-    """Tests to start with: the campaign's, or round speeds over those of its tests, at their middle weights."""
     campaign, system, own = view.campaign, view.display.system, view.folder / _FILE
     with suppress(CrashfuseError):
         if own.is_file():

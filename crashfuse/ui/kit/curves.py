@@ -140,7 +140,7 @@ class Subject:
                 of = plain(self.test) if self.test else "this condition"
                 then = patience(config, "This takes a minute or two.")
                 lacking = f"The prediction of {of} with {words} is not there (any more)."
-                button = " ".join(["Predict", *([of] if self.test else []), "with", words])
+                button = " ".join(["Predict", *([self.test] if self.test else []), "with", words])
                 result_or_none(self._request(config), invitation=f"{lacking} {then}", button=button)
 
     def _request(self, config: StudyConfig) -> Request[Any]:
@@ -251,7 +251,6 @@ def _nearest(subject: Subject) -> Sequence[str]:
 
 
 def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
-    """The settings that a text stands for, otherwise like those shown, if there are such."""
     with suppress(ValueError):
         preset, seed, leave_out = text.removeprefix(_SETTINGS).split(" ", 2)
         if int(seed) in address.CHOICES["seed"].options and leave_out in figures.LEFT_OUT:

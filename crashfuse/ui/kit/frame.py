@@ -102,8 +102,9 @@ def sidebar(page: str) -> View | Sequence[Problem]:
         if state["campaign"] is None and ASKED not in state:
             state["campaign"] = campaigns.at_start()
         name = st.selectbox(
-            "Campaign", names, index=None, placeholder="none open", key="campaign", persist_state="session",
-            format_func=campaigns.label, on_change=_turn_to_campaign,
+            "Campaign", names, index=None if state["campaign"] is None else 0,  # None: Escape would clear the choice
+            placeholder="none open", key="campaign", persist_state="session", format_func=campaigns.label,
+            on_change=_turn_to_campaign,
         )  # fmt: skip
         if name is not None:
             try:
@@ -215,7 +216,6 @@ def _note(sentence: str, asked: str) -> None:
 
 
 def _turn_to_campaign() -> None:
-    """Begin with the campaign's defaults: a test's name may mean another condition there."""
     if st.session_state["campaign"] != st.session_state.pop(ASKED, ""):
         address.leave_campaign()
     forget()
@@ -357,7 +357,6 @@ def _open_with(page: str, chosen: Mapping[str, str]) -> None:
 
 @st.cache_data(ttl=60, show_spinner=False)
 def _not_kept() -> str:
-    """A sentence if nothing can be kept in the cache folder; empty if it can."""
     folder = default_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
