@@ -35,11 +35,9 @@ _LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
 Rows = tuple[tuple[Verdict, ...], ...]
 TRIED = ("seed", "preset", "tests")
 """What :func:`try_variants` makes other."""
-Answer = Literal[
-    "run", "need not be run", "to be tested", "would miss", "test or redesign", "record for longer", "outside"
-]
-"""The first that is true: a test was made for it; it would meet all criteria at once; each is met, but all at once not
-with the confidence; it would miss one; one is open; one is open as records end too early; one was not checked."""
+Answer = Literal["was run", "skip", "run", "would miss", "cannot say"]
+"""The first that is true: a test was made for it; it would meet all criteria at once, and skipping pays; it would miss
+one; a test or another design can tell, or skipping it does not pay; it was not checked, or records end too early."""
 
 
 class Variant(NamedTuple):
@@ -109,25 +107,54 @@ class Certification:
     @cached_property
     def answers(self) -> dict[str, Answer]:
         """The answer at each condition, by its id."""
-        return {i: _answer(row, self.criteria.confidence) for i, row in self.rows.items()}
+        return {i: self._answer(i, row) for i, row in self.rows.items()}
+
+    def _answer(self, i: str, row: tuple[Verdict, ...]) -> Answer:
+        words = {verdict.word for verdict in row}
+        if row[0].run:
+            return "was run"
+        if words == {"met"}:
+            return "skip" if i in self.sure and not self.skipping_loses else "run"
+        if "not met" in words:
+            return "would miss"
+        decidable = any(verdict.word == "open" and verdict.probability is not None for verdict in row)
+        return "run" if decidable else "cannot say"
+
+    @cached_property
+    def sure(self) -> tuple[str, ...]:
+        """Conditions without a test that would meet all criteria at once with the confidence."""
+        confidence = self.criteria.confidence
+        return tuple(i for i, row in self.rows.items() if not row[0].run and needs_no_test(row, confidence))
+
+    @cached_property
+    def cautious_saving(self) -> float | None:
+        """Saving by each skipped test if as many answers are wrong as the record cannot rule out; of declared costs."""
+        costs, most = self.criteria.costs, self.record.bounds()["tests"].at_most
+        return None if costs is None or most is None else costs.saving(most)
+
+    @property
+    def skipping_loses(self) -> bool:
+        """Whether that is a loss: then no test is skipped."""
+        return self.cautious_saving is not None and self.cautious_saving < 0
 
     @cached_property
     def waived(self) -> dict[str, AllMet]:
-        """Conditions that need not be run, with :func:`all_met` of each."""
-        return self._all_met("need not be run")
+        """Conditions to be skipped, with :func:`all_met` of each."""
+        return self._all_met("skip")
 
     @property
     def uncertain(self) -> dict[str, AllMet]:
-        """Conditions where each criterion is met, but all at once not with the confidence; as ``waived``."""
-        return self._all_met("to be tested")
+        """Conditions that take a test though each criterion is met; as ``waived``."""
+        return self._all_met("run")
 
     def _all_met(self, answer: Answer) -> dict[str, AllMet]:
-        return {i: all_met(row) for i, row in self.rows.items() if self.answers[i] == answer}
+        met = {i for i, row in self.rows.items() if all(verdict.word == "met" for verdict in row)}
+        return {i: all_met(self.rows[i]) for i, own in self.answers.items() if own == answer and i in met}
 
     @cached_property
     def counted_once(self) -> dict[str, str]:
         """:meth:`Matrix.alike`: those that still take a test stand for others, then those run."""
-        settled = ("run", "need not be run")
+        settled = ("was run", "skip")
         return self.matrix.alike([i for i, answer in self.answers.items() if answer not in settled], list(self.run))
 
     @property
@@ -141,24 +168,9 @@ class Certification:
         """The fastest of two or more conditions that a test can settle; or None."""
         speeds = {}
         for i, answer in self.answers.items():
-            can_tell = all(v.word != "open" or v.probability is not None for v in self.rows[i])
-            if answer == "to be tested" or (answer == "test or redesign" and can_tell):
+            if answer == "run" and all(v.word != "open" or v.probability is not None for v in self.rows[i]):
                 speeds[i] = self.rows[i][0].condition.speed_mps
         return max(speeds, key=lambda i: (speeds[i], i)) if len(speeds) > 1 else None
-
-
-def _answer(row: tuple[Verdict, ...], confidence: float) -> Answer:
-    if row[0].run:
-        return "run"
-    words = {verdict.word for verdict in row}
-    if words == {"met"}:
-        return "need not be run" if needs_no_test(row, confidence) else "to be tested"
-    if "not met" in words:
-        return "would miss"
-    if "open" not in words:
-        return "outside"
-    decidable = any(verdict.word == "open" and verdict.probability is not None for verdict in row)
-    return "test or redesign" if decidable else "record for longer"
 
 
 def certify_matrix(

@@ -21,7 +21,7 @@ from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_facts import PLACES, SUBJECTS, exceptions, facts, planned, sentences, shown
 from crashfuse.reporting.certification_record import certification_json, certification_record
-from crashfuse.reporting.certification_tables import SHOWN
+from crashfuse.reporting.certification_tables import SHOWN, certification_table
 from crashfuse.reporting.evidence_facts import listed_conditions
 from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -173,19 +173,21 @@ def test_facts_stand_in_the_places_of_their_code_in_order(certification: Certifi
 
 def test_answers_name_the_conditions_that_have_them(certification: Certification) -> None:
     """One that would miss a criterion takes another design: a test there, though others are open, tells nothing new."""
-    assert values(certification, "answer.outside") == [{"conditions": {"M70": ""}}]
+    unknown = {"M20": "records too short for OLC", "M70": "outside what the tests check"}
+    assert values(certification, "answer.cannot say") == [{"conditions": unknown}]
     first, second, third = certification.verdicts
     met = row_as(first, "met", 0.9, 0.99, 1)
     missed, undecided = replace(first[0], word="not met"), replace(second[1], word="open", probability=0.5)
     rest = tuple(replace(own, word="met") for own in second[2:])
     found = replace(certification, verdicts=(met, (missed, undecided, *rest), third))
-    assert values(found, "answer.need not be run") == [{"conditions": {"M20": "0.890"}}]
+    assert values(found, "answer.skip") == [{"conditions": {"M20": "0.890"}}]
     assert values(found, "answer.would miss") == [{"conditions": {"M30": "crush"}}]
-    assert not values(found, "answer.test or redesign")
+    assert not values(found, "answer.run")
     found = replace(certification, verdicts=(met, (replace(missed, word="met"), undecided, *rest), third))
-    assert values(found, "answer.test or redesign") == [{"conditions": {"M30": "OLC"}}]
+    assert values(found, "answer.run") == [{"conditions": {"M30": "open: OLC"}}]
     found = replace(certification, verdicts=(met, row_as(second, "open", None), third))
-    assert values(found, "answer.record for longer") == [{"conditions": {"M30": "crush, OLC, rating"}}]
+    (unsaid,) = values(found, "answer.cannot say")
+    assert unsaid["conditions"]["M30"] == "records too short for crush, OLC, rating"
     assert values(replace(certification, verdicts=(met, met, met)), "matrix.none_needed") == [{}]
 
 
@@ -233,7 +235,9 @@ def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confid
     ids, rows = certification.matrix.ids, all_as(certification, "met", 0.93, 0.94, 0.99)
     found = replace(certification, verdicts=rows)
     assert (list(found.uncertain), list(found.waived), found.run_first) == ([ids[0]], [ids[1], ids[2]], None)
-    assert values(found, "answer.to be tested") == [{"conditions": {ids[0]: "0.790"}}]
+    assert values(found, "answer.run") == [{"conditions": {ids[0]: "all met at once: only 0.790"}}]
+    reasons = certification_table(found).set_index("id")["reason"]
+    assert reasons.str.contains("all met at once: only 0.790").tolist() == [True] * 3 + [False] * 6
     assert list(certification_record(found)["waived"]) == [ids[1], ids[2]]  # type: ignore[call-overload]
 
 
@@ -321,6 +325,9 @@ def test_the_saving_to_expect_is_that_of_the_costs(certification: Certification)
     most = 1 - 0.05**0.5  # none of two tests with a wrong verdict
     assert (saving["n"], saving["expected"]) == (3, pytest.approx(3 * (5 - 100 * 0.03)))
     assert saving["cautious"] == pytest.approx(3 * (5 - 100 * most), rel=1e-3)
+    assert (set(found.answers.values()), found.saved, found.waived) == ({"run"}, (0, 3), {})  # that is a loss
+    dear = replace(found, criteria=replace(found.criteria, costs=Costs(80.0, 100.0)))
+    assert (set(dear.answers.values()), dear.saved) == ({"skip"}, (3, 3))  # at most 77.6 are lost of 80
     assert certification_record(found)["costs"] == {"confidence": costs, "saving": saving}
     assert parse_earlier(certification_json(found)).criteria == found.criteria
     report = certification_report(found)
