@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple, Self
 from crashfuse.approaches.base import holds_whole
 from crashfuse.approaches.mixture import AboutFused
 from crashfuse.approaches.registry import BASELINE
-from crashfuse.approaches.settings import PRESETS
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria, varied
 from crashfuse.certification.domain import Domain
@@ -21,7 +20,7 @@ from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError, one_of
+from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig, check_window
@@ -33,8 +32,6 @@ APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
 _LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
 Rows = tuple[tuple[Verdict, ...], ...]
-TRIED = ("seed", "preset", "tests")
-"""What :func:`try_variants` makes other."""
 Answer = Literal["was run", "skip", "run", "would miss", "cannot say"]
 """The first that is true: a test was made for it; it would meet all criteria at once, and skipping pays; it would miss
 one; a test or another design can tell, or skipping it does not pay; it was not checked, or records end too early."""
@@ -46,12 +43,14 @@ class Variant(NamedTuple):
     name: str
     saved: tuple[int, int]
     changed: Mapping[str, tuple[Answer, Answer]]
+    left_out: str = ""  # the test without which all was computed again, if one was
 
     @classmethod
     def of(cls, name: str, usual: "Certification", other: "Certification") -> Self:
         """Compare two certifications of the same conditions."""
         pairs = {i: (answer, other.answers[i]) for i, answer in usual.answers.items()}
-        return cls(name, other.saved, {i: pair for i, pair in pairs.items() if pair[0] != pair[1]})
+        left_out = " ".join(test for test in usual.campaign.test_ids if test not in other.campaign.test_ids)
+        return cls(name, other.saved, {i: pair for i, pair in pairs.items() if pair[0] != pair[1]}, left_out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,7 @@ class Certification:
     record: TrackRecord
     seconds: dict[str, float]  # to learn, leaving tests out included, and to judge the matrix
     since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it
-    variants: tuple[Variant, ...] = ()  # other limits and confidences; other seeds, presets and tests if asked for
+    variants: tuple[Variant, ...] = ()  # other limits and confidences, and without each test if asked for
     key: str = ""  # that seals its files, if one does
 
     def __repr__(self) -> str:
@@ -221,22 +220,17 @@ def certify_matrix(
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
 
 
-def try_variants(certification: Certification, what: Sequence[str], **computing: Any) -> Certification:  # noqa: ANN401
-    """The certification with further variants (:data:`TRIED`); ``computing`` is as for :func:`certify_matrix`."""
-    campaign, config, others = certification.campaign, certification.config, {}
-    criteria, matrix = certification.criteria, certification.matrix
-    for name in what:
-        one_of("variant", name, dict.fromkeys(TRIED))
-    if "seed" in what:
-        others[f"seed {config.seed ^ 1}"] = campaign, replace(config, seed=config.seed ^ 1)
-    if "preset" in what:
-        (preset,) = (name for name in PRESETS if name != config.preset)
-        others[f"preset {preset}"] = campaign, replace(config, preset=preset)
-    if "tests" in what and len(campaign.tests) > 1:
-        others |= {f"without {test}": (campaign.without((test,)), config) for test in campaign.test_ids}
-    variants = (
-        Variant.of(name, certification, certify_matrix(of, criteria, matrix, by, **computing))
-        for name, (of, by) in others.items()
+def without_each_test(certification: Certification, **computing: Any) -> Certification:  # noqa: ANN401
+    """The certification with the variants that lack a test; ``computing`` is as for :func:`certify_matrix`."""
+    campaign, matrix = certification.campaign, certification.matrix
+    others = {test: campaign.without((test,)) for test in campaign.test_ids if len(campaign.tests) > 1}
+    variants = tuple(
+        Variant.of(
+            f"without {test}",
+            certification,
+            certify_matrix(other, certification.criteria, matrix, certification.config, **computing),
+        )
+        for test, other in others.items()
     )
     return replace(certification, variants=(*certification.variants, *variants))
 
