@@ -6,17 +6,20 @@ from functools import lru_cache
 from itertools import chain, groupby
 from typing import Literal, NamedTuple
 
+import pandas as pd
+
 from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.reporting import evidence_facts
-from crashfuse.reporting.certification_tables import uncertain_text
+from crashfuse.reporting.certification_tables import at_once_text
 from crashfuse.reporting.evidence_facts import fact, listed, listed_conditions
+from crashfuse.reporting.plots.display import Display
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import Sentence, counted, joined, number, probability_text, read_out
+from crashfuse.wording import Sentence, counted, joined, number, read_out
 
 Place = Literal["answer", "costs", "summary", "matrix", "record", "domain", "changes"]
 SUBJECTS = {
@@ -48,15 +51,7 @@ SUBJECTS = {
 """What speaks against the verdicts, by code, the most important first: its heading among the exceptions."""
 DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
 """The subjects that stand beside the answer itself: down to factors that no test has together."""
-ANSWERS: Mapping[Answer, str] = {
-    "was run": "Was run",
-    "skip": "Skip (probability that all criteria are met at once)",
-    "would miss": "Would miss",
-    "run": "Run",
-    "cannot say": "Cannot say",
-}
-"""Of each answer, what stands before the conditions that have it."""
-_ANSWER = ("matrix.saved", *(f"answer.{answer}" for answer in ANSWERS))
+_ANSWER = ("matrix.saved",)
 _COSTS = ("costs.confidence", "costs.saving")
 _MATRIX = ("matrix.every", "matrix.none_needed", "matrix.run_first")
 _RECORD = ("record.waived", "since.waived", "record.decided")
@@ -86,8 +81,6 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
 }
 """The codes that are shown at each place, the most important one first: at the head of terminal, report and slides,
 below the page's answer, and in tabs of the page and sections of the report."""
-_FEW = 6  # conditions, each with its own probability
-_EXPLAINED = 3  # conditions outside, each with its reason
 
 
 @lru_cache(maxsize=8)  # asked for by every place
@@ -121,12 +114,24 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
     """The answer at every planned test, in the order of speed."""
     notes, same, found = _notes_at(certification)[1], certification.counted_once, []
     for i, condition in sorted(certification.matrix.items, key=lambda item: item[1].speed_mps):
-        answer, why = certification.answers[i], _detail(certification, i)
-        why = Sentence({"skip": "all met at once: {}", "would miss": "misses {}"}.get(answer, "{}"), why)
         as_other = f"counts as {same[i]}" if i in same else ""
-        texts = [text for text in (why, notes.get(i, ""), as_other) if text]
-        found.append(Planned(i, condition, answer, joined(texts, "; ")))
+        texts = [text for text in (_why(certification, i), notes.get(i, ""), as_other) if text]
+        found.append(Planned(i, condition, certification.answers[i], joined(texts, "; ")))
     return tuple(found)
+
+
+def planned_table(certification: Certification, display: Display) -> pd.DataFrame:
+    """The same as a table for readers."""
+    return pd.DataFrame(
+        {
+            "Planned test": row.id,
+            **display.columns(row.condition),
+            **dict(row.condition.factors),
+            "Answer": row.word,
+            "Why": display.words(row.why),
+        }
+        for row in planned(certification)
+    )
 
 
 def shown(certification: Certification, place: Place) -> tuple[Fact, ...]:
@@ -168,22 +173,9 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     once = [f"{i} as {other}" for i, other in certification.counted_once.items()]
     alike = f" Counted once, being within 1 km/h and 2 % of each weight: {listed(once)}." if once else ""
     yield fact("matrix.saved", f"{headline(certification)}.{alike}", n=n, of=of)
-    of_all, notes = _notes_at(certification)
+    of_all, _ = _notes_at(certification)
     if of_all:
         yield fact("matrix.every", f"Of every condition: {'; '.join(of_all)}.", notes=of_all)
-    for answer, heading in ANSWERS.items():
-        details = {i: _detail(certification, i) for i, own in certification.answers.items() if own == answer}
-        if details:
-            short = _least_of_alike(certification, details, notes) if len(details) > _FEW else details
-            text = {i: joined([t for t in (short[i], notes.get(i)) if t], "; ") for i in details}
-            listing = listed_conditions(ids, text)
-            unchecked = [i for i in details if certification.rows[i][0].word == "outside"]
-            if answer == "cannot say" and len(unchecked) == len(details) <= _EXPLAINED:
-                listing = joined([joined([i, certification.rows[i][0].reason], ": ") for i in details])
-            sentence = Sentence("{}: {}{}", heading, listing, "" if listing.endswith(".") else ".")
-            if answer == "cannot say" and certification.domain.too_few_tests:
-                (sentence,) = map(Sentence, certification.domain.too_few_tests)
-            yield fact(f"answer.{answer}", sentence, conditions={i: str(detail) for i, detail in details.items()})
     if set(certification.answers.values()) <= {"was run", "skip"}:
         yield fact("matrix.none_needed", "No condition of the matrix needs a test.")
     if first := certification.run_first:
@@ -232,34 +224,19 @@ def _amount(value: float) -> str:
     return number(float(f"{value:.3g}"), ",.10g")
 
 
-def _detail(certification: Certification, i: str) -> str:
-    """What decides the answer at a condition: of *skip* the probability, of *would miss* the criteria."""
-    answer, row, confidence = certification.answers[i], certification.rows[i], certification.criteria.confidence
+def _why(certification: Certification, i: str) -> str:
+    answer, row = certification.answers[i], certification.rows[i]
     if answer == "was run":
         return _tests_there(certification, row)
-    if answer == "skip":
-        return probability_text(all_met(row).probability, confidence)
-    if i in certification.uncertain:
-        return uncertain_text(certification, i)
-    if any(verdict.word == "outside" for verdict in row) and answer == "cannot say":
+    if answer == "skip" or i in certification.uncertain:
+        return at_once_text(certification, i)
+    if answer == "cannot say" and any(verdict.word == "outside" for verdict in row):
         return "outside what the tests check"
-    names = {"would miss": "{}", "run": "open: {}", "cannot say": "records too short for {}"}
+    told = {"would miss": "misses {}", "run": "open: {}", "cannot say": "records too short for {}"}[answer]
     word, unknown = "not met" if answer == "would miss" else "open", answer == "cannot say"
-    which = [v.criterion.name for v in row if v.word == word and (v.probability is None) is unknown]
-    return names[answer].format(", ".join(which))
-
-
-def _least_of_alike(
-    certification: Certification, details: Mapping[str, str], notes: Mapping[str, str]
-) -> dict[str, str]:
-    """Of many conditions to skip the least probability of those with equal notes, so that they are named as a range."""
-    met = {i: certification.waived[i].probability for i in details if i in certification.waived}
-    least = {note: min(p for i, p in met.items() if notes.get(i) == note) for note in map(notes.get, met)}
-    confidence = certification.criteria.confidence
-    return {
-        i: f"{probability_text(least[notes.get(i)], confidence)} or more" if i in met else told
-        for i, told in details.items()
-    }
+    return told.format(
+        ", ".join(v.criterion.name for v in row if v.word == word and (v.probability is None) is unknown)
+    )
 
 
 def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:

@@ -35,7 +35,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
     answers, at_once = certification.answers, {i: all_met(row) for i, row in certification.rows.items()}
-    though_met = {i: Sentence("{}.", uncertain_text(certification, i)) for i in certification.uncertain}
+    though_met = {i: Sentence("{}.", at_once_text(certification, i)) for i in certification.uncertain}
     return _numbers_of(
         {
             **condition_columns(i, verdict.condition, factors, certification.matrix.conditions[0]),
@@ -179,12 +179,12 @@ def changed_text(variant: Variant) -> str:
     return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in variant.changed.items())
 
 
-def uncertain_text(certification: Certification, condition: str) -> str:
-    """Why a condition takes a test though each criterion is met there."""
+def at_once_text(certification: Certification, condition: str) -> str:
+    """The probability that all criteria are met at once, and whether a test is needed nevertheless."""
+    only, but = ("", ", but skipping does not pay") if condition in certification.sure else ("only ", "")
+    but *= condition in certification.uncertain
     probability = all_met(certification.rows[condition]).probability
-    told = probability_text(probability, certification.criteria.confidence)
-    is_sure = condition in certification.sure
-    return f"all met at once: {told}, but skipping does not pay" if is_sure else f"all met at once: only {told}"
+    return f"all met at once: {only}{probability_text(probability, certification.criteria.confidence)}{but}"
 
 
 def _cells(certification: Certification, verdict: Verdict, display: Display, *without: str) -> dict[str, str]:
@@ -267,23 +267,6 @@ def _record(certification: Certification, display: Display) -> pd.DataFrame:
     )
 
 
-def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
-    texts, confidence = answer_texts(certification), certification.criteria.confidence
-    aside = ("was run", "cannot say")
-    met = {i: all_met(certification.rows[i]).probability for i, o in certification.answers.items() if o not in aside}
-    return pd.DataFrame(
-        {
-            "Condition": i,
-            **display.columns(condition),
-            **dict(condition.factors),
-            "Validated domain": "outside" if certification.domain.outside(condition) else "inside",
-            ANSWER: texts[i],
-            "All met at once": probability_text(met.get(i), confidence),
-        }
-        for i, condition in certification.matrix.items
-    )
-
-
 def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
     table = pd.DataFrame(  # in both, if the reader's units are not those that limits are declared in
         (own.name, own.label, display.words(own.limits), str(own.limits)) for own in certification.criteria.items
@@ -292,7 +275,6 @@ def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
-    "conditions": _conditions,
     "criteria": _criteria,
     "counts": lambda certification, display: counts_table(certification, display.units).rename(columns=str.capitalize),
     "verdicts": lambda own, display: pd.DataFrame(

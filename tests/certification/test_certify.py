@@ -14,7 +14,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.errors import DataError, UsageError
-from crashfuse.reporting.certification_facts import facts
+from crashfuse.reporting.certification_facts import facts, planned
 from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_tables import certification_table, track_record_table
 from crashfuse.signals.metrics import metric_values
@@ -48,9 +48,7 @@ def certified(campaign: Campaign, criteria: Criteria = CRITERIA) -> Certificatio
 
 def run_already(certification: Certification) -> dict[str, str]:
     """What is told of the tests at conditions that were run."""
-    (told,) = [fact.values["conditions"] for fact in facts(certification) if fact.code == "answer.was run"]
-    assert isinstance(told, dict)
-    return told
+    return {own.id: own.why for own in planned(certification) if own.word == "was run"}
 
 
 def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) -> None:
@@ -250,8 +248,9 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
     test = campaign.tests[1]
     rounded = replace(test.condition, speed_mps=1.001 * test.condition.speed_mps)
     apart = replace(test.condition, speed_mps=1.003 * test.condition.speed_mps)
-    planned = Matrix(("P1", "P2", "P3"), (test.condition, rounded, apart))
-    found = certify_matrix(campaign, CRITERIA, planned, CONFIG, workers=1)
+    found = certify_matrix(
+        campaign, CRITERIA, Matrix(("P1", "P2", "P3"), (test.condition, rounded, apart)), CONFIG, workers=1
+    )
     assert found.run == {"P1": (test.id,), "P2": (test.id,)}
     crush, _, rating = found.verdicts[0]
     assert crush.run[test.id] == pytest.approx(
