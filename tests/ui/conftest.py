@@ -161,9 +161,10 @@ def a_list_sends_the_label_it_held(monkeypatch: pytest.MonkeyPatch) -> None:
     def sent(own: Selectbox[object]) -> WidgetState:
         assert own.root._runner is not None
         state, labels = cast(WidgetState, usual(own)), held.setdefault(own.root._runner, {})
-        if isinstance(own._value, InitialValue) and not own.proto.set_value and own.id in labels:
-            state.string_value = labels[own.id]
-        labels[own.id] = state.string_value
+        if state.HasField("string_value"):
+            if isinstance(own._value, InitialValue) and not own.proto.set_value:
+                state.string_value = labels.get(own.id, state.string_value)
+            labels[own.id] = state.string_value
         return state
 
     monkeypatch.setattr(Selectbox, "_widget_state", property(sent))
