@@ -121,19 +121,19 @@ class Certification:
 
     @cached_property
     def sure(self) -> tuple[str, ...]:
-        """Conditions without a test that would meet all criteria at once with the confidence."""
+        """Conditions, not run, that would meet all criteria at once."""
         confidence = self.criteria.confidence
         return tuple(i for i, row in self.rows.items() if not row[0].run and needs_no_test(row, confidence))
 
     @cached_property
     def cautious_saving(self) -> float | None:
-        """Saving by each skipped test if as many answers are wrong as the record cannot rule out; of declared costs."""
+        """Saving by each skipped test if as many answers are wrong as the record allows; None without costs."""
         costs, most = self.criteria.costs, self.record.bounds()["tests"].at_most
         return None if costs is None or most is None else costs.saving(most)
 
     @property
     def skipping_loses(self) -> bool:
-        """Whether that is a loss: then no test is skipped."""
+        """Whether that is a loss."""
         return self.cautious_saving is not None and self.cautious_saving < 0
 
     @cached_property

@@ -15,7 +15,7 @@ from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.reporting import evidence_facts
 from crashfuse.reporting.certification_tables import at_once_text
-from crashfuse.reporting.evidence_facts import fact, listed, listed_conditions
+from crashfuse.reporting.evidence_facts import fact, listed
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
@@ -316,8 +316,7 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
         without = [i for i, condition in items if not dict(condition.factors).get(name)]
         groups |= {("condition.no_factor", told): without} if without else {}
     for (code, told), ids in groups.items():
-        named = listed_conditions(certification.matrix.ids, dict.fromkeys(ids, ""))
-        yield fact(code, f"{named}: {told}", conditions=ids)
+        yield fact(code, f"{listed(ids)}: {told}", conditions=ids)
 
 
 def _not_used(certification: Certification) -> Iterator[Fact]:

@@ -161,14 +161,14 @@ def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd
     )
 
 
-def answer_texts(certification: Certification, *, short: bool = False) -> dict[str, str]:
-    """The answer at each condition in words, with the tests there, the condition it counts as, and what is apart."""
-    run, same, texts, name = certification.run, certification.counted_once, {}, tick_name if short else str
+def answer_texts(certification: Certification) -> dict[str, str]:
+    """The answer at each condition, shortly, with the tests there, the condition it counts as, and what is apart."""
+    run, same, texts = certification.run, certification.counted_once, {}
     for i, condition in certification.matrix.items:
-        tests = [name(test) for test in run.get(i, ())]
-        by = f"{len(tests)} tests" if short and len(tests) > 1 else ", ".join(tests)
-        alike = f", as {name(same[i])}" if i in same else ""
-        apart = [name(departure.test) for departure in departures_near(certification.campaign, condition)]
+        tests = run.get(i, ())
+        by = f"{len(tests)} tests" if len(tests) > 1 else "".join(map(tick_name, tests))
+        alike = f", as {tick_name(same[i])}" if i in same else ""
+        apart = [tick_name(departure.test) for departure in departures_near(certification.campaign, condition)]
         texts[i] = certification.answers[i] + (f": {by}" if tests else "") + alike
         texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
     return texts

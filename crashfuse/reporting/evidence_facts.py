@@ -1,7 +1,6 @@
 """What the record of left-out tests, the validated domain and tests run since say of a certification, as facts."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import groupby
+from collections.abc import Iterator, Mapping, Sequence
 
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
@@ -25,8 +24,6 @@ from crashfuse.study.facts import Fact
 from crashfuse.wording import Quantity, Sentence, counted, joined, probability_text, speed, weight
 
 _NAMED = 20  # in a sentence
-_ONE_BY_ONE = 6  # conditions, or fewer
-_RANGES = 8
 _DIGEST = 12  # characters of it in a sentence
 
 
@@ -252,7 +249,7 @@ def _compared(changes: Changes) -> Iterator[Fact]:
         ("since.withdrawn", "Said then to need no test, and not now", withdrawn),
     ):
         if answers:
-            listing = listed_conditions([*changes.later.matrix.ids, *turned], answers, "changes.csv")
+            listing = listed_conditions(answers)
             yield fact(code, f"{told}: {listing}.", conditions=answers)
 
 
@@ -296,31 +293,6 @@ def listed(names: Sequence[str]) -> str:
     return Sentence("{}{}", joined(names[:_NAMED], ", "), more)
 
 
-def listed_conditions(rows: Iterable[str], answers: Mapping[str, str], file: str = "certification.csv") -> Sentence:
-    """Conditions, each with its answer in brackets if there is one: ``M01 to M08, M11 (crush); M09 (peak)``.
-
-    ``rows`` are all ids in the order of the matrix. Of many, the answer that most share comes first; ``file`` has all.
-    """
-    if len(answers) <= _ONE_BY_ONE:
-        return joined([_with_answer(i, answer) for i, answer in answers.items()], ", ")
-    ranges: dict[str, list[list[str]]] = {}
-    for answer, ids in groupby(rows, answers.get):
-        if answer is not None:
-            ranges.setdefault(answer, []).append(list(ids))
-    told, left, room = [], len(answers), _RANGES
-    for answer, some in sorted(ranges.items(), key=lambda item: -sum(map(len, item[1]))):
-        if shown := some[:room]:
-            texts = [", ".join(ids) if len(ids) < 3 else f"{ids[0]} to {ids[-1]}" for ids in shown]
-            told.append(_with_answer(", ".join(texts), answer))
-        room -= len(shown)
-        left -= sum(map(len, shown))
-    listing = joined(told, "; ")
-    return (
-        Sentence("{} conditions, {} and {} more, all in {}", f"{len(answers):,}", listing, f"{left:,}", file)
-        if left
-        else listing
-    )
-
-
-def _with_answer(conditions: str, answer: str) -> Sentence:
-    return Sentence("{} ({})", conditions, answer) if answer else Sentence("{}", conditions)
+def listed_conditions(answers: Mapping[str, str]) -> str:
+    """The first conditions, each with its answer in brackets if there is one, and how many there are more."""
+    return listed([Sentence("{} ({})", i, answer) if answer else i for i, answer in answers.items()])

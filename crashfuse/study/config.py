@@ -105,10 +105,9 @@ class StudyConfig:
     def check(self) -> None:
         """Raise a UsageError, before anything is computed, if a setting does not act or lacks its device here."""
         if self.effective != self:
-            told = (
-                f"The preset {self.preset} does not act on {', '.join(self.approaches)}: every preset gives the same."
-            )
-            raise UsageError(f"{told} It acts on {', '.join(filter(uses_preset, APPROACHES))}.")
+            told, acts_on = ", ".join(self.approaches), ", ".join(filter(uses_preset, APPROACHES))
+            told = f"The preset {self.preset} does not act on {told}: every preset gives the same."
+            raise UsageError(f"{told} It acts on {acts_on}.")
         for name in self.approaches:
             _ = self.create(name).device
 

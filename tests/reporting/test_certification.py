@@ -31,7 +31,6 @@ from crashfuse.reporting.certification_facts import (
 )
 from crashfuse.reporting.certification_record import certification_json, certification_record
 from crashfuse.reporting.certification_tables import SHOWN, certification_table
-from crashfuse.reporting.evidence_facts import listed_conditions
 from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
@@ -202,34 +201,6 @@ def test_answers_have_what_decides_them(certification: Certification) -> None:
     short = "cannot say: records too short for crush, OLC, rating"
     assert told(met, row_as(second, "open", None), third)[1] == short
     assert values(replace(certification, verdicts=(met, met, met)), "matrix.none_needed") == [{}]
-
-
-ROWS = [f"M{i:04}" for i in range(1, 2001)]
-
-
-@pytest.mark.parametrize(
-    ("answers", "told"),
-    [
-        ({"M0001": "crush", "M0002": "crush"}, "M0001 (crush), M0002 (crush)"),  # few: one by one
-        (
-            {"M0001": "peak"} | dict.fromkeys(ROWS[2:10], "crush") | {"M0012": "crush", "M0013": "peak"},
-            "M0003 to M0010, M0012 (crush); M0001, M0013 (peak)",
-        ),
-        (dict.fromkeys((*ROWS[:5], *ROWS[6:8]), ""), "M0001 to M0005, M0007, M0008"),  # two are no range
-        (dict.fromkeys(ROWS, "0.97 or more"), "M0001 to M2000 (0.97 or more)"),
-    ],
-)
-def test_conditions_in_a_sentence_can_be_read_at_a_glance(answers: dict[str, str], told: str) -> None:
-    """Neighbours with the same answer are a range; what most of them share comes first."""
-    assert listed_conditions(ROWS, answers) == told
-
-
-def test_of_conditions_in_no_order_the_first_ranges_are_told_and_where_all_of_them_are() -> None:
-    """Never a paragraph; all of them and the rest are counted."""
-    told = listed_conditions(ROWS, {i: "peak" if place % 3 else "crush" for place, i in enumerate(ROWS)}, "x.csv")
-    assert told.startswith("2,000 conditions, M0002, M0003, M0005, M0006, ")
-    assert told.endswith(" (peak) and 1,984 more, all in x.csv")
-    assert len(told) < 200
 
 
 def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confidence(

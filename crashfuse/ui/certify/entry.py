@@ -30,14 +30,14 @@ class Field(NamedTuple):
     clears: Sequence[int] = ()
 
     def number(self, text: str) -> float | None:
-        """The number that is shown for a kept text; None for one that is no number."""
+        """The number that is shown for a text, if it is one."""
         with suppress(ValueError):
             shown = float(f"{float(text) * (self.factor or 1.0):.6g}")
             return shown if math.isfinite(shown) else None
         return None
 
     def text(self, value: float | str | None, kept: str) -> str:
-        """What is kept once a widget has this value; what it showed already changes nothing."""
+        """What is kept of a widget's value: what it shows already changes nothing."""
         if isinstance(value, float):
             return kept if value == self.number(kept) else f"{value / (self.factor or 1.0):.12g}"
         return (value or "").replace(SEPARATOR, "-")
@@ -55,9 +55,9 @@ def edit_rows(
     units: UnitSystem,
     most: int | None = None,
 ) -> None:
-    """Let rows, the first ``most``, be typed in that session and address hold as texts, shown in a reader's units.
+    """Let rows, the first ``most``, be typed in that session and address hold as texts.
 
-    Another list, and other units, begin with widgets of their own: a browser would send what it showed before.
+    Another list or unit begins with widgets of its own: a browser would send what it showed before.
     """
     state, written = st.session_state, f"{key} as typed"
     texts, number = state.get(written, (None, 0))

@@ -13,7 +13,7 @@ import streamlit as st
 from crashfuse.campaign import Campaign
 from crashfuse.certification import file_store
 from crashfuse.certification.matrix import Matrix
-from crashfuse.errors import CrashfuseError, DataError
+from crashfuse.errors import CrashfuseError, DataError, Problem
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.signals.pulse import FloatArray
@@ -108,7 +108,8 @@ def _checked(content: bytes, campaign: Campaign) -> Matrix:
 def _typed(texts: tuple[str, ...], campaign: Campaign) -> Matrix:
     rows = [_parts(text, campaign) for text in texts]
     system = SYSTEMS[rows[0][_SYSTEM]]
-    rows = [_in_system(row, system) for row in rows]
+    if mixed := [row[0] for row in rows if row[_SYSTEM] != rows[0][_SYSTEM]]:  # of a link, a page writes none
+        raise DataError(Problem("Planned tests", "one system of units", f"another in {mixed[0]}", "remove that row"))
     quantities = zip(("speed", "front_weight", "rear_weight"), system.endings, strict=True)
     names = ["id", *(f"{name}_{unit}" for name, unit in quantities), *campaign.factors]
     try:
@@ -126,16 +127,6 @@ def _parts(text: str, campaign: Campaign) -> list[str]:
     """Id, speed, weights, the name of their units, and factors of a row, of whatever a link has."""
     parts = parts_of(text, _SYSTEM + 1 + len(campaign.factors))
     return parts if parts[_SYSTEM] in SYSTEMS else [*parts[:_SYSTEM], "mph-lb", *parts[_SYSTEM + 1 :]]
-
-
-def _in_system(row: list[str], system: UnitSystem) -> list[str]:
-    own = SYSTEMS[row[_SYSTEM]]
-    numbers = row[1:_SYSTEM]
-    if own != system:
-        with suppress(ValueError):  # which the table tells
-            pairs = zip(numbers, _units(own), _units(system), strict=True)
-            numbers = [f"{float(text) * IN_SI[kept] / IN_SI[unit]:.12g}" for text, kept, unit in pairs]
-    return [row[0], *numbers, *row[_SYSTEM:]]
 
 
 def _text(i: str, vector: FloatArray, system: UnitSystem, factors: Sequence[str]) -> str:

@@ -262,10 +262,7 @@ def page_config() -> StudyConfig:
 
 
 def chosen_config(approach: str | None = None) -> StudyConfig:
-    """The settings made on the Train page that act on the approaches chosen there, or on this one; else the defaults.
-
-    Also for a seed that is none, which that page tells.
-    """
+    """The settings made on Train, as far as they act on an approach or those chosen there; also for a wrong seed."""
     state, chosen = st.session_state, (approach,) if approach else st.session_state.get("approaches") or APPROACHES
     seed = int(state.get("seed", 0))
     windows = {*WINDOWS_MS, float(state.get("window", WINDOWS_MS[-1]))}

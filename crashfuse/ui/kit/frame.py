@@ -22,15 +22,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, telling_test
 from crashfuse.study.facts import campaign_facts
 from crashfuse.ui.kit import address, campaigns, navigation, uploads, visitors
-from crashfuse.ui.kit.address import (
-    ASKED,
-    NOT_FOUND,
-    choose_campaign,
-    choose_held_out,
-    chosen_config,
-    forget,
-    page_config,
-)
+from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import jobs
 from crashfuse.ui.kit.figures import load_early
@@ -297,7 +289,7 @@ def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None)
     row = show_title(title)
     if detail is None:
         return view
-    config = page_config()
+    config = address.page_config()
     colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
     label = f"{config.preset.capitalize()} settings, seed {config.seed}"
     with row:
