@@ -224,10 +224,10 @@ def fits_of(
     asked = dict.fromkeys(approaches)
     if not asked:
         raise UsageError("A prediction takes an approach at least, such as fused.")
+    if names := tuple(one for one in asked if isinstance(one, str)):
+        replace(config, approaches=names).check()
     for one in asked:
-        if isinstance(one, str):
-            replace(config, approaches=(one,)).check()
-        elif one.campaign.fingerprint != campaign.fingerprint:
+        if isinstance(one, Fit) and one.campaign.fingerprint != campaign.fingerprint:
             raise UsageError(f"The fit of {one.approach.name} learned from other data than {campaign.name} holds.")
     return [one if isinstance(one, Fit) else Fit.of(campaign, one, config, cache=cache, watch=watch) for one in asked]
 

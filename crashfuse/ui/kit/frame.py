@@ -12,7 +12,7 @@ from streamlit.delta_generator import DeltaGenerator
 from streamlit.navigation.page import Page
 from streamlit.runtime.scriptrunner import StopException
 
-from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.approaches.registry import APPROACHES, LABELS, uses_preset
 from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
@@ -30,7 +30,7 @@ from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
 from crashfuse.ui.kit.text import LF, TIME_DOMAIN, TO_TTZV_HELP, chosen_units, plain
-from crashfuse.wording import SYSTEMS, counted, said, speed
+from crashfuse.wording import SYSTEMS, counted, read_out, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it
@@ -46,9 +46,11 @@ def choose_settings() -> tuple[StudyConfig, str]:
     )  # fmt: skip
     st.caption(f"{LF} {TIME_DOMAIN}")
     left, right = st.columns(2, gap="large")
+    acts_on = read_out([LABELS[name] for name in filter(uses_preset, APPROACHES)])
     left.radio(
         "Settings", PRESETS, format_func={"fast": "Fast", "paper": "Paper"}.__getitem__, key="preset",
-        captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023)."], persist_state="session",
+        captions=["Ours: minutes on a laptop.", f"As published (Zeng et al. 2023): {acts_on}."],
+        persist_state="session",
     )  # fmt: skip
     with right.expander("Advanced", icon=":material/tune:"):
         st.number_input(  # without bounds, within which a browser would keep the last one and say nothing to the page
@@ -64,6 +66,8 @@ def choose_settings() -> tuple[StudyConfig, str]:
             key="device", persist_state="session", help="Results differ in their last digits.",
         )  # fmt: skip
     config = chosen_config()
+    if config.preset != st.session_state["preset"]:
+        st.warning("The paper's settings act on none of these approaches.", icon=":material/info:")
     if config.preset == "paper":
         st.warning("The paper's settings take many hours without a GPU.", icon=":material/timer:")
     if not chosen:
@@ -285,7 +289,7 @@ def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None)
     row = show_title(title)
     if detail is None:
         return view
-    config = chosen_config()
+    config = address.page_config()
     colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
     label = f"{config.preset.capitalize()} settings, seed {config.seed}"
     with row:
