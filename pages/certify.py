@@ -9,7 +9,7 @@ from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
 from crashfuse.ui.certify.results import Judgement, judge
 from crashfuse.ui.kit import address, frame
-from crashfuse.ui.kit.address import chosen_config
+from crashfuse.ui.kit.address import page_config
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.figures import show_tabs
 from crashfuse.ui.kit.navigation import end_page
@@ -29,7 +29,7 @@ if criteria is not None and matrix is not None:
     request = judge(view.campaign, criteria, matrix)
     usually = "It takes a minute or more; then other limits take no time."
     verdicts = result_or_none(
-        request, invitation=f"No answer yet. {patience(chosen_config(), usually)}", button="Certify"
+        request, invitation=f"No answer yet. {patience(page_config(), usually)}", button="Certify"
     )
     question = "" if verdicts is None else results.question(criteria, matrix)
 if question != asked:  # the choices above fold away into it, or unfold

@@ -33,6 +33,7 @@ class Prediction:
     draws_mps2: FloatArray | None = None  # equally likely whole pulses, shape (n_draws, 1250); None without a band
     notes: tuple[str, ...] = ()  # for the reader: extrapolation, the source of the CAE pulse, a fit that was retried
     apart: npt.NDArray[np.bool_] | None = None  # draws that fold as a test that stands apart; None if all fold alike
+    apart_as: str = ""  # the id of that test
 
     def __repr__(self) -> str:
         drawn = "no band" if self.draws_mps2 is None else f"{len(self.draws_mps2)} draws"
@@ -60,6 +61,13 @@ class Prediction:
     def band(self, level: float = 0.95) -> tuple[FloatArray, FloatArray] | None:
         """Central prediction interval at each time as (lower, upper) in m/s², or None."""
         return None if self.draws_mps2 is None else central_interval(self.draws_mps2, level)
+
+    @property
+    def folds_mps2(self) -> tuple[FloatArray, ...]:
+        """The average of draws that fold as most tests there, and of those that fold as the one apart; or none."""
+        if self.apart is None or self.draws_mps2 is None:
+            return ()
+        return tuple(self.draws_mps2[draws].mean(axis=0, dtype=float) for draws in (~self.apart, self.apart))
 
     def whole_band(self) -> tuple[FloatArray, FloatArray] | None:
         """Band inside which nine of ten tests lie as a whole, see :func:`whole_interval`; or None."""

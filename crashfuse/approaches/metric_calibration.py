@@ -177,15 +177,25 @@ def calibrated_metrics(
     if prediction.draws_mps2 is None:
         return metrics
     distributions = metric_distributions(drawn, errors)
+    folds = {} if prediction.apart is None else {"most": ~prediction.apart, prediction.apart_as: prediction.apart}
+    by_fold = {
+        fold: metric_distributions({name: values[draws] for name, values in drawn.items()}, errors)
+        for fold, draws in folds.items()
+    }
 
     def expected(metric: Metric) -> Metric:
-        distribution = distributions[metric.name]
-        if distribution is None:
-            return replace(metric, drawn=True)
-        lower, upper = distribution.interval
-        return replace(metric, value=distribution.median, lower=lower, upper=upper, drawn=True)
+        unknown = replace(metric, value=None, of_pulse=None)
+        both = {fold: _of_single_test(unknown, own[metric.name]) for fold, own in by_fold.items()}
+        return replace(_of_single_test(metric, distributions[metric.name]), folds=both)
 
     return tuple(map(expected, metrics))
+
+
+def _of_single_test(metric: Metric, distribution: Distribution | None) -> Metric:
+    if distribution is None:
+        return replace(metric, drawn=True)
+    lower, upper = distribution.interval
+    return replace(metric, value=distribution.median, lower=lower, upper=upper, drawn=True)
 
 
 def representative_pulses(

@@ -4,15 +4,17 @@ Those with networks are listed by an abstract base of their class, so that namin
 """
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from inspect import isabstract
 from math import inf
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.fit_cache import settings as settings_of
 from crashfuse.approaches.mixture import AboutFused
-from crashfuse.approaches.settings import Settings
+from crashfuse.approaches.settings import PRESETS, Settings
 from crashfuse.approaches.time_domain.config import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
 from crashfuse.extensions import NO_FAULTS, Broken, load, said
@@ -83,6 +85,15 @@ def create(name: str, settings: Settings) -> Approach:
 
         approach = next((network for network in (LfTcn, TimeDomain, Fused) if issubclass(network, approach)), approach)
     return approach.create(settings)
+
+
+@cache
+def uses_preset(name: str) -> bool:
+    """Whether the preset acts on an approach: whether it decides what its fits are kept by."""
+    with suppress(CrashfuseError), blamed_on(name):
+        usual, *others = (settings_of(create(name, Settings(preset))) for preset in PRESETS)
+        return any(other != usual for other in others)
+    return True  # it cannot be made here, which is told when it is asked for
 
 
 @contextmanager

@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple, Self
 from crashfuse.approaches.base import holds_whole
 from crashfuse.approaches.mixture import AboutFused
 from crashfuse.approaches.registry import BASELINE
-from crashfuse.approaches.settings import PRESETS
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria, varied
 from crashfuse.certification.domain import Domain
@@ -21,7 +20,7 @@ from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError, one_of
+from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig, check_window
@@ -33,13 +32,9 @@ APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
 _LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
 Rows = tuple[tuple[Verdict, ...], ...]
-TRIED = ("seed", "preset", "tests")
-"""What :func:`try_variants` makes other."""
-Answer = Literal[
-    "run", "need not be run", "to be tested", "would miss", "test or redesign", "record for longer", "outside"
-]
-"""The first that is true: a test was made for it; it would meet all criteria at once; each is met, but all at once not
-with the confidence; it would miss one; one is open; one is open as records end too early; one was not checked."""
+Answer = Literal["was run", "skip", "run", "would miss", "cannot say"]
+"""The first that is true: a test was made for it; it would meet all criteria at once, and skipping pays; it would miss
+one; a test or another design can tell, or skipping it does not pay; it was not checked, or records end too early."""
 
 
 class Variant(NamedTuple):
@@ -48,12 +43,14 @@ class Variant(NamedTuple):
     name: str
     saved: tuple[int, int]
     changed: Mapping[str, tuple[Answer, Answer]]
+    left_out: str = ""  # the test without which all was computed again, if one was
 
     @classmethod
     def of(cls, name: str, usual: "Certification", other: "Certification") -> Self:
         """Compare two certifications of the same conditions."""
         pairs = {i: (answer, other.answers[i]) for i, answer in usual.answers.items()}
-        return cls(name, other.saved, {i: pair for i, pair in pairs.items() if pair[0] != pair[1]})
+        left_out = " ".join(test for test in usual.campaign.test_ids if test not in other.campaign.test_ids)
+        return cls(name, other.saved, {i: pair for i, pair in pairs.items() if pair[0] != pair[1]}, left_out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +67,7 @@ class Certification:
     record: TrackRecord
     seconds: dict[str, float]  # to learn, leaving tests out included, and to judge the matrix
     since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it
-    variants: tuple[Variant, ...] = ()  # other limits and confidences; other seeds, presets and tests if asked for
+    variants: tuple[Variant, ...] = ()  # other limits and confidences, and without each test if asked for
     key: str = ""  # that seals its files, if one does
 
     def __repr__(self) -> str:
@@ -109,25 +106,54 @@ class Certification:
     @cached_property
     def answers(self) -> dict[str, Answer]:
         """The answer at each condition, by its id."""
-        return {i: _answer(row, self.criteria.confidence) for i, row in self.rows.items()}
+        return {i: self._answer(i, row) for i, row in self.rows.items()}
+
+    def _answer(self, i: str, row: tuple[Verdict, ...]) -> Answer:
+        words = {verdict.word for verdict in row}
+        if row[0].run:
+            return "was run"
+        if words == {"met"}:
+            return "skip" if i in self.sure and not self.skipping_loses else "run"
+        if "not met" in words:
+            return "would miss"
+        decidable = any(verdict.word == "open" and verdict.probability is not None for verdict in row)
+        return "run" if decidable else "cannot say"
+
+    @cached_property
+    def sure(self) -> tuple[str, ...]:
+        """Conditions, not run, that would meet all criteria at once."""
+        confidence = self.criteria.confidence
+        return tuple(i for i, row in self.rows.items() if not row[0].run and needs_no_test(row, confidence))
+
+    @cached_property
+    def cautious_saving(self) -> float | None:
+        """Saving by each skipped test if as many answers are wrong as the record allows; None without costs."""
+        costs, most = self.criteria.costs, self.record.bounds()["tests"].at_most
+        return None if costs is None or most is None else costs.saving(most)
+
+    @property
+    def skipping_loses(self) -> bool:
+        """Whether that is a loss."""
+        return self.cautious_saving is not None and self.cautious_saving < 0
 
     @cached_property
     def waived(self) -> dict[str, AllMet]:
-        """Conditions that need not be run, with :func:`all_met` of each."""
-        return self._all_met("need not be run")
+        """Conditions to be skipped, with :func:`all_met` of each."""
+        return self._all_met("skip")
 
     @property
     def uncertain(self) -> dict[str, AllMet]:
-        """Conditions where each criterion is met, but all at once not with the confidence; as ``waived``."""
-        return self._all_met("to be tested")
+        """Conditions that take a test though each criterion is met; as ``waived``."""
+        return self._all_met("run")
 
     def _all_met(self, answer: Answer) -> dict[str, AllMet]:
-        return {i: all_met(row) for i, row in self.rows.items() if self.answers[i] == answer}
+        met = {i for i, row in self.rows.items() if all(verdict.word == "met" for verdict in row)}
+        return {i: all_met(self.rows[i]) for i, own in self.answers.items() if own == answer and i in met}
 
     @cached_property
     def counted_once(self) -> dict[str, str]:
         """:meth:`Matrix.alike`: those that still take a test stand for others, then those run."""
-        settled = ("run", "need not be run")
+        settled = ("was run", "skip")
         return self.matrix.alike([i for i, answer in self.answers.items() if answer not in settled], list(self.run))
 
     @property
@@ -141,24 +167,9 @@ class Certification:
         """The fastest of two or more conditions that a test can settle; or None."""
         speeds = {}
         for i, answer in self.answers.items():
-            can_tell = all(v.word != "open" or v.probability is not None for v in self.rows[i])
-            if answer == "to be tested" or (answer == "test or redesign" and can_tell):
+            if answer == "run" and all(v.word != "open" or v.probability is not None for v in self.rows[i]):
                 speeds[i] = self.rows[i][0].condition.speed_mps
         return max(speeds, key=lambda i: (speeds[i], i)) if len(speeds) > 1 else None
-
-
-def _answer(row: tuple[Verdict, ...], confidence: float) -> Answer:
-    if row[0].run:
-        return "run"
-    words = {verdict.word for verdict in row}
-    if words == {"met"}:
-        return "need not be run" if needs_no_test(row, confidence) else "to be tested"
-    if "not met" in words:
-        return "would miss"
-    if "open" not in words:
-        return "outside"
-    decidable = any(verdict.word == "open" and verdict.probability is not None for verdict in row)
-    return "test or redesign" if decidable else "record for longer"
 
 
 def certify_matrix(
@@ -209,22 +220,17 @@ def certify_matrix(
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
 
 
-def try_variants(certification: Certification, what: Sequence[str], **computing: Any) -> Certification:  # noqa: ANN401
-    """The certification with further variants (:data:`TRIED`); ``computing`` is as for :func:`certify_matrix`."""
-    campaign, config, others = certification.campaign, certification.config, {}
-    criteria, matrix = certification.criteria, certification.matrix
-    for name in what:
-        one_of("variant", name, dict.fromkeys(TRIED))
-    if "seed" in what:
-        others[f"seed {config.seed ^ 1}"] = campaign, replace(config, seed=config.seed ^ 1)
-    if "preset" in what:
-        (preset,) = (name for name in PRESETS if name != config.preset)
-        others[f"preset {preset}"] = campaign, replace(config, preset=preset)
-    if "tests" in what and len(campaign.tests) > 1:
-        others |= {f"without {test}": (campaign.without((test,)), config) for test in campaign.test_ids}
-    variants = (
-        Variant.of(name, certification, certify_matrix(of, criteria, matrix, by, **computing))
-        for name, (of, by) in others.items()
+def without_each_test(certification: Certification, **computing: Any) -> Certification:  # noqa: ANN401
+    """The certification with the variants that lack a test; ``computing`` is as for :func:`certify_matrix`."""
+    campaign, matrix = certification.campaign, certification.matrix
+    others = {test: campaign.without((test,)) for test in campaign.test_ids if len(campaign.tests) > 1}
+    variants = tuple(
+        Variant.of(
+            f"without {test}",
+            certification,
+            certify_matrix(other, certification.criteria, matrix, certification.config, **computing),
+        )
+        for test, other in others.items()
     )
     return replace(certification, variants=(*certification.variants, *variants))
 

@@ -147,7 +147,7 @@ CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Seque
 """``criteria.toml``, its tables as rows of a frame or as mappings, or criteria as they are judged."""
 _TO_START = {"crush": "max_crush", "peak": "peak", "velocity change": "delta_v", "OLC": "olc"}
 _GOOD = 0.8  # the grade of ISO/TS 18571
-_KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
+_KEYS = ("name", "metric", "unit", "window_ms", "at_least", "at_most")
 COSTS = ("test", "wrong_answer")
 
 
@@ -202,8 +202,8 @@ def criteria_text(criteria: Criteria) -> str:
     lines = [f"confidence = {criteria.confidence!r}"] if criteria.declared is not None or costs is None else []
     lines += [] if costs is None else ["", "[costs]", *(f"{key} = {getattr(costs, key)!r}" for key in COSTS)]
     for criterion in criteria.items:
-        values = {key: getattr(criterion, key) for key in ("name", "metric", "window_ms", "at_least", "at_most")}
-        lines += ["", "[[criterion]]", *(f"{k} = {toml_text(v)}" for k, v in values.items() if v is not None)]
+        values = {key: getattr(criterion, key) for key in _KEYS}
+        lines += ["", "[[criterion]]", *(f"{k} = {toml_text(v)}" for k, v in values.items() if v not in (None, ""))]
     return "\n".join([*lines, ""]).lstrip()
 
 

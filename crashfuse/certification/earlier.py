@@ -19,6 +19,7 @@ from crashfuse.certification.track_record import Trial
 from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, printable
+from crashfuse.signals.metrics import METRIC_UNITS
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.estimate import is_beyond
 
@@ -124,24 +125,24 @@ def read_earlier(path: Path) -> Earlier:
     """Read ``certification.json``, or the one in this folder; raises a DataError if it is not such a file."""
     path = path / FILE if path.is_dir() else path
     content = seal.read(path, "the record of a certification")
-    return replace(parse_earlier(content, path), sealed=seal.sealed_by(path.parent) if path.name == FILE else "")
+    return parse_earlier(content, path, seal.sealed_by(path.parent) if path.name == FILE else "")
 
 
-def parse_earlier(content: bytes, path: Path = Path(FILE)) -> Earlier:
-    """The same of a file's content; ``path`` is named where it is wrong."""
+def parse_earlier(content: bytes, path: Path = Path(FILE), sealed: str = "") -> Earlier:
+    """The same of a file's content, sealed by this key if by any; ``path`` is named where it is wrong."""
     try:
-        return _of(json.loads(content), hashlib.sha256(content).hexdigest())
+        return _of(json.loads(content), hashlib.sha256(content).hexdigest(), sealed)
     except _WRONG:
         found = "another file, or a damaged one" if content.strip() else "an empty file"
         advice = f"give the {FILE} that crashfuse certify writes"
         raise DataError(Problem(path.name, "the record of a certification", found, advice)) from None
 
 
-def _of(values: dict[str, Any], digest: str) -> Earlier:
+def _of(values: dict[str, Any], digest: str, sealed: str) -> Earlier:
     rows, cells, before = [dict(row) for row in values["matrix"]], values["cells"], values.get("since", {})
     asked = values["criteria"]
     declared = None if asked.get("confidence_by_costs") else asked["confidence"]
-    criteria = criteria_of(asked["criterion"], declared, asked.get("costs"))
+    criteria = criteria_of(_in_their_units(asked["criterion"]), declared, asked.get("costs"))
     matrix = Matrix(_ids(row.pop("id") for row in rows), tuple(Condition.of(**row) for row in rows))
     _require(not any(map(is_beyond, matrix.conditions)))
     return Earlier(
@@ -153,13 +154,19 @@ def _of(values: dict[str, Any], digest: str) -> Earlier:
         criteria,
         matrix,
         _occupant(values),
-        tuple(map(_trial, before.get("verdicts", ()))),
+        # what a file says of others' seals is believed if it is sealed itself
+        tuple(_trial(trial, believed=bool(sealed)) for trial in before.get("verdicts", ())),
         {_text(name): _outcomes(tests) for name, tests in before.get("waived_and_tested", {}).items()},
         tuple(_removed(**test) for test in before.get("gone", ())),
         {i: _shown(tests) for i, tests in values["run"].items() if i in matrix.ids},
         tuple(tuple(_verdict(*cells[i][criterion.name]) for criterion in criteria.items) for i in matrix.ids),
         tuple(i for i in matrix.ids if i in values["waived"]),
+        sealed,
     )
+
+
+def _in_their_units(limits: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{"unit": METRIC_UNITS.get(limit["metric"], ""), **limit} for limit in limits]
 
 
 def _require(fine: bool) -> None:
@@ -178,12 +185,12 @@ def _ids(ids: Iterable[str]) -> tuple[str, ...]:
     return checked
 
 
-def _trial(trial: dict[str, Any]) -> Trial:
-    (limit,) = criteria_of([trial["criterion"]]).items
+def _trial(trial: dict[str, Any], *, believed: bool) -> Trial:
+    (limit,) = criteria_of(_in_their_units([trial["criterion"]])).items
     numbers, test = (trial["measured"], trial.get("shift", 0.0)), trial["test"]
     _require(all(map(is_number, numbers)) and not id_trouble(test))
     planned = trial_of(test, Condition.parse(trial["condition"]), limit, _verdict(*trial["said"]), *map(float, numbers))
-    return replace(planned, given=(_text(trial.get("date", "")), _text(trial.get("sealed", ""))))
+    return replace(planned, given=(_text(trial.get("date", "")), _text(trial.get("sealed", "")) if believed else ""))
 
 
 def _outcomes(tests: dict[str, dict[str, list[str]]]) -> Outcomes:

@@ -1,15 +1,14 @@
 """Seals: ``certification.json`` signed with Ed25519, so that whoever has the public key can tell what was changed.
 
-``seal.json`` holds the signature and, signed as well, a short digest of each line of the certification's files, which
-tell where a file was changed. ``review.json`` is the signature of a reviewer who found all as it was sealed.
+It holds the SHA-256 of every file that it rests on. ``seal.json`` is its maker's signature, ``review.json`` that of a
+reviewer who found all as it was sealed. Nothing else in these two is believed.
 """
 
 import base64
 import hashlib
 import json
 import os
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -23,10 +22,8 @@ if TYPE_CHECKING:
 
 FILE, SEAL, REVIEW = "certification.json", "seal.json", "review.json"
 _LARGEST = 64 << 20  # bytes of a seal or a certification; a key takes two hundred
-_SHORT = 8  # characters of the digest of a line
-_LINES, _REVIEW = b"crashfuse lines\n", b"crashfuse review\n"  # begin what is signed, so that neither is the other
+_REVIEW = b"crashfuse review\n"  # begins what a reviewer signs, so that no seal is a review
 _ASK = "ask its maker for the original"
-_KEY = re.compile(r' *"((?:[^"\\]|\\.)*)":')
 
 
 def make_keys(path: Path) -> str:
@@ -116,28 +113,18 @@ def seal(folder: Path, key: "Ed25519PrivateKey", inputs: Mapping[str, str], befo
     }
     content = (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
     write_atomically(folder / FILE, content)
-    lines = {name: "".join(_digests((folder / name).read_bytes())) for name in (FILE, *names)}
-    _write(folder / SEAL, key, {"signature": content, "lines_signature": _of_lines(lines)}, lines=lines)
+    _sign(folder / SEAL, key, content)
 
 
 def review(folder: Path, key: "Ed25519PrivateKey") -> None:
     """Sign a certification as one who found all of it as it was sealed."""
-    _write(folder / REVIEW, key, {"signature": _REVIEW + (folder / FILE).read_bytes()})
+    _sign(folder / REVIEW, key, _REVIEW + (folder / FILE).read_bytes())
 
 
-def _write(path: Path, key: "Ed25519PrivateKey", signed: Mapping[str, bytes], **more: object) -> None:
-    signatures = {name: base64.b64encode(key.sign(content)).decode() for name, content in signed.items()}
-    raw = base64.b64encode(key.public_key().public_bytes_raw()).decode()
-    write_atomically(path, (json.dumps({"public_key": raw, **signatures, **more}, indent=1) + "\n").encode())
-
-
-def _digests(content: bytes) -> list[str]:
-    return [hashlib.sha256(line).hexdigest()[:_SHORT] for line in content.split(b"\n")]
-
-
-def _of_lines(lines: Mapping[str, str]) -> bytes:
-    text = "".join(f"{name} {digests}\n" for name, digests in sorted(lines.items()))
-    return _LINES + text.encode(errors="surrogatepass")
+def _sign(path: Path, key: "Ed25519PrivateKey", content: bytes) -> None:
+    raw = {"public_key": key.public_key().public_bytes_raw(), "signature": key.sign(content)}
+    values = {name: base64.b64encode(value).decode() for name, value in raw.items()}
+    write_atomically(path, (json.dumps(values, indent=1) + "\n").encode())
 
 
 class Sealed(NamedTuple):
@@ -161,28 +148,26 @@ def sealed_by(folder: Path) -> str:
 
 def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = None) -> Sealed:
     """Hold a certification against its seal, by a trusted key or its own; a DataError has every changed file."""
-    key, signatures, lines = _signed(folder / SEAL)
-    content, problems = read(folder / FILE, "the sealed file"), []
-    if trusted is not None and key_name(given := read_key(trusted, "public")) != key_name(key):
-        expected, found = f"a seal by the key {key_name(given)}", f"one by the key {key_name(key)}"
-        raise DataError(Problem(SEAL, expected, found, "ask its maker, and do not trust it until then"))
-    if not _holds(key, signatures["lines_signature"], _of_lines(lines)):
-        lines = {}  # whoever changed these may have changed anything
-    if not _holds(key, signatures["signature"], content):
-        raise DataError(shortened([*_changes(FILE, content, lines)]))
-    sealed = _contents(folder / FILE, content)._replace(key=key_name(key))
+    key, signature = _signed(folder / SEAL)
+    content, problems = read(folder / FILE, "the sealed file"), list[Problem]()
+    if not _holds(key, signature, content):
+        raise DataError(Problem(FILE, "what was sealed", f"other content than {SEAL} signs", _ASK))
+    sealed = _contents(folder / FILE, content)
+    for maker in (sealed.key, sealed.key if trusted is None else key_name(read_key(trusted, "public"))):
+        if key_name(key) != maker:
+            expected, found = f"a seal by the key {maker}", f"one by the key {key_name(key)}"
+            raise DataError(Problem(SEAL, expected, found, "ask its maker, and do not trust it until then"))
     for name, sha256 in sealed.files.items():
-        path = folder / name
-        if not path.is_file():
-            problems.append(Problem(name, "the file that was sealed", "no such file", _ASK))
-        elif _sha256(path) != sha256:
-            problems += _changes(name, read(path, "the file that was sealed"), lines)
+        is_there = (folder / name).is_file()
+        if not is_there or _sha256(folder / name) != sha256:
+            found = "another one" if is_there else "no such file"
+            problems.append(Problem(name, "the file that was sealed", found, _ASK))
     if campaign is not None:
         problems += _changes_below(campaign, sealed.rests_on)
     if (folder / REVIEW).exists():
-        reviewer, signatures, _ = _signed(folder / REVIEW)
+        reviewer, signature = _signed(folder / REVIEW)
         sealed = sealed._replace(reviewer=key_name(reviewer))
-        if not _holds(reviewer, signatures["signature"], _REVIEW + content):
+        if not _holds(reviewer, signature, _REVIEW + content):
             problems.append(Problem(REVIEW, f"a review of this {FILE}", "one of another", "ask the reviewer"))
     if problems:
         raise DataError(shortened(problems))
@@ -211,15 +196,12 @@ def _as_written(path: Path) -> Iterator[None]:
         raise DataError(Problem(path.name, "a seal", "another file, or a damaged one", _ASK)) from None
 
 
-def _signed(path: Path) -> "tuple[Ed25519PublicKey, dict[str, bytes], dict[str, str]]":
+def _signed(path: Path) -> "tuple[Ed25519PublicKey, bytes]":
     ed25519, content = _ed25519(), read(path, "the seal that crashfuse certify --seal writes")
     with _as_written(path):
         values = json.loads(content)
-        names = ("signature", *(["lines_signature"] if path.name == SEAL else []))
-        signatures = {name: base64.b64decode(values[name], validate=True) for name in names}
-        key = ed25519.Ed25519PublicKey.from_public_bytes(base64.b64decode(values["public_key"], validate=True))
-        lines = {str(name): "" + digests for name, digests in values.get("lines", {}).items()}
-    return key, signatures, lines
+        raw, signature = (base64.b64decode(values[name], validate=True) for name in ("public_key", "signature"))
+        return ed25519.Ed25519PublicKey.from_public_bytes(raw), signature
 
 
 def _contents(path: Path, content: bytes) -> Sealed:
@@ -229,7 +211,7 @@ def _contents(path: Path, content: bytes) -> Sealed:
         if any(PureWindowsPath(name).name != name or name == ".." for name in files):
             raise ValueError("names of files elsewhere")
         date, before = (None if text is None else printable(text, 200) for text in (values["date"], values["before"]))
-        return Sealed("", None, date or "", before, files, inputs)
+        return Sealed(printable(values["key"], 200), None, date or "", before, files, inputs)
 
 
 def _holds(key: "Ed25519PublicKey", signature: bytes, content: bytes) -> bool:
@@ -240,29 +222,3 @@ def _holds(key: "Ed25519PublicKey", signature: bytes, content: bytes) -> bool:
     except InvalidSignature:
         return False
     return True
-
-
-def _changes(name: str, content: bytes, lines: Mapping[str, str]) -> Iterator[Problem]:
-    """Where a file is not what was sealed, by the digests of its lines; in JSON with the key that stands there."""
-    digests, now, texts = lines.get(name, ""), _digests(content), content.split(b"\n")
-    then = [digests[i : i + _SHORT] for i in range(0, len(digests), _SHORT)]
-    places = [i for i, (a, b) in enumerate(zip(then, now, strict=False)) if a != b]
-    if more := len(now) - len(then) if then else 0:
-        places = [*places, min(len(then), len(now))][:1]
-    for place in places if then else ():
-        change = repr(texts[min(place, len(texts) - 1)].decode("utf-8", "backslashreplace").strip())[:80]
-        if more:
-            change = f"{abs(more)} {'more' if more > 0 else 'fewer'} lines, from here on"
-        yield Problem(name, "what was sealed", change, _ASK, _key_at(name, texts, place), place + 1)
-    if not places:
-        yield Problem(name, "what was sealed", "something else, no line tells where", _ASK)
-
-
-def _key_at(name: str, texts: Sequence[bytes], place: int) -> str | None:
-    keys, indent = [], float("inf")
-    for text in reversed(texts[: place + 1] if name.endswith(".json") else ()):
-        line = text.decode("utf-8", "replace").lstrip("\ufeff")
-        if line.strip() and (here := len(line) - len(line.lstrip(" "))) < indent:
-            indent = here
-            keys += [key[1]] if (key := _KEY.match(line)) else []
-    return ".".join(reversed(keys)) or None

@@ -12,7 +12,7 @@ from scipy.special import betainc, betaincinv
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import WORDS, Verdict, needs_no_test, reaches
-from crashfuse.wording import probability_text
+from crashfuse.wording import counted, probability_text
 
 _LEVEL = 0.95
 MOST_OF_A_TEST = 5
@@ -37,6 +37,11 @@ def largest_share(count: int, n: int) -> float:
 def at_most(wrong: int, n: int) -> str:
     """That bound in words: ``at most 4.5 %``."""
     return f"at most {100 * largest_share(wrong, n):.1f} %"
+
+
+def counted_wrong(wrong: int) -> str:
+    """How many are wrong, in words."""
+    return f"{wrong} wrong" if wrong else "none wrong"
 
 
 class WrongShare(NamedTuple):
@@ -106,16 +111,19 @@ class Support:
         )
 
     def reservation(self, confidence: float) -> str | None:
-        """Why a record that supports this confidence says little about the criterion itself."""
-        if not self.near:
-            return "No left-out test came near this limit: its verdicts in the record prove nothing about it."
-        if reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
+        """What supports this confidence where the criterion's own verdicts do not; None where they do."""
+        if self.near and reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
             return None
-        bound = f" (at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %)" if self.own_decided else ""
+        tests, alone = counted(self.own_decided, "left-out test"), "Checked on no left-out test."
+        if self.own_decided:
+            alone = f"Checked on {tests}, {counted_wrong(self.own_wrong)}: too little alone."
+        if not self.near:
+            alone = "No left-out test came near this limit: its own verdicts prove nothing."
+        if not reaches(self.confidence, confidence):
+            return alone
         return (
-            f"On this metric alone {self.own_wrong} of {self.own_decided} verdicts, one a test, were wrong{bound}: "
-            f"no support for the confidence; with other criteria, at most {MOST_OF_A_TEST} a test, "
-            f"{self.wrong} of {self.decided}."
+            f"{alone} Verdicts on this and other criteria support a confidence of {confidence:g}: {self.decided}, "
+            f"at most {MOST_OF_A_TEST} a test, {counted_wrong(self.wrong)}."
         )
 
 

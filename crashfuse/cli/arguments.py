@@ -83,9 +83,7 @@ def parser() -> argparse.ArgumentParser:
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one, whose verdicts are compared")
     _add_settings(certify)
-    tried = ("seed", "preset", "tests")
-    help_ = "make all again with another seed, the other preset, each test left out"
-    certify.add_argument("--robustness", nargs="+", choices=tried, default=(), metavar="|".join(tried), help=help_)
+    certify.add_argument("--robustness", action="store_true", help="judge without each test, too")
     _add_units(certify)
     _add_workers(certify)
     certify.add_argument("--seal", type=Path, metavar="KEY", help="sign it with this private key (crashfuse key)")
@@ -225,6 +223,7 @@ def _add_rating_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--comparison-channel", nargs="+", default=(), metavar="NAME", help="if named otherwise")
     parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
     parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help="60, 180 or so, or none")
+    parser.add_argument("--as-given", action="store_true", help="move, turn and filter nothing")
     printed = parser.add_mutually_exclusive_group()
     printed.add_argument("--json", action="store_true", help="print JSON instead of a table")
     printed.add_argument("--csv", action="store_true", help="print CSV instead of a table")

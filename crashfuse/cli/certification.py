@@ -8,7 +8,7 @@ from dataclasses import replace
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import read_notes
 from crashfuse.certification import file_store, seal
-from crashfuse.certification.certify import APPROACH
+from crashfuse.certification.certify import APPROACH, Certification
 from crashfuse.certification.criteria import read_criteria
 from crashfuse.certification.earlier import FILE, read_earlier
 from crashfuse.certification.matrix import Matrix
@@ -17,9 +17,12 @@ from crashfuse.cli.models import settings
 from crashfuse.cli.output import opened, replacing, say_facts, say_written, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
 from crashfuse.reporting import verdicts
-from crashfuse.reporting.certification_facts import sentences
+from crashfuse.reporting.certification_facts import planned, sentences
 from crashfuse.reporting.certification_tables import counts_table
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.training_progress import watching
+
+_MOST = 40  # planned tests that are printed
 
 
 def certify(arguments: argparse.Namespace) -> None:
@@ -57,6 +60,7 @@ def certify(arguments: argparse.Namespace) -> None:
     with suppress(DataError):  # where nothing can be kept, the page does not list it
         file_store.keep_certification(content, campaign)
     known = say_facts(campaign, display)
+    _print_planned(certification, display)
     print(counts_table(certification, display.units).to_string(index=False))
     told = *sentences(certification, "summary"), *sentences(certification, "changes")
     print(*map(display.words, [own for own in dict.fromkeys(told) if own not in known]), sep="\n")
@@ -66,6 +70,16 @@ def certify(arguments: argparse.Namespace) -> None:
     print(f"SHA-256 of {FILE}: {hashlib.sha256(content).hexdigest()}")
     if key is not None:
         print(f"Sealed by the key {certification.key}{_following(before)}.")
+
+
+def _print_planned(certification: Certification, display: Display) -> None:
+    rows = planned(certification)
+    width = max(len(row.id) for row in rows[:_MOST])
+    for row in rows[:_MOST]:
+        speed, why = display.speed(row.condition.speed_mps), display.words(row.why)
+        print(f"{row.id:{width}}  {speed:>10}  {row.word:10}  {why}")
+    if len(rows) > _MOST:
+        print(f"{len(rows) - _MOST:,} more are in certification.csv.")
 
 
 def make_key(arguments: argparse.Namespace) -> None:

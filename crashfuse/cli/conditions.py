@@ -20,6 +20,7 @@ AXES = {
 }
 """Options by the name of what they are in SI, in either unit with its factor."""
 ACCELERATION_UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
+ACCELERATION_UNITS |= {"cmps2": "cm/s²", "inps2": "in/s²", "ftps2": "ft/s²"}
 """Units of accelerations other than g, by their names here."""
 
 

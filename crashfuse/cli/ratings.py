@@ -2,7 +2,8 @@
 
 import argparse
 import json
-from typing import Any
+from collections.abc import Sequence
+from pathlib import Path
 
 import pandas as pd
 
@@ -19,8 +20,10 @@ def rate(arguments: argparse.Namespace) -> None:
     """Rate one file against another, the pairs of a table, or two ISO-MME tests channel by channel."""
     if arguments.explain and (arguments.pairs or arguments.each_channel or arguments.csv):
         raise UsageError("--explain is for one pair of files, as text or with --json.")
-    table = _rated(arguments)
-    explained = _explained(arguments) if arguments.explain else []
+    files, windows, choices = (arguments.reference, arguments.comparison), arguments.windows_ms, _choices(arguments)
+    table = _rated(arguments, files, windows or WINDOWS_MS, choices)
+    explanations = explain_files(*files, windows or WINDOWS_MS, choices=choices) if arguments.explain else []
+    explained = [explanation_record(own, "comparison") for own in explanations]
     if arguments.json:
         rows = table.drop(columns=[name for name in table if (table[name] == "").all()]).to_dict("records")
         for row, own in zip(rows, explained, strict=bool(explained)):
@@ -44,18 +47,12 @@ def rate(arguments: argparse.Namespace) -> None:
 def _choices(arguments: argparse.Namespace) -> RatingChoices:
     channels, others, also = map(tuple, (arguments.channel, arguments.comparison_channel, arguments.also))
     unit = ACCELERATION_UNITS.get(arguments.unit, arguments.unit)
-    return RatingChoices(channels, others, arguments.channel_filter_class, unit, also)
+    return RatingChoices(channels, others, arguments.channel_filter_class, unit, also, arguments.as_given)
 
 
-def _explained(arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    files, windows = (arguments.reference, arguments.comparison), arguments.windows_ms or WINDOWS_MS
-    explanations = explain_files(*files, windows, choices=_choices(arguments))
-    return [explanation_record(own, "comparison") for own in explanations]
-
-
-def _rated(arguments: argparse.Namespace) -> pd.DataFrame:
-    windows, choices = arguments.windows_ms or WINDOWS_MS, _choices(arguments)
-    files = (arguments.reference, arguments.comparison)
+def _rated(
+    arguments: argparse.Namespace, files: tuple[Path, Path], windows: Sequence[float], choices: RatingChoices
+) -> pd.DataFrame:
     if arguments.pairs is not None:
         if any(files) or arguments.each_channel:
             raise UsageError("--pairs takes its files from the table alone.")

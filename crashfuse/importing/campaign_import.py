@@ -5,10 +5,14 @@ import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import permutations
 from pathlib import Path
 from typing import NamedTuple, get_args
 
+import numpy as np
+
 from crashfuse.campaign_folder.condition_tables import Role, listed
+from crashfuse.campaign_folder.copies import sensors_of_one_crash
 from crashfuse.campaign_folder.editing import Added, Addition, add_to_campaign
 from crashfuse.campaign_folder.settings import sound_settings
 from crashfuse.crash_test import TUNED
@@ -21,6 +25,7 @@ from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import Travel, names_a_simulation, speed
+from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import MS
 from crashfuse.wording import Sentence
 
@@ -210,8 +215,9 @@ def settle_each(
     for place, record in unclear.items():
         attempt(place, _in_their_unit(record, others))
     problems += joint_problems(refused) if len(ids) > 1 else refused
-    whole = tuple(settled[place] for place in sorted(settled))
-    return _of_one_speed(whole) if choices.condition.speed_mps is not None else whole
+    given_once = choices.condition.speed_mps is not None
+    whole = _of_one_crash([settled[place] for place in sorted(settled)], given_once=given_once)
+    return _of_one_speed(whole) if given_once else whole
 
 
 def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
@@ -222,6 +228,19 @@ def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
     by = f"{len(units)} records beside it"
     channels = (one if one.unit else replace(one, unit=units[0], unit_from=by) for one in record.channels)
     return replace(record, channels=tuple(channels))
+
+
+def _of_one_crash(settled: Sequence[Settled], *, given_once: bool) -> tuple[Settled, ...]:
+    tests = [one for one in settled if one.role == "tests"]
+    accel = np.array([np.interp(GRID_S, one.pulse.time_s, one.pulse.accel_mps2, right=0.0) for one in tests])
+    ids, conditions, about = [one.id for one in tests], [one.condition for one in tests], [one.about for one in tests]
+    others: dict[str, list[str]] = {}
+    for *pair, share in sensors_of_one_crash(ids, conditions, accel, about, given_once=given_once):
+        for one, other in permutations(ids[int(place)] for place in pair):
+            others.setdefault(one, []).append(f"{other} (alike to {100 * share:.0f} %)")
+    told = "Careful: at one condition with {}; import one of them if they are sensors of one crash."
+    notes = {name: (told.format(listed(alike)),) for name, alike in others.items()}
+    return tuple(replace(one, steps=(*one.steps, *notes.get(one.id, ()))) for one in settled)
 
 
 def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:

@@ -9,7 +9,7 @@ from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LEAST_M, STOPS, gap_s
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, require_number, several
 from crashfuse.readers.record import AxleWeights, Channels, PartialCondition, Record
-from crashfuse.readers.vocabulary import ACCELERATION_UNITS, acceleration_unit, speed
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, USUAL_UNITS, acceleration_unit, speed
 from crashfuse.signals.filters import CFC60_NOISE, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
@@ -104,21 +104,27 @@ class Case:
         low, high = STOPS[self.role]
         return low <= abs(change_mps) / self.speed_mps <= high
 
+    def fits_in(self, unit: str, gain: float) -> bool:
+        """As :meth:`fits`, of a change in this unit of acceleration times seconds."""
+        return self.is_moving and self.fits(gain * ACCELERATION_UNITS[unit])
+
+    def delta_v(self, time_s: FloatArray, values: FloatArray) -> float:
+        """As the function, from the user's time zero on: before it, a run may speed up."""
+        zero_s = self.choices.time_zero_s
+        crash = time_s >= (-np.inf if zero_s is None else zero_s)
+        return delta_v(time_s[crash], values[crash]) if crash.sum() > 1 else delta_v(time_s, values)
+
 
 def unit_and_sign(case: Case, channels: Channels, time_s: FloatArray, values: FloatArray) -> tuple[str, str]:
     """The unit of the numbers and the sign of deceleration; a unit is refused where only another fits the speed."""
-    choices, steps, gain = case.choices, case.steps, delta_v(time_s, values)
+    choices, steps, gain = case.choices, case.steps, case.delta_v(time_s, values)
     label = choices.unit or channels[0].unit
-    role = case.role if label else "tests"  # a unit is not told by a CAE run that may be odd
-    moving = ACCELERATION_UNITS.items() if case.is_moving else ()
-    fitting = [name for name, factor in moving if replace(case, role=role).fits(gain * factor)]
+    asked = case if label else replace(case, role="tests")  # a unit is not told by a CAE run that may be odd
+    fitting = [name for name in dict.fromkeys((label or "", *USUAL_UNITS)) if name and asked.fits_in(name, gain)]
     if label is None:
         if what := _unlike_an_acceleration(values):
-            expected, advice = (
-                "an acceleration, which begins and ends near 0",
-                "export that; if it is one, give its unit",
-            )
-            raise DataError(Problem(case.record.source, expected, f"{channels[0].name}, {what}", f"{advice} (--unit)"))
+            expected, found = "an acceleration, which begins and ends near 0", f"{channels[0].name}, {what}"
+            raise DataError(Problem(case.record.source, expected, found, "export that, or give its unit (--unit)"))
         if len(fitting) != 1:
             expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
             found = "a unit that neither file nor speed tells"
@@ -150,7 +156,7 @@ def _unlike_an_acceleration(values: FloatArray) -> str:
 
 def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str) -> Problem | None:
     """The problem of a change of velocity that is unlike the known impact speed."""
-    change = delta_v(time_s, accel)
+    change = case.delta_v(time_s, accel)
     if not case.is_moving or case.fits(change):
         return None
     return _unlike(case, time_s, change, unit, crash_advice(case.record, "speed, unit, channels and time zero"))

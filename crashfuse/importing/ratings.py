@@ -1,16 +1,18 @@
 """Ratings of files against each other: two of any kind that the import reads, pairs from a table, ISO-MME tests.
 
-A table in our own form (time and acceleration with their units) is rated as it stands, and so is each channel of whole
-ISO-MME tests. Every other file goes through the steps of the import, so that a rating is the same before and after it.
+Tables keep their time and sign, channels of whole ISO-MME tests all they have. Every other file goes through the steps
+of the import, so that a rating is the same before and after it. A note has what they changed.
 """
 
+import math
+import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import pandas as pd
 
@@ -19,13 +21,13 @@ from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError, one_of, printable, require_a, several
 from crashfuse.files.csv_text import read_rows
 from crashfuse.files.parquet import opened_table
-from crashfuse.importing.channels import missing_choices, resample_evenly
-from crashfuse.importing.detection import Choices, delta_v
+from crashfuse.importing.channels import agreeing_channels, average, missing_choices, resample_evenly
+from crashfuse.importing.detection import Case, Choices, delta_v, filter_class
 from crashfuse.importing.pulse_conversion import settled_at
 from crashfuse.importing.sources import Reading, format_of, read_records
-from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.formats import FORMATS, TABLES
 from crashfuse.readers.isomme import Channel, read_isomme
-from crashfuse.readers.record import Record
+from crashfuse.readers.record import Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, doubt_of
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.metrics import FURTHER_METRICS, further_metrics
@@ -33,15 +35,18 @@ from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import WEIGHTS, filter_class_text, rate_windows, rated_curves, rating_basis
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.units import ACCELERATION, TIME
+from crashfuse.wording import time_text
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
 COLUMNS = (*("reference", "comparison", "channel", "window_ms"), *("overall", *WEIGHTS, "grade", "basis", "note"))
-"""Of a table of ratings; a note says why there is no rating, or what speaks against a channel that was rated."""
+"""Of a table of ratings; a note says why there is none, what was changed before, or what speaks against it."""
 
 _PAIR_COLUMNS = ("reference", "comparison", "reference_channel", "comparison_channel")
 _MOST_PAIRS = 10_000
 _KEPT = 8  # files in memory, as pairs often share a reference
 _USUAL_REBOUND = 1.1  # change of velocity over impact speed
+_CAREFUL = "Careful: "  # begins the steps of an import that may be wrong
+_BRAKING = re.compile("decel|verz[oö]g", re.IGNORECASE)  # in the name of a quantity that is positive while braking
 _CLASSES = {"A": "CFC 1000", "B": "CFC 600", "C": "CFC 180", "D": "CFC 60", "0": "unfiltered", "P": "prefiltered"}
 
 
@@ -57,6 +62,7 @@ class RatingChoices:
     channel_filter_class: _Class = None  # as the import finds; tables in our own form are not filtered
     unit: str | None = None  # of the acceleration in files of other formats
     also: tuple[str, ...] = ()  # measures beside the rating: sprague-geers, anova
+    as_given: bool = False  # nothing moved, turned or filtered that nobody asked for, whatever the format
 
     def __post_init__(self) -> None:
         Choices(unit=self.unit, channel_filter_class=self.channel_filter_class)  # refuses what there is not
@@ -66,9 +72,14 @@ class RatingChoices:
             one_of("measure", name, FURTHER_METRICS)
 
 
+class _Curve(NamedTuple):
+    pulse: Pulse
+    filtering: str  # its filter class, in words
+    changes: tuple[str, ...] = ()  # sentences on what the import changed, and did with care
+
+
 _Row = dict[str, object]
-_Curve = tuple[Pulse, str]  # and its filter class, in words
-_Read = Callable[[Path, tuple[str, ...], _Class, str | None], _Curve]
+_Read = Callable[[Path, tuple[str, ...], RatingChoices], _Curve]
 
 
 def rate_files(
@@ -100,9 +111,9 @@ def explain_files(
     *,
     choices: RatingChoices = RatingChoices(),
 ) -> list[RatingExplanation]:
-    """Explain how two files rate, over each window: as :func:`rate_files`, with what each rating is made of."""
-    (one, _), (other, _) = _curves(Path(reference), Path(comparison), choices, _curve)
-    return [explain_rating(one, other, window_ms) for window_ms in windows_ms]
+    """As :func:`rate_files`, what each rating is made of."""
+    one, other = _curves(Path(reference), Path(comparison), choices, _curve)
+    return [explain_rating(one.pulse, other.pulse, window_ms) for window_ms in windows_ms]
 
 
 def rate_pairs(
@@ -155,19 +166,19 @@ def _pair_table(
 
 def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Read) -> tuple[_Curve, _Curve]:
     require_a(RatingChoices, choices, "crashfuse.RatingChoices()")
-    shared = choices.channel_filter_class, choices.unit
-    return (
-        read(reference, choices.channels, *shared),
-        read(comparison, choices.comparison_channels or choices.channels, *shared),
-    )
+    others = choices.comparison_channels or choices.channels
+    return read(reference, choices.channels, choices), read(comparison, others, choices)
 
 
 def _rated_rows(one: _Curve, other: _Curve, windows_ms: Sequence[float], also: Sequence[str]) -> Iterator[_Row]:
-    (reference, filtering), (comparison, others) = one, other
-    filtering = filtering if others == filtering else f"reference {filtering}, comparison {others}"
-    for window, rating in rate_windows(reference, comparison, windows_ms).items():
-        row = {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
-        yield row | further_metrics(rated_curves(reference, comparison, window), also) if also else row
+    pulses, filtering = (one.pulse, other.pulse), one.filtering
+    if other.filtering != filtering:
+        filtering = f"reference {filtering}, comparison {other.filtering}"
+    changes = (f"{side}: {text}" for side, own in (("reference", one), ("comparison", other)) for text in own.changes)
+    note = " ".join(changes)
+    for window, rating in rate_windows(*pulses, windows_ms).items():
+        row = {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering), "note": note}
+        yield row | further_metrics(rated_curves(*pulses, window), also) if also else row
 
 
 def _ratings_table(rows: Sequence[_Row]) -> pd.DataFrame:
@@ -181,25 +192,56 @@ def _reason(error: CrashfuseError) -> str:
     return " ".join(map(str, error.problems)) if isinstance(error, DataError) else str(error)
 
 
-def _curve(path: Path, channels: tuple[str, ...], cfc: _Class, unit: str | None) -> _Curve:
+def _curve(path: Path, channels: tuple[str, ...], choices: RatingChoices) -> _Curve:
     if not path.exists():
         raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
     if not channels and _is_own(path):
-        pulse = read_pulse(path)
-        if cfc is None or isinstance(cfc, str):
-            return pulse, filter_class_text(None)
-        return Pulse(pulse.time_s, cfc_filter(pulse.accel_mps2, cfc=cfc, dt_s=pulse.dt_s)), filter_class_text(cfc)
+        return _filtered(read_pulse(path), choices.channel_filter_class)
     fmt = format_of(path)
     records = read_records(Reading(path, fmt, together=bool(channels)))
     if len(records) != 1:
         ids = ", ".join(record.id for record in records[:10])
         raise DataError(Problem(path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one"))
-    record, given = records[0], Choices(channels, unit, channel_filter_class=cfc)
+    record, given = records[0], Choices(channels, choices.unit, channel_filter_class=choices.channel_filter_class)
     if missing := missing_choices(record, given):
         raise DataError(missing)
+    has_zero = all(channel.time_s[0] <= 0 <= channel.time_s[-1] for channel in record.chosen(channels))
+    if choices.as_given or (fmt == TABLES and has_zero):
+        return _as_given(Case(record, given, FORMATS[fmt].role, math.nan, [*record.steps]), choices)
     condition = Condition.of_vector([_speed(record, given), 1.0, 1.0])  # weights do not matter to a pulse
-    settled = settled_at(record, given, condition, FORMATS[fmt].role, [], raw=False)
-    return settled.pulse, filter_class_text(settled.channel_filter_class)
+    settled = settled_at(record, given, condition, FORMATS[fmt].role, [*record.steps], raw=False)
+    changes = []
+    if moved_s := settled.time_zero_s:
+        changes.append(f"taken {time_text(abs(moved_s))} {'earlier' if moved_s > 0 else 'later'}, from contact on.")
+    if settled.deceleration_sign == "positive":
+        changes.append("turned, so that deceleration is negative.")
+    if choices.unit is None and not any(channel.unit for channel in record.chosen(channels)):
+        changes.append(f"read in {settled.unit}, by its change of velocity.")
+    filtering = filter_class_text(settled.channel_filter_class)
+    return _Curve(settled.pulse, filtering, (*changes, *_with_care(settled.steps)))
+
+
+def _as_given(case: Case, choices: RatingChoices) -> _Curve:
+    channels = agreeing_channels(case)
+    time_s, values = average(case, channels)
+    accel, changes = values * ACCELERATION_UNITS[_unit(case.record, channels[0], case.choices)], list[str]()
+    if choices.as_given:
+        return _filtered(Pulse(time_s, accel), choices.channel_filter_class, *_with_care(case.steps))
+    if delta_v(time_s, values) > 0 and _BRAKING.search(channels[0].name):
+        accel, changes = -accel, ["turned, as it is named a deceleration."]
+    cfc = filter_class(case, channels, time_s, accel)
+    return _filtered(Pulse(time_s, accel), cfc, *changes, *_with_care(case.steps))
+
+
+def _with_care(steps: Iterable[str]) -> Iterator[str]:
+    return (step.removeprefix(_CAREFUL) for step in steps if step.startswith(_CAREFUL))
+
+
+def _filtered(pulse: Pulse, cfc: _Class, *changes: str) -> _Curve:
+    if cfc is None or isinstance(cfc, str):
+        return _Curve(pulse, filter_class_text(None), changes)
+    filtered = Pulse(pulse.time_s, cfc_filter(pulse.accel_mps2, cfc=cfc, dt_s=pulse.dt_s))
+    return _Curve(filtered, filter_class_text(cfc), changes)
 
 
 def _is_own(path: Path) -> bool:
@@ -212,16 +254,19 @@ def _is_own(path: Path) -> bool:
     return path.suffix == ".parquet"
 
 
+def _unit(record: Record, channel: RecordedChannel, choices: Choices) -> str:
+    if (unit := choices.unit or channel.unit) is None:
+        expected = f"the unit of the acceleration of {record.id}"
+        raise DataError(Problem(record.source, expected, "none", "give it (--unit)"))
+    return unit
+
+
 def _speed(record: Record, choices: Choices) -> float:
     if record.condition.speed_mps is not None:
         return record.condition.speed_mps
     channel = record.chosen(choices.channels)[0]
-    unit = choices.unit or channel.unit
-    if unit is None or unit not in ACCELERATION_UNITS:
-        expected, advice = f"the unit of the acceleration of {record.id}", "give it (--unit)"
-        raise DataError(Problem(record.source, expected, unit or "none", advice))
-    gain = delta_v(*resample_evenly(channel, record.source)[:2]) * ACCELERATION_UNITS[unit]
-    return abs(gain) / _USUAL_REBOUND
+    gain = delta_v(*resample_evenly(channel, record.source)[:2])
+    return abs(gain) * ACCELERATION_UNITS[_unit(record, channel, choices)] / _USUAL_REBOUND
 
 
 def rate_channels(
@@ -234,10 +279,9 @@ def rate_channels(
     """Rate every channel of one ISO-MME test against the channel of the other that has the same code.
 
     Of several channels with one code, the n-th is rated against the n-th; one that cannot be rated has one row, with a
-    note. Tests are given by their folder, ``.mme`` file or zip. Of the choices only ``also`` counts; a UsageError
-    refuses others.
+    note. Tests are given by their folder, ``.mme`` file or zip. A UsageError refuses choices that change a curve.
     """
-    if choices != RatingChoices(also=choices.also):
+    if choices != RatingChoices(also=choices.also, as_given=choices.as_given):
         raise UsageError("Channels are rated as they are: choose nothing.")
     reference, comparison = Path(reference), Path(comparison)
     sides = [_channels(path) for path in (reference, comparison)]
@@ -284,4 +328,5 @@ def _channels(path: Path) -> dict[tuple[str, int], Channel]:
 def _signal(channel: Channel) -> _Curve:
     if channel.time_s is None:
         raise DataError(Problem(channel.code, "an evenly sampled signal", "no sampling interval", "export it again"))
-    return Pulse(channel.time_s, channel.values), _CLASSES.get(channel.code[-1:].upper(), "filter class unknown")
+    filtering = _CLASSES.get(channel.code[-1:].upper(), "filter class unknown")
+    return _Curve(Pulse(channel.time_s, channel.values), filtering)

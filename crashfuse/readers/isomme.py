@@ -22,7 +22,7 @@ from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers import vocabulary
 from crashfuse.readers.members import ONE_TEST, as_text, is_numbered, opened_members
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
+from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
 from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, Doubt
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence
@@ -64,6 +64,11 @@ class Channel:
     status: str = ""  # ok, channel failed, questionable data …
     sensor: str = ""
     prefilter: str = ""
+
+    @property
+    def remark(self) -> str:
+        """The comment that speaks most against it."""
+        return max(self.comments, key=vocabulary.doubt_in, default="")
 
     @property
     def time_s(self) -> FloatArray | None:
@@ -130,8 +135,10 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     end = next((row for row, line in enumerate(lines) if line.strip() and ":" not in line), len(lines))
     header = _descriptors(lines[:end], where)
     status = _first_of(header, "Data status") or ""
+    comments = tuple(value for name, value in header if name.lower() in ("comments", "comment", "remarks", "remark"))
+    doubts = vocabulary.doubt_of(status), *map(vocabulary.doubt_in, comments)
     values: FloatArray = np.empty(0)
-    with suppress(DataError) if vocabulary.doubt_of(status) == Doubt.FAILED else nullcontext():
+    with suppress(DataError) if Doubt.FAILED in doubts else nullcontext():
         samples, count = _numbers(lines[end:], where), _number_in(header, "Number of samples", where)
         if count not in (None, samples.size):
             raise DataError(Problem(where, f"{count:g} samples, as its header says", f"{samples.size}", _AGAIN))
@@ -147,7 +154,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
         values=values,
         interval_s=interval,
         start_s=_seconds_in(header, "Time of first sample", where),
-        comments=tuple(value for name, value in header if name.lower() == "comments"),
+        comments=comments,
         source=_first_of(header, "Data source") or "",
         status=status,
         sensor=" ".join(filter(None, (_first_of(header, f"Transducer {what}") for what in ("type", "id")))),
@@ -249,7 +256,8 @@ def record_of(test: IsommeTest, source: str) -> Record:
             untimed[name] = Problem(f"{source}, {name}", expected, "none such", advice)
             continue
         label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
-        words = "the file", channel.source or origin, channel.status, channel.sensor, channel.prefilter
+        status = channel.status if vocabulary.doubt_of(channel.status) else code.dullness or channel.status
+        words = "the file", channel.source or origin, status, channel.sensor, channel.prefilter, channel.remark
         recorded[name] = RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, *words)
     if not recorded:
         raise DataError(list(untimed.values()))
@@ -271,16 +279,17 @@ def record_of(test: IsommeTest, source: str) -> Record:
     barrier = ((f"0{one.code[1:]}", one) for one in test.channels if one.code[:1].upper() == "B")  # its test object
     codes = [(ChannelCode.parsed(text), one) for text, one in barrier]
     cells = [(code, one) for code, one in codes if code and code.text[12:14] == "FO" and code.is_along_x]
-    rawest = {code.sensor: one for code, one in sorted(cells, key=lambda pair: pair[0].order, reverse=True)}
+    rawest = {pair[0].sensor: pair for pair in sorted(cells, key=lambda pair: pair[0].order, reverse=True)}
     steps += why
-    wall = summed_wall([_force(one) for one in rawest.values()], steps)
+    wall = summed_wall([LoadCell(_force(one), code.sums) for code, one in rawest.values()], steps)
     found = test.name, source, condition, tuple(recorded.values()), chosen, tuple(steps), zero
     return Record(*found, unread=untimed, other_setup=other, about=about, wall=wall)
 
 
 def _force(cell: Channel) -> tuple[FloatArray, FloatArray] | None:
     factor, time_s = {"n": 1.0, "kn": 1e3}.get(cell.unit.strip().lower()), cell.time_s
-    is_sound = vocabulary.doubt_of(cell.status) < Doubt.FAILED and np.isfinite(cell.values).all()
+    doubt = max(vocabulary.doubt_of(cell.status), vocabulary.doubt_in(cell.remark), vocabulary.doubt_in(cell.name))
+    is_sound = doubt < Doubt.FAILED and np.isfinite(cell.values).all()
     return (time_s, factor * cell.values) if factor and time_s is not None and is_sound else None
 
 

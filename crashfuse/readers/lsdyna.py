@@ -21,7 +21,7 @@ from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
 from crashfuse.readers.lsdyna_binout import read_binout
 from crashfuse.readers.lsdyna_histories import Histories, States, energies_text, quality_of, read_nodout
-from crashfuse.readers.members import COPY_ALL, opened_members, read_all
+from crashfuse.readers.members import ASK, COPY_ALL, opened_members, read_all
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import AXES, Travel
 
@@ -37,6 +37,7 @@ _KIND = "binout or nodout of LS-DYNA"
 
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)  # only what is needed is read
 _MOST_UNZIPPED = 256 << 20  # bytes of a zipped binout, which must be read in memory
+_ROUNDED = 1e-5  # a time in text
 _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept for a single run, per run of many, for all runs
 
 
@@ -155,20 +156,20 @@ def _record(run_id: str, source: str, files: _RunFiles, budget: Budget, most: in
     run, glstat, matsum = _histories(files, budget, most, travel)
     nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
     proposed, why = solver_run.proposed_nodes(nodes)
-    units = solver_run.units_of(proposed, source)
-    speed_mps, no_speed, travels = solver_run.departure(proposed, units, (run.start, run.fastest), travel, source)
-    steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units[2], travels, why]
-    steps += solver_run.note_of_kept(len(run.nodes), run.total)
-    initial, energy = solver_run.initial_speed(proposed), glstat[min(glstat)].get("kinetic_energy") if glstat else None
-    mass = None
-    if speed_mps is not None and energy is not None and energy > 0 and initial > 0:
-        mass = solver_run.vehicle_mass_kg(2 * energy / initial**2)
-    speed_or_why, mass_and_source = (speed_mps, no_speed), (mass, "from the kinetic energy at that speed (glstat)")
-    quality, about = quality_of(glstat, matsum), _about(files, run, budget, steps)
     force = f"{AXES[solver_run.axis_of_travel(run.start, travel)]}_force"
     forces = {time: state[force] for time, state in sorted(run.walls.items()) if force in state}
     wall = np.array([*forces]), np.array([*forces.values()])
-    known = speed_or_why, mass_and_source, quality, steps, about, wall
+    initial, energy = solver_run.initial_speed(proposed), glstat[min(glstat)].get("kinetic_energy") if glstat else None
+    mass, mass_of = solver_run.impulse_mass(wall, proposed) or None, ""
+    if energy is not None and energy > 0 and initial > 0:
+        mass, mass_of = 2 * energy / initial**2, "from the kinetic energy at that speed (glstat)"
+    units = solver_run.units_of(proposed, source, mass, may_be_imperial=True)
+    speed_mps, no_speed, travels = solver_run.departure(proposed, units, (run.start, run.fastest), travel, source)
+    steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units[2], travels, why]
+    steps += solver_run.note_of_kept(len(run.nodes), run.total)
+    mass = mass if speed_mps is not None and mass_of else None  # a wall may stop a part of it
+    quality, about = quality_of(glstat, matsum), _about(files, run, budget, steps)
+    known = (speed_mps, no_speed), (mass, mass_of), quality, steps, about, wall
     return solver_run.run_record(run_id, source, run.nodes, proposed, units, *known)
 
 
@@ -208,8 +209,13 @@ def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | Non
     if not matsum and (parts := files.text.get("matsum")) is not None:
         matsum = energies_text(parts.chunks(budget), parts.where)
     if not run.nodes:
-        advice = "ask the solver for it (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
-        raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
+        raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", ASK))
+    began = float(run.nodes[0].time[0])
+    if run.is_cut:  # energies of what was before are not the crash's
+        glstat, matsum = (
+            {time: state for time, state in states.items() if time >= began * (1 - _ROUNDED)}
+            for states in (glstat, matsum)
+        )
     last, energies = max(float(node.time[-1]) for node in run.nodes), sorted(glstat)
     if len(energies) > 2 and energies[-1] - last > 2 * max(np.diff(energies)):
         note = f"Careful: nodes end at {last:.4g}, energies at {energies[-1]:.4g}; {COPY_ALL}."

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers import lsdyna_histories
 from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, Histories, States
-from crashfuse.readers.members import COPY_AGAIN, COPY_ALL, CUT_SHORT, OTHER_KIND
+from crashfuse.readers.members import ASK, COPY_AGAIN, COPY_ALL, CUT_SHORT, OTHER_KIND
 from crashfuse.readers.solver_run import KEEP_APART, History, axis_of_travel
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
@@ -225,7 +225,7 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
         files = [_LsdaFile(stream, where, _wanted) for stream, where in shards]
         for file in files:
             for states, database in ((glstat, "glstat"), (matsum, "matsum"), (walls, "rwforc")):
-                states |= _states_of(file, database)
+                _add_states(states, file, database)
         family = list(_parts(files, [where for _, where in shards]))
         _check_apart(parts, family)
         parts += family
@@ -235,7 +235,7 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     kept = sum(len(part.states) * min(part.of.ids.size, most) for part in parts)
     lsdyna_histories.check_count(kept, parts[0].where)
     start, fastest = _motion(parts)
-    axis = AXES[axis_of_travel(start, travel)]
+    axis = AXES[axis_of_travel(start, travel, fastest)]
     pieces: dict[tuple[str, str], list[History]] = {}
     for part in parts:
         for piece in _histories(part, axis, most):
@@ -248,17 +248,28 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     total = max(len(merged), *(part.of.ids.size for part in parts))
     count = sum(map(len, families))
     notes = (f"Nodes from {len({part.where for part in parts})} of {count} files of binout, joined.",) * (count > 1)
-    return Histories(title, nodes, total, start, fastest, notes, parts[0].of.about, walls), glstat, matsum
+    run = Histories(title, nodes, total, start, fastest, notes, about=parts[0].of.about, walls=walls)
+
+    def velocities(begin: float) -> FloatArray:
+        lasting = [part for part in parts if part.time[-1] >= begin]
+        states = [part.states[int(np.searchsorted(part.time, begin))] for part in lasting]
+        return np.concatenate([part.velocities(state) for part, state in zip(lasting, states, strict=True)], axis=1)
+
+    return run.since_departure(travel, velocities), glstat, matsum
 
 
-def _states_of(file: _LsdaFile, database: str) -> States:
-    states: States = {}
-    for folder, names in file.folders.items():
-        if folder[0] == database and (time := file.read(folder, "time")) is not None and time.size:
+def _add_states(states: States, file: _LsdaFile, database: str) -> None:
+    for folder, names in _in_order(file, database):
+        if (time := file.read(folder, "time")) is not None and time.size:
             values = [(name, file.read(folder, name)) for name in names if name != "time"]
             sums = {name: float(value.sum(dtype=np.float64)) for name, value in values if value is not None}
-            states[float(time[0])] = sums
-    return states
+            lsdyna_histories.add_state(states, float(time[0]), sums)
+
+
+def _in_order(file: _LsdaFile, database: str) -> list[tuple[_Folder, dict[str, int]]]:
+    # numbered as they are written
+    states = [(folder, names) for folder, names in file.folders.items() if folder[0] == database and "time" in names]
+    return sorted(states, key=lambda state: (len(state[0][-1]), state[0][-1]))
 
 
 def _wanted(folder: _Folder) -> frozenset[str] | None:
@@ -275,10 +286,7 @@ def _wanted(folder: _Folder) -> frozenset[str] | None:
 def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
     metadata: dict[str, _Metadata] = {}
     for file, after, where in zip(files, [*files[1:], None], names, strict=True):
-        states: dict[str, list[_Folder]] = {}
-        for folder, variables in file.folders.items():
-            if folder[0] in _DATABASES and folder[1] != "metadata" and "time" in variables:
-                states.setdefault(folder[0], []).append(folder)
+        states = {name: [folder for folder, _ in _in_order(file, name)] for name in _DATABASES}
         for database in _DATABASES:
             if (ids := file.read((database, "metadata"), "ids")) is not None and ids.dtype.kind in "iu":
                 stated = ("title", "version", "revision", "date")
@@ -286,14 +294,14 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
                 versions = " ".join(dict.fromkeys(filter(None, (version, revision))))
                 about = {"version": versions, "date": iso_date(date, "%m/%d/%Y")}
                 metadata[database] = _Metadata(printable(title), ids, _titles(file, database), about)
-            if not states.get(database):
+            if not states[database]:
                 continue
             if database not in metadata:
                 expected = f"the numbers of the nodes of {database} (metadata)"
                 raise DataError(Problem(where, expected, "none", COPY_ALL))
             times = (file.read(state, "time") for state in states[database])
             time = np.array([np.nan if values is None or values.size != 1 else float(values[0]) for values in times])
-            order = [place for place in np.argsort(time, kind="stable").tolist() if np.isfinite(time[place])]
+            order = lsdyna_histories.latest(time.tolist())
             in_order = [states[database][place] for place in order]
             part = _Part(database, file, after, where, metadata[database], in_order, time[order])
             if order and part.names(in_order[-1]) < part.names(in_order[0]):  # killed while it was written
@@ -329,7 +337,14 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
     places = [place for place, label in enumerate(labels) if label in chosen]
     values = np.full((2, len(places), len(part.states)), np.nan)
     with np.errstate(invalid="ignore"):  # damaged data may hold any number
-        for of, name in zip(values, _DATABASES[part.database], strict=True):
+        forms = _DATABASES[part.database]
+        there = [form for form in forms if form.format(axis) in part.names(part.states[0])]
+        if forms[1] not in there:
+            expected, found = "velocities of nodes, and accelerations", f"none in {part.database}"
+            raise DataError(Problem(part.where, expected, found, ASK))
+        for of, name in zip(values, forms, strict=True):
+            if name not in there:
+                continue  # the velocities tell
             for place, state in enumerate(part.states):
                 row = part.value(state, name.format(axis))
                 if row is not None:

@@ -6,8 +6,9 @@ model asks for it (HGEN = 2 in *CONTROL_ENERGY): zero throughout counts as not r
 
 import re
 from array import array
+from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +16,14 @@ import numpy as np
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.members import COPY_AGAIN
-from crashfuse.readers.solver_run import CUT, STAMP, History, axis_of_travel, quality_by_histories
+from crashfuse.readers.solver_run import (
+    CUT,
+    STAMP,
+    History,
+    axis_of_travel,
+    departure_time,
+    quality_by_histories,
+)
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
@@ -32,7 +40,7 @@ _ENERGY = re.compile(rb"([a-z/ ]*[a-z]) *(?:\.{2,}|=) *([-+.\dEeDd]+)")
 _AS_TEXT = {"percentage increase": "percent_increase", "inten": "internal_energy", "hgeng": "hourglass_energy"}
 _AS_TEXT |= {name.replace("_", " "): name for name in GLSTAT if name.endswith(("energy", "work"))}
 
-States = dict[float, dict[str, float]]  # values by name, by the time of the state: a restart repeats some states
+States = dict[float, dict[str, float]]  # values by name, by the time of the state
 
 _NO_EXPONENT_LETTER = re.compile(r"(?<=[\d.])([-+])")  # as Fortran writes exponents of three digits: 1.2-103
 _LONGEST_ID = 19  # digits
@@ -50,11 +58,40 @@ class Histories:
     nodes: tuple[History, ...]
     total: int  # nodes in the files
     start: FloatArray = field(default_factory=lambda: np.zeros((3, 1)))  # velocities at the first state, (3, n_nodes)
-    # the largest speeds of any node along each axis; of the start alone where nodes set out with a speed
+    # the largest speeds of any node along each axis
     fastest: FloatArray = field(default_factory=lambda: np.zeros(3))
     notes: tuple[str, ...] = ()  # what was joined or left out
+    is_cut: bool = False  # to begin where velocities are set
     about: Mapping[str, str] = field(default_factory=dict)  # version and date
     walls: States = field(default_factory=dict)  # forces of all rigid walls together
+
+    def since_departure(self, travel: Travel | None, start: Callable[[float], FloatArray]) -> "Histories":
+        """From where a velocity is set, if so; ``start`` gives velocities then, shape (3, n_nodes)."""
+        nodes = [node for node in self.nodes if node.name.isdecimal()] or list(self.nodes)
+        if not nodes or (time := departure_time(nodes, travel)) <= nodes[0].time[0]:
+            return self
+        note = f"Nodes rest until {time:.4g} in the time of the run, where their velocity is set: read from there on."
+        cut = tuple(node.since(time) for node in self.nodes if node.time[-1] > time)
+        return replace(self, nodes=cut, start=start(time), notes=(*self.notes, note), is_cut=True)
+
+
+def latest(times: Sequence[float]) -> list[int]:
+    """Places of states as written, of those that a restart repeats the later."""
+    places: list[int] = []
+    for place, time in enumerate(times):
+        while places and times[places[-1]] >= time:
+            places.pop()
+        places += [place] if np.isfinite(time) else []
+    return places
+
+
+def add_state(states: States, time: float, values: dict[str, float]) -> dict[str, float]:
+    """Add a state as written, in the place of those that a restart repeats."""
+    if states and time <= next(reversed(states)):
+        for later in [other for other in states if other >= time]:
+            del states[later]
+    states[time] = values
+    return values
 
 
 def nodes_to_keep(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
@@ -96,7 +133,7 @@ def energies_text(chunks: Iterable[bytes], where: str) -> States:
         for label, number in _ENERGY.findall(line):
             name = label.decode().strip()
             if name == "time" and len(states) < _MOST_STATES:
-                now = states[_number(number, where)] = defaultdict(float)
+                now = add_state(states, _number(number, where), defaultdict(float))
             elif name in _AS_TEXT:
                 now[_AS_TEXT[name]] += _number(number, where)
     return states
@@ -128,8 +165,9 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int, travel: Travel |
     first, second = (next(lines, b"").decode("latin-1") for _ in range(2))
     title, stamp = printable(first.strip()), STAMP.search(f"{first}\n{second}")
     reader.take(second.encode("latin-1"))
-    whole = all(map(reader.take, lines))
-    histories = reader.histories(title, to_the_end=whole or next(lines, None) is None)
+    for line in lines:
+        reader.take(line)
+    histories = reader.histories(title)
     about = {"version": stamp[2], "date": iso_date(stamp[3], "%m/%d/%Y")} if stamp else {}
     return replace(histories, about=about)
 
@@ -147,13 +185,11 @@ class _Nodout:
         self._places: list[int] = []  # of accelerations and velocities in a row
         self._first: dict[str, list[float]] = {}
         self._start = np.zeros((3, 0))
-        self._at_rest = False
-        self._fastest = np.zeros(3)
-        self._series: dict[str, tuple[array[float], array[float]]] = {}
-        self._axis = 0
+        self._series: dict[str, array[float]] = {}  # three accelerations and three velocities a state
+        self._unread = False  # a row of the last state was cut short or cannot be read
+        self._notes: list[str] = []
 
-    def take(self, line: bytes) -> bool:
-        """False for a row that was cut short or cannot be read."""
+    def take(self, line: bytes) -> None:
         if line.startswith(b"{"):
             self._in_legend = b"BEGIN" in line
         elif self._in_legend:
@@ -168,48 +204,68 @@ class _Nodout:
             if self._width:
                 self._begin_state(columns)
         elif self._width and (row := _ROW.match(line)) is not None:
-            return self._take_row(row.group(1).decode("latin-1"), row.group(2))
-        return True
+            if self._unread:
+                raise self._damaged()
+            self._unread = not self._take_row(row.group(1).decode("latin-1"), row.group(2))
 
-    def histories(self, title: str, *, to_the_end: bool) -> Histories:
+    def _damaged(self) -> DataError:
+        whole = min((len(values) for values in self._series.values()), default=0) // 6
+        found = f"one that cannot be read after state {whole}"
+        return DataError(Problem(self._where, "rows with all values of each node", found, COPY_AGAIN))
+
+    def histories(self, title: str) -> Histories:
         if len(self._times) == 1:
             self._choose()
-        counts = {len(values) for pair in self._series.values() for values in pair}
+        counts = {len(values) // 6 for values in self._series.values()}
         whole, states = min(counts, default=0), len(self._times)
-        if not to_the_end or whole < states - 1 or max(counts, default=0) > states:
-            found = f"one that cannot be read after state {whole}"
-            raise DataError(Problem(self._where, "rows with all values of each node", found, COPY_AGAIN))
+        if whole < states - 1 or max(counts, default=0) > states:
+            raise self._damaged()
         if not whole:
             expected = "velocities and accelerations of nodes (x-vel, x-accl …)"
             raise DataError(Problem(self._where, expected, "none", "choose the nodout of a run"))
         time = np.array(self._times[:whole])
-        nodes = tuple(
-            History(name, self._titles.get(name, ""), time, np.array(accel[:whole]), np.array(velocity[:whole]))
-            for name, (accel, velocity) in self._series.items()
+        # kinds (acceleration, velocity), axes, nodes, states
+        values = (
+            np.array([of[: 6 * whole] for of in self._series.values()]).reshape(-1, whole, 2, 3).transpose(2, 3, 0, 1)
         )
-        notes = (CUT,) if whole < states else ()
-        return Histories(title, nodes, len(self._first), self._start, self._fastest, notes)
+        fastest = np.maximum(np.abs(self._start).max(axis=1), np.abs(values[1]).max(axis=(1, 2)))
+        along = values[:, axis_of_travel(self._start, self._travel, fastest)]
+        nodes = tuple(
+            History(name, self._titles.get(name, ""), time, accel, velocity)
+            for name, accel, velocity in zip(self._series, *along, strict=True)
+        )
+        notes = (*self._notes, CUT) if whole < states else tuple(self._notes)
+        run = Histories(title, nodes, len(self._first), self._start, fastest, notes)
+        return run.since_departure(self._travel, lambda begin: values[1][..., int(np.searchsorted(time, begin))])
+
+    def _rewind(self) -> None:
+        place = bisect_left(self._times, self._now)
+        if not place:
+            expected, found = "one run", f"another, which begins at {self._now:.4g}"
+            raise DataError(Problem(self._where, expected, found, "split the file"))
+        self._notes.append(f"A restart repeats the states from {self._now:.4g} on: the later ones are read.")
+        del self._times[place:]
+        for values in self._series.values():
+            del values[6 * place :]
+        self._unread = False
 
     def _begin_state(self, columns: list[bytes]) -> None:
         if len(self._times) == 1:
             self._choose()
+        if self._times and self._now <= self._times[-1]:
+            self._rewind()
+        elif self._unread:
+            raise self._damaged()
         self._times.append(self._now)
         self._places = [columns.index(column) for column in _WANTED]
-        check_count(len(self._times) * max(len(self._series), 1), self._where)
+        check_count(3 * len(self._times) * max(len(self._series), 1), self._where)
 
     def _choose(self) -> None:
         if not self._first:
             return
         self._start = np.array(list(self._first.values())).T[3:]
-        self._at_rest = not self._start.any()
-        self._fastest = np.abs(self._start).max(axis=1)
-        axis = self._axis = axis_of_travel(self._start, self._travel)
         kept = nodes_to_keep(list(self._first), self._titles, self._most)
-        self._series = {
-            name: (array("d", [values[axis]]), array("d", [values[3 + axis]]))
-            for name, values in self._first.items()
-            if name in kept
-        }
+        self._series = {name: array("d", values) for name, values in self._first.items() if name in kept}
 
     def _take_row(self, name: str, rest: bytes) -> bool:
         first = len(self._times) == 1 and len(self._first) < MOST_NODES
@@ -222,8 +278,5 @@ class _Nodout:
         if first:
             self._first[name] = values
             return True
-        for into, value in zip(self._series[name], values[self._axis :: 3], strict=True):
-            into.append(value)
-        if self._at_rest:  # how fast they get says why they are no vehicle
-            self._fastest = np.maximum(self._fastest, np.abs(values[3:]))
+        self._series[name].extend(values)
         return True

@@ -69,6 +69,7 @@ def files_below(folder: Path) -> Iterator[Path]:
 ONE_CLOCK = "export it again with one time that goes on"
 OTHER_KIND, CUT_SHORT = "another kind of file", "one that was cut short"
 COPY_AGAIN, COPY_ALL = "copy it again from the run", "copy all files of the run"
+ASK = "ask the solver for them (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
 ONE_TEST = "choose the file or folder of one test"
 
 

@@ -22,8 +22,8 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import ONE_TEST, is_numbered, opened_members
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
-from crashfuse.readers.vocabulary import Doubt, doubt_of, iso_date, speed, weight
+from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
+from crashfuse.readers.vocabulary import Doubt, doubt_in, doubt_of, iso_date, speed, sums_of, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS
 from crashfuse.wording import Sentence
@@ -82,6 +82,11 @@ class Sensor:
         return _STATUS.get(self.status, self.status)
 
     @property
+    def doubt(self) -> Doubt:
+        """By data status and comment."""
+        return max(doubt_of(self.quality), doubt_in(self.comment))
+
+    @property
     def shown(self) -> str:
         """Its number and comment, as messages print them."""
         return f"{self.number} ({printable(self.comment)})"
@@ -135,7 +140,7 @@ def nhtsa_record(
             channels[sensor] = replace(read(), status=sensor.quality, sensor=sensor.maker)
         except DataError as error:
             damaged[sensor] = error.problems[0]
-    wanted, _ = _at_best_place([entry for entry in sensors if not doubt_of(entry.quality)])
+    wanted, _ = _at_best_place([entry for entry in sensors if not entry.doubt])
     if set(wanted) & set(damaged) or not channels:
         refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
     left_out = (f"Left out as damaged or empty: {', '.join(entry.shown for entry in damaged)}.",) if damaged else ()
@@ -143,7 +148,7 @@ def nhtsa_record(
     steps = (*notes, *left_out, *why)
 
     def likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
-        return bool(doubt_of(sensor.quality)), not sensor.is_at_the_rear, sensor.attachment != _CENTRE
+        return bool(sensor.doubt), not sensor.is_at_the_rear, sensor.attachment != _CENTRE
 
     return Record(
         stem.lstrip("vV"),
@@ -163,6 +168,13 @@ def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
     """The sensors that could measure the pulse, of the first vehicle that has any."""
     there = [sensor for sensor in sensors if sensor.is_of_the_vehicle]
     return [sensor for sensor in there if sensor.vehicle == min(other.vehicle for other in there)]
+
+
+def other_vehicles(sensors: Sequence[Sensor]) -> list[str]:
+    """A sentence on sensors of other vehicles, if any."""
+    first, *others = sorted({sensor.vehicle for sensor in sensors if sensor.is_of_the_vehicle}) or [""]
+    left_out = printable(" and ".join(others))
+    return [f"Channels of vehicle {printable(first)}; those of vehicle {left_out} are left out."] if others else []
 
 
 def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -205,18 +217,20 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
             raise DataError(Problem(specification.where, LACKING[0], have, LACKING[1]))
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
         condition, steps = _condition(sections, candidates[0].vehicle, specification.where)
+        steps += other_vehicles([one for one in listed if one.number in files])
         test = sections["TEST"][0]
         other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
         about = {name: _field(test, index) for name, index in _ABOUT.items()}
-        wall = summed_wall([_force(one, files, budget) for one in listed if one.is_of_the_barrier], steps)
+        wall = summed_wall([_load_cell(one, files, budget) for one in listed if one.is_of_the_barrier], steps)
         record = nhtsa_record(specification.path.stem, path.name, sensors, condition, steps, other, about)
         return (replace(record, wall=wall),)
 
 
-def _force(entry: Sensor, files: Mapping[int, Member], budget: Budget) -> tuple[FloatArray, FloatArray] | None:
+def _load_cell(entry: Sensor, files: Mapping[int, Member], budget: Budget) -> LoadCell:
+    sums = sums_of(entry.comment)
     with suppress(DataError, KeyError):
-        return None if doubt_of(entry.quality) == Doubt.FAILED else _samples(files[entry.number], budget)
-    return None
+        return LoadCell(None if entry.doubt == Doubt.FAILED else _samples(files[entry.number], budget), sums)
+    return LoadCell(None, sums)
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:

@@ -220,9 +220,10 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
         raise DataError(_no_node(run, axis, source))
     proposed, why = _proposed(nodes, initial)
     chosen = proposed or nodes
+    set_out = solver_run.initial_speed(chosen)  # in the units of the run
+    mass, mass_of = _mass(run, set_out)
     units = _units(run, chosen, source)
     steps = [f"Radioss run{f', {run.title}' if run.title else ''}.", *run.notes, units[2]]
-    set_out = solver_run.initial_speed(chosen)  # in the units of the run
     speed_mps, no_speed = None, "accelerometers alone, without an initial velocity"
     if np.isfinite(set_out):
         speed_mps, no_speed, travels = solver_run.departure(chosen, units, (start, fastest), travel, source)
@@ -230,11 +231,14 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     steps.append(why)
     if run.unread:
         steps.append(f"Not read: {listed(run.unread)}.")
+    if mass is not None and solver_run.mass_unit_kg(mass, units[1] or "m/s²") is None:
+        expected, found = "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g"
+        raise DataError(Problem(source, expected, found, "choose another run"))
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
     steps += solver_run.note_of_kept(len(kept), len(nodes))
     impulse = run.walls.get("XYZ"[axis])  # walls are written as impulses, not as forces
     wall = None if impulse is None or run.time.size < 2 else (run.time, np.gradient(impulse, run.time))
-    known = (speed_mps, no_speed), _mass(run, set_out, source), run.quality, steps, run.about, wall
+    known = (speed_mps, no_speed), (mass, mass_of), run.quality, steps, run.about, wall
     return solver_run.run_record(run_id, source, kept, proposed, units, *known)
 
 
@@ -312,7 +316,7 @@ def _units(run: TimeHistory, nodes: Sequence[History], source: str) -> Units:
     return solver_run.units_of(nodes, source)
 
 
-def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, str]:
+def _mass(run: TimeHistory, set_out: float) -> tuple[float | None, str]:
     total = run.model.get("MASS")
     if total is None or not total.size or not np.isfinite(total[0]):
         return None, ""
@@ -323,11 +327,7 @@ def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, 
         # else something moves otherwise
         if abs(set_out - at_start) <= _SAME * at_start and moving < (1 - _SAME) * mass:
             mass, what = moving, f"of what moves at the start (2 × kinetic energy / speed²), of {mass:.5g} in all"
-    mass_kg = solver_run.vehicle_mass_kg(mass)
-    if mass_kg is None:
-        expected, found = "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g"
-        raise DataError(Problem(source, expected, found, "choose another run"))
-    return mass_kg, what
+    return mass, what
 
 
 def _no_node(run: TimeHistory, axis: int, source: str) -> Problem:

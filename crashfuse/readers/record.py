@@ -5,20 +5,25 @@ Numbers and signs are as found. Time zero, sign and unit are settled in one plac
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from crashfuse.cae_library import RunQuality
 from crashfuse.condition import ABOUT, About
 from crashfuse.errors import DataError, Problem, UsageError, printable
-from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_of, is_computed, is_simulated, weight
+from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_in, doubt_of, is_computed, is_simulated, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
 from crashfuse.wording import Sentence, joined
 
 _UNEQUAL = 0.01  # of the mass: allowed for rounding and scale errors
+_UNLIKE = 0.03  # share of a force by which a sum may differ from its parts
 _LISTED = 5  # channels in a message
 _LONGEST = 190  # characters of a column on where a record comes from
+
+
+_Signal = tuple[FloatArray, FloatArray]  # time in s, and force in N
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +139,7 @@ class RecordedChannel:
     status: str = ""  # what the file says of its quality (ok, channel failed, questionable data)
     sensor: str = ""  # maker, model and number
     prefilter: str = ""
+    comment: str = ""  # beside its label
 
     def __post_init__(self) -> None:
         if self.unit is not None:
@@ -148,7 +154,8 @@ class RecordedChannel:
     def shown(self) -> str:
         """The name, the label where it says more, and what speaks against it."""
         name, label = printable(self.name), printable(self.label)
-        more = ", ".join(filter(None, ("" if label in name else label, self.remark)))
+        remark = "" if self.remark in label else self.remark
+        more = ", ".join(filter(None, ("" if label in name else label, remark)))
         return f"{name} ({more})" if more else name
 
     @property
@@ -159,12 +166,18 @@ class RecordedChannel:
     @property
     def doubt(self) -> Doubt:
         """What speaks against it, by the file."""
-        return max(doubt_of(self.status), Doubt.SOME if is_computed(self.origin) else Doubt.NONE)
+        stated = max(doubt for _, doubt in self._accounts)
+        return max(stated, Doubt.SOME if is_computed(self.origin) else Doubt.NONE)
+
+    @property
+    def _accounts(self) -> list[tuple[str, Doubt]]:
+        comments = [(text, doubt_in(text)) for text in (self.label, self.comment)]
+        return [(self.status, doubt_of(self.status)), *comments]
 
     @property
     def remark(self) -> str:
         """The file's words that speak against it; empty if it is measured and sound."""
-        status = self.status if doubt_of(self.status) else ""
+        status = next((text for text, doubt in self._accounts if doubt), "")
         origin = self.origin if self.is_simulated or is_computed(self.origin) else ""
         return ", ".join(printable(text, 60) for text in (status, origin) if text)
 
@@ -190,16 +203,50 @@ def proposal(
     return chosen, tuple(steps)
 
 
-def summed_wall(cells: Sequence[tuple[FloatArray, FloatArray] | None], steps: list[str]) -> Wall | None:
-    """The force of a barrier, told in ``steps``, from its load cells: time and force in N; None where one fails."""
-    sound = [cell for cell in cells if cell is not None]
-    alike = all(time_s.shape == sound[0][0].shape and np.allclose(time_s, sound[0][0]) for time_s, _ in sound)
-    if sound and alike and len(sound) == len(cells):
-        steps.append(f"Force of the barrier: {len(sound)} load cells summed.")
-        return Wall(sound[0][0], np.sum([force_n for _, force_n in sound], axis=0))
-    if sound:
-        steps.append(f"Careful: not all {len(cells)} load cells can be summed; the barrier's force is left out.")
+class LoadCell(NamedTuple):
+    """A load cell of a barrier, or a sum of some; None where it fails."""
+
+    signal: _Signal | None
+    sums: int = 0  # 1: some cells, 2: all of them
+
+
+def summed_wall(cells: Sequence[LoadCell], steps: list[str]) -> Wall | None:
+    """The force of a barrier, told in ``steps``: of its cells, or where one fails of their sum in the file."""
+    ranks = [[cell.signal for cell in cells if cell.sums == rank] for rank in range(3)]
+    single, n = _total(ranks[0]), len(ranks[0])
+    if single is not None and n > 2 and (largest := _sum_among(ranks[0])) is not None:
+        single, n = largest, n - 1
+    stated = [force for force in (*(_total([signal]) for signal in ranks[2]), _total(ranks[1])) if force is not None]
+    stated.sort(key=_impulse)
+    if single is not None and not (stated and _impulse(stated[-1]) > (1 + _UNLIKE) * _impulse(single)):
+        steps.append(f"Force of the barrier: {n} load cells summed.")
+        return single
+    if stated:
+        why = "" if not n else " Cells fail." if single is None else f" The {n} load cells add up to less."
+        steps.append(f"{'Careful: ' * bool(why)}Force of the barrier: the sum in the file.{why}")
+        return stated[-1]
+    if any(ranks[0]):
+        steps.append(f"Careful: not all {n} load cells can be summed; the barrier's force is left out.")
     return None
+
+
+def _total(signals: Sequence[_Signal | None]) -> Wall | None:
+    sound = [signal for signal in signals if signal is not None]
+    alike = all(time_s.shape == sound[0][0].shape and np.allclose(time_s, sound[0][0]) for time_s, _ in sound)
+    if not sound or not alike or len(sound) < len(signals):
+        return None
+    return Wall(sound[0][0], np.sum([force_n for _, force_n in sound], axis=0))
+
+
+def _sum_among(signals: Sequence[_Signal | None]) -> Wall | None:
+    time_s, forces = next(filter(None, signals))[0], np.array([signal[1] for signal in signals if signal is not None])
+    largest = forces[np.square(forces).sum(axis=1).argmax()]
+    error = np.square(forces.sum(axis=0) - 2 * largest).sum()
+    return Wall(time_s, largest) if error <= _UNLIKE**2 * np.square(largest).sum() else None
+
+
+def _impulse(force: Wall) -> float:
+    return abs(float(np.sum(force.force_n * np.gradient(force.time_s))))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

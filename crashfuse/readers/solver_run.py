@@ -1,7 +1,7 @@
 """What a run of any solver tells: histories of nodes, accelerometers among them, travel, units, mass and quality.
 
 No solver records which nodes are accelerometers: titles tell; without titles, nodes that travel as far as most others
-are proposed. LS-DYNA records no units either: crash models are built in mm, s, t; in mm, ms, kg; or in m, s, kg.
+are proposed. LS-DYNA records no units either: duration, speed and the size of a vehicle's mass tell them, and so force.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, Travel, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
-from crashfuse.units import MS
+from crashfuse.units import KPH, MS, G
 from crashfuse.wording import Sentence, number
 
 CUT = "The last state is cut short and left out."
@@ -37,6 +37,8 @@ _PLACES = (
 )
 _SLOWEST_MPS = 1.0
 _LEAST_OF_FASTEST = 0.2  # a vehicle is at its fastest when it sets out; what is accelerated first is none
+_AT_SPEED, _AT_REST, _AT_ONCE = 0.98, 0.05, 5.0  # shares of the largest speed; by so much faster set than lost
+_STILL = 0.005  # of the largest speed of any node, which may have come off
 _OBLIQUE = 0.25  # 14°: the component along the axis is 3 % short
 
 # the title and the line below it in every text file of LS-DYNA
@@ -53,9 +55,17 @@ _OVERLAP = 100  # bytes; the words may lie across two chunks
 LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # duration of a run
 _SLOWEST_S = 5e-3  # time step of a run in s; a longer one is in ms, of a run that ended at once
 FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
+_HEAVIEST_CAR_KG = 3000.0
+_FAST_MPS, _HARD_MPS2 = 33.0, 45 * G  # of no car into a barrier, start and mean: the unit could be ft
 _SHARE_OF = ("the energy at the start", "the largest internal energy", "the mass at the start")  # by QUALITIES
 
-_MASS_KG = {"mm/ms²": 1.0, "mm/s²": 1e3, "m/s²": 1.0}  # of the unit of mass that goes with each
+# of the units of mass that may go with each, the usual one first
+_MASSES_KG: dict[str, tuple[float, ...]] = {
+    "mm/ms²": (1.0, 1e-3, 1e3),
+    "mm/s²": (1e3, 1.0, 1e-3),
+    "m/s²": (1.0, 1e3, 1e-3),
+}
+_MASSES_KG |= {"cm/s²": (1e-3, 1.0), "in/s²": (175.1268,), "ft/s²": (14.59390,)}
 
 # of a run: its unit of time in s, the unit of acceleration (None: not known), and a sentence
 Units = tuple[float, str | None, str]
@@ -93,10 +103,23 @@ class History:
     acceleration: FloatArray
     velocity: FloatArray  # all NaN if the file has none
 
+    def since(self, time: float) -> "History":
+        """Its states from a time on."""
+        late = self.time >= time
+        columns = self.time[late], self.acceleration[late], self.velocity[late]
+        return History(self.name, self.title, *columns)
+
+    @property
+    def lacks_acceleration(self) -> bool:
+        """Whether the file has velocities alone."""
+        return bool(np.isnan(self.acceleration).all() and np.isfinite(self.velocity).all())
+
 
 def _is_aliased(node: History) -> bool:
-    """Whether accelerations, sampled once per output interval, fail to reproduce the velocity."""
+    """Whether accelerations, sampled once per output interval, lack or fail to reproduce the velocity."""
     change = node.velocity - node.velocity[0]
+    if node.lacks_acceleration and node.time.size > 1:
+        return bool((np.diff(node.time) > 0).all())
     if not np.isfinite(change).all() or not np.isfinite(node.acceleration).all() or node.time.size < 3:
         return False
     error = np.abs(integral(node.acceleration, node.time) - change).max()
@@ -152,32 +175,73 @@ def _words(title: str) -> str:
     return re.sub(r"[_-]+|(?<=[a-z])(?=[A-Z])", " ", title)
 
 
-def axis_of_travel(start: FloatArray, travel: Travel | None = None) -> int:
-    """The axis given, else along which nodes set out fastest on average; velocities have the shape (3, n_nodes)."""
+def axis_of_travel(start: FloatArray, travel: Travel | None = None, fastest: FloatArray | None = None) -> int:
+    """The axis given, else along which nodes set out fastest on average, or get fastest from rest (shape (3,))."""
     if travel is not None:
         return AXES.index(travel[-1])
-    return int(np.abs(_finite(start)).mean(axis=1).argmax())
+    speeds = np.abs(_finite(start)).mean(axis=1)
+    if fastest is not None and speeds.max() <= _STILL * fastest.max():
+        speeds = fastest
+    return int(speeds.argmax())
 
 
 def _finite(start: FloatArray) -> FloatArray:
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def units_of(nodes: Sequence[History], source: str) -> Units:
-    """The units of a run, by how long it lasts and how fast its nodes are."""
+def departure_time(nodes: Sequence[History], travel: Travel | None) -> float:
+    """When the velocity of nodes at rest is set, as after a preload; else their first time.
+
+    They speed up as their accelerations do not tell, or as the user says (``travel``), and brake from there.
+    """
+    nodes = _finest([node for node in nodes if not is_on_a_dummy(node)] or nodes)
+    time, speed = nodes[0].time, np.median([np.abs(node.velocity) for node in nodes], axis=0)
+    top = float(np.nan_to_num(speed).max())
+    first = int((speed >= _AT_SPEED * top).argmax())
+    at_rest = np.flatnonzero(speed[:first] <= _AT_REST * top)
+    slow = np.flatnonzero(speed[first:] <= top / 2)
+    if not at_rest.size or not slow.size or not np.isfinite(speed).all():
+        return float(time[0])
+    rest = int(at_rest[-1])
+    set_in, braked_in = time[first] - time[rest], time[first + slow[0]] - time[first]
+    change = np.median([integral(node.acceleration, node.time)[[rest, first]] for node in nodes], axis=0)
+    is_told = abs(abs(change[1] - change[0]) - top) < top / 2
+    is_set = _AT_ONCE * set_in <= braked_in and (travel is not None or not is_told)
+    return float(time[first] if is_set else time[0])
+
+
+def units_of(
+    nodes: Sequence[History], source: str, mass: float | None = None, *, may_be_imperial: bool = False
+) -> Units:
+    """The units of a run, by how long it lasts and how fast its nodes are, and by its mass in the run's own unit."""
     end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
     if not 0 < end <= _LONGEST_MS:
         found = f"a run that ends at {end:g}"
         raise DataError(Problem(source, "a crash in s or ms", found, "choose a run in mm, ms, kg or SI"))
-    step = end / max(nodes[0].time.size - 1, 1)
+    step = (end - float(nodes[0].time[0])) / max(nodes[0].time.size - 1, 1)
     told = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
     if end > LONGEST_S or (step > _SLOWEST_S and not fastest >= _SLOWEST_MMPS):
         return MS, "mm/ms²", f"Units mm and ms: {told}."
-    if 0 < fastest <= FASTEST_MPS:
-        return 1.0, "m/s²", f"SI units: {told}."
     if fastest >= _SLOWEST_MMPS:
         return 1.0, "mm/s²", f"Units mm and s: {told}."
-    return 1.0, None, f"Unit of length unknown: {told}."
+    may_be = ("m/s²", "ft/s²") if 0 < fastest <= FASTEST_MPS else ("in/s²", "cm/s²")
+    fitting = [unit for unit in may_be if mass is not None and mass_unit_kg(mass, unit) is not None]
+    if may_be_imperial and len(fitting) == 1 and fitting[0] != "m/s²":
+        return 1.0, fitting[0], f"Units {fitting[0].partition('/')[0]} and s, by the mass: {told}."
+    if may_be[0] == "m/s²" and (fitting or not may_be_imperial or not _is_too_hard(nodes)):
+        return 1.0, "m/s²", f"SI units: {told}."
+    speeds = (number(fastest * ACCELERATION_UNITS[of] / KPH, ".1f") for of in may_be)
+    options = " or ".join(f"{kph} km/h if in {of}" for kph, of in zip(speeds, may_be, strict=True))
+    return 1.0, None, f"Unit of length unknown: {told}, {options}."
+
+
+def _is_too_hard(nodes: Sequence[History]) -> bool:
+    initial, stops = initial_speed(nodes), []
+    for node in nodes:
+        stopped = node.velocity * np.sign(node.velocity[0]) <= 0
+        stops += [float(node.time[stopped.argmax()] - node.time[0])] if stopped.any() else []
+    is_hard = bool(stops and initial > _HARD_MPS2 * float(np.median(stops)))
+    return initial > _FAST_MPS or (is_hard and initial > _FAST_MPS / 2)  # else too slow in ft
 
 
 def initial_speed(nodes: Sequence[History]) -> float:
@@ -236,9 +300,11 @@ def note_of_kept(kept: int, total: int) -> list[str]:
     return [f"{kept} of {total} nodes are kept, titled ones first."] if kept < total else []
 
 
-def vehicle_mass_kg(mass: float) -> float | None:
-    """A mass in kg if it is that of a vehicle in t, kg or g; its size tells which."""
-    return next((kg for unit in (1.0, 1e3, 1e-3) if 300 <= (kg := mass * unit) <= 60_000), None)
+def mass_unit_kg(mass: float, unit: str | None) -> float | None:
+    """The unit of mass in kg, of those that go with a unit of acceleration, by the size of a vehicle's mass."""
+    kilograms = _MASSES_KG.get(unit or "", ())
+    heaviest = _HEAVIEST_CAR_KG if len(kilograms) == 1 else 60_000
+    return next((one for one in kilograms if 300 <= mass * one <= heaviest), None)
 
 
 def run_record(
@@ -248,7 +314,7 @@ def run_record(
     proposed: Sequence[History],
     units: Units,
     speed_or_why: tuple[float | None, str],
-    mass_and_source: tuple[float | None, str],
+    mass_and_source: tuple[float | None, str],  # in the unit of the run
     quality: RunQuality,
     steps: Sequence[str],
     about: Mapping[str, str],
@@ -256,9 +322,12 @@ def run_record(
 ) -> Record:
     """The record of a run: its nodes as channels, and what its quantities add to the steps."""
     per_second, unit, _ = units
-    (speed_mps, no_speed), (mass_kg, mass_of) = speed_or_why, mass_and_source
-    told = list(steps)
-    if any(map(_is_aliased, proposed)):
+    (speed_mps, no_speed), (mass, mass_of) = speed_or_why, mass_and_source
+    told, of_mass = list(steps), None if mass is None else mass_unit_kg(mass, unit)
+    mass_kg = None if mass is None or of_mass is None else mass * of_mass
+    if any(node.lacks_acceleration for node in proposed):
+        told.append("The run has no accelerations; they are taken from the velocities.")
+    elif any(map(_is_aliased, proposed)):
         told.append("Accelerations that do not add up are taken from the velocities.")
     if speed_mps is not None:
         told.append(Sentence("Speed {}, at which it sets out.", speed(speed_mps, form=".4g")))
@@ -277,11 +346,20 @@ def run_record(
         channels.append(RecordedChannel(node.name, label, per_second * node.time, accel, unit))
     names = tuple(node.name for node in proposed)
     force = None
-    if wall is not None and unit is not None and wall[0].size > 1:
+    if wall is not None and unit in _MASSES_KG and wall[0].size > 1:
         told.append("Force of the barrier: that of all rigid walls.")
-        force = Wall(per_second * wall[0], _MASS_KG[unit] * ACCELERATION_UNITS[unit] * wall[1])
+        stopped = impulse_mass(wall, proposed)
+        scale = of_mass or mass_unit_kg(stopped, unit) or _MASSES_KG[unit][0]
+        force = Wall(per_second * wall[0], scale * ACCELERATION_UNITS[unit] * wall[1])
     found = (PartialCondition(speed_mps, mass_kg), tuple(channels), names, tuple(told))
     return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about, wall=force)
+
+
+def impulse_mass(wall: tuple[FloatArray, FloatArray], nodes: Sequence[History]) -> float:
+    """The mass that a barrier stops, in the unit of the run; 0 if none."""
+    changes = [float(np.nan_to_num(np.abs(node.velocity - node.velocity[0]).max())) for node in nodes]
+    change = float(np.median(changes)) if nodes else 0.0
+    return float(np.abs(integral(wall[1], wall[0])).max()) / change if change > 0 and wall[0].size > 1 else 0.0
 
 
 def quality_by_histories(

@@ -27,7 +27,7 @@ from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse
 from crashfuse.readers.tdms_container import Properties, TdmsChannel, TdmsFile, parse_tdms
-from crashfuse.readers.vocabulary import UNITS, ChannelCode
+from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
 from crashfuse.wording import time_text
@@ -39,11 +39,14 @@ _ABOUT = {  # words in the names of properties
     "date": r"(test[ _-]*)?date([ _-]*(of[ _-]*(the[ _-]*)?test|time))?",
 }
 _SENSOR = ("sensor", "sensor name", "sensor_name", "transducer id", "transducer_id", "serial number", "serial_number")
+_COMMENTS = ("comment", "comments", "remark", "remarks", "description")
 _MOST_CHANNELS = 200  # of a test that could be its pulse
+_ONE_CRASH_S = 10.0  # between loggers
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _MOST_VALUES = 20_000_000  # in all of them
 _MOST_CLOCKS = 1000
 _SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
+_PROCESSED = re.compile(r"raw|roh|filter|cfc|process|calc|resampl|copy", re.IGNORECASE)
 _ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)  # 1000 channels of 10,000 samples have 80 MB
@@ -79,7 +82,11 @@ def _waveform(
     )
     origin = origin or (channel.group if vocabulary.is_simulated(channel.group) else "")
     sensor = next(filter(None, (_text_of(properties, key) for key in _SENSOR)), "")
-    return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, "the file", origin, status, sensor)
+    code = ChannelCode.parsed(label)
+    status = status if code is None or vocabulary.doubt_of(status) else code.dullness or status
+    comment = max((_text_of(properties, key) for key in _COMMENTS), key=vocabulary.doubt_in)
+    told = "the file", origin, status, sensor, "", comment
+    return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, *told)
 
 
 class _Candidate(NamedTuple):
@@ -104,34 +111,47 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         expected = "accelerations along X, by units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: table_headers.likelihood(one.channel.name))
-    channels, unread, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
+    channels, unread, groups, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
+    tests = _groups_alike(channels, groups, began_s)
     condition, steps = _laboratory_condition(found[0].properties)
-    if len(set(began_s.values())) > 1:
-        channels = _aligned(channels, began_s, steps)
+    speeds = {_laboratory_condition(one.properties)[0].speed_mps for one in found if one.channel.group in tests}
+    if len(speeds) > 1:
+        condition, steps = PartialCondition(), ["TDMS file; its groups differ in speed."]
+    for part in [{test} for test in tests] or [{*groups.values()}]:
+        began = {name: start_s for name, start_s in began_s.items() if groups[name] in part}
+        if len(set(began.values())) > 1:
+            channels |= _aligned({name: one for name, one in channels.items() if groups[name] in part}, began, steps)
     if others := sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every):
         steps.append(f"Left out: dummies, and other directions ({others}).")
     if unread:
         steps.append(f"Left out for lack of samples or times: {', '.join(map(printable, unread))}.")
-    chosen, why = _proposed(channels, len(found), what)
+    chosen, why = _proposed(channels, len(found), what, tests)
+    if tests:
+        channels = {name: replace(one, label=f"group {groups[name]}") for name, one in channels.items()}
+    if chosen and (unused := {*groups.values()} - {groups[name] for name in chosen}):
+        steps.append(f"Left out: accelerations of other groups: {', '.join(map(printable, sorted(unused)))}.")
     about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
     pairs = ((name, key) for name, words in _ABOUT.items() for key in file.properties if re.fullmatch(words, key))
     pedigree = {name: text for name, key in pairs if (text := _text_of(file.properties, key))}
-    read = record_id, where, condition, tuple(channels.values()), chosen, (*steps, *why)
-    return Record(*read, unread=unread, other_setup=vocabulary.other_setup(about), about=pedigree)
+    content = record_id, where, condition, tuple(channels.values()), chosen, (*steps, *why)
+    return Record(*content, unread=unread, other_setup=vocabulary.other_setup(about), about=pedigree)
 
 
 def _read_channels(
     file: TdmsFile, found: Sequence[_Candidate], every: Sequence[_Candidate], where: str
-) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, float]]:
+) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, str], dict[str, float]]:
+    """Channels by name, those that cannot be read, the groups of either, and when recording began."""
     repeated = Counter(one.channel.name for one in found)
     clocks = [one for one in every if one.use.role == "time"][:_MOST_CLOCKS]
     times: dict[str, FloatArray] = {}
-    channels, unread, began_s = dict[str, RecordedChannel](), dict[str, Problem](), dict[str, float]()
+    channels, unread = dict[str, RecordedChannel](), dict[str, Problem]()
+    groups, began_s = dict[str, str](), dict[str, float]()
     for one in found:
         channel, start = one.channel, one.properties.get("wf_start_time")
         name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
+        groups[name] = channel.group
         try:
             clock = None if _number_of(one.properties, "wf_increment") else _clock_of(one, clocks, file, times)
             read = _waveform(file, channel, name, channel.name, where, clock)
@@ -145,7 +165,21 @@ def _read_channels(
         if sum(channel.values.size for channel in channels.values()) > _MOST_VALUES:
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
             raise DataError(Problem(where, expected, "more", ONE_TEST))
-    return channels, unread, began_s
+    return channels, unread, groups, began_s
+
+
+def _groups_alike(
+    channels: Mapping[str, RecordedChannel], groups: Mapping[str, str], began_s: Mapping[str, float]
+) -> list[str]:
+    """Those with one sensor of a vehicle, as of several tests, unless one is filtered, or began with the other."""
+    of_sensor = dict[str, dict[str, float]]()
+    for name, channel in channels.items():
+        code = ChannelCode.parsed(channel.label)
+        is_placed = code is not None and code.rank < UNPLACED
+        if code and is_placed and not channel.is_simulated and not _PROCESSED.search(groups[name]):
+            of_sensor.setdefault(code.sensor, {})[groups[name]] = began_s.get(name, np.nan)
+    alike = (times for times in of_sensor.values() if not np.ptp([*times.values()]) < _ONE_CRASH_S)
+    return sorted({group for times in alike if len(times) > 1 for group in times})
 
 
 def _aligned(
@@ -182,14 +216,26 @@ def _clock_of(
     return times[key]
 
 
-def _proposed(channels: Mapping[str, RecordedChannel], n: int, what: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _proposed(
+    channels: Mapping[str, RecordedChannel], n: int, what: str, tests: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     unit = "" if any(channel.unit for channel in channels.values()) else "; none states its unit"
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
         codes = {name: code for name in names if (code := ChannelCode.parsed(channels[name].label)) is not None}
-        chosen, why = vocabulary.propose_by_code(codes)
+        if tests:
+            return (
+                (),
+                f"The same channels are in several groups, {', '.join(map(printable, tests))}: choose those of one.",
+            )
+        objects = {code.text[0] for code in codes.values() if code.rank < UNPLACED}
+        vehicle = min(objects, default="")
+        chosen, why = vocabulary.propose_by_code(
+            {name: code for name, code in codes.items() if code.text[0] == vehicle} or codes
+        )
         if chosen:
-            return chosen, why
+            others = f" Those of test object {' and '.join(sorted(objects - {vehicle}))} are left out."
+            return chosen, f"{why}{others if len(objects) > 1 else ''}"
         if len(names) == 1 and len(channels) == n and what == "acceleration":
             return tuple(names), f"The only {what}{unit}: {printable(names[0])}."
         return (), f"Choose one of {len(channels)} {what}s{unit}."
@@ -243,12 +289,15 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
         label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
         return _waveform(file, channel, str(sensor.number), label, where)
 
+    tests = sorted({_text_of(properties, "test_tstno") for _, properties in pairs})
+    if len(tests) > 1:
+        raise DataError(Problem(where, "one test", f"{printable(', '.join(tests))}", ONE_TEST))
     test = sensors[candidates[0]][1]
     speed = _number_of(test, "veh_vehspd") or _number_of(test, "test_clsspd")
     mass = _number_of(test, "veh_vehtwt")
     car = " ".join(filter(None, (_text_of(test, f"veh_{name}") for name in ("year", "maked", "modeld"))))
     title = f"NHTSA test {_text_of(test, 'test_tstno')}, {printable(car)}."
-    steps = [title, *nhtsa.condition_steps(speed, mass, where)]
+    steps = [title, *nhtsa.condition_steps(speed, mass, where), *nhtsa.other_vehicles(list(sensors))]
     condition = PartialCondition(speed * KPH or None, mass or None)
     other = nhtsa.other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}

@@ -9,7 +9,7 @@ A channel code::
           LERE00      three fine locations (left, rear, undefined)
                 AC    physical dimension (acceleration)
                   X   direction, signed as in SAE J211; NHTSA writes 1 for X, too
-                   P  filter class (D: CFC 60, C: CFC 180 …; S: special; P: prefiltered only)
+                   P  filter class (D: CFC 60, C: CFC 180 …; Q: below CFC 60; V: film analysis; P: prefiltered only)
 
 Characters that say nothing are 0 or ?; the IIHS fills them with _, as in ``11VEHC0000__ACX_``.
 
@@ -68,8 +68,12 @@ AXES = "xyz"
 Travel = Literal["x", "-x", "y", "-y", "z", "-z"]  # in the file's own axes
 TRAVELS: tuple[Travel, ...] = get_args(Travel)
 
-# factors to m/s² of the units that occur in records; the last two are LS-DYNA's
-ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
+# factors to m/s² of the units that occur in records; mm/s² and what follows are those of solvers
+ACCELERATION_UNITS: Mapping[str, float] = {
+    **{"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3},
+    **{"cm/s²": 0.01, "in/s²": 0.0254, "ft/s²": 0.3048},
+}
+USUAL_UNITS = tuple(ACCELERATION_UNITS)[:4]  # the others are not inferred
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time": {"s": 1.0, "ms": MS, "µs": 1e-6},
@@ -85,17 +89,21 @@ _FORM = re.compile(r"[0-9?_][0-9A-Z?_]{15}")
 _DUMMY = frozenset(
     ["HEAD", "NECK", "CHST", "THSP", "SPIN", "PELV", "FEMR", "TIBI", "FOOT", "ABDO", "SHLD", "KNEE", "RIBS", "ACTB"]
 )
+_SIDE_MEMBERS = ("SIME", "MSME")  # longitudinal beams, from front to rear
 _REAR = ("SEAT", "FLOR", "FORA", "FLPA")  # NHTSA's: seat cross-member, floor, floor pan
 TUNNEL, SILLS, PILLARS = "on the tunnel", "on the sills", "on the B-pillars"
 _PLACES = (
     ((), "on the rear seat cross-member or floor, behind the crush"),
     (("VEHC", "CVEH"), "of the vehicle as a whole"),
     (("TUNN",), TUNNEL),
-    (("SIME", "SILL"), SILLS),
+    (("SILB", "SILL"), SILLS),
+    (_SIDE_MEMBERS, "on the side members, at the rear"),
     (("BPIL",), PILLARS),
 )
-_CUTOFF_HZ = {"A": 1650.0, "B": 1000.0, "C": 300.0, "D": 100.0}  # of CFC 1000, 600, 180, 60 (SAE J211-1)
-_RAW_FIRST = "0PXSABCD"
+# of CFC 1000, 600, 180, 60 (SAE J211-1), and of these in the editions before
+_CUTOFF_HZ = dict(zip("ABCDEFGH", (1650.0, 1000.0, 300.0, 100.0) * 2, strict=True))
+_RAW_FIRST = "0PAE2BF3CGDH1SXLQV"  # then what the standard does not have
+_DULL = {"L": "filtered with CFC 20", "Q": "filtered below CFC 60", "V": "film analysis"}
 _KEY = re.compile(r"([^:=,;\t|]{1,40}?)(?:\s*[:=,;\t|]+|\s{2,})\s*(.*)")
 _MARKS = "#%!*/;,\"' \t"
 _SOURCE = words("key.source")
@@ -109,10 +117,32 @@ _SOUND = re.compile(
     r"correct|bon|gut|i o|in ordnung|(no|without) (remark|error|failure|fault|comment)s?|not failed|\d{2,})( |$))*|"
     r"unknown|undefined|not (specified|stated|checked|applicable)|n a|none|novalue"
 )
+_FAILURE = (
+    r"fail\w*|fault\w*|malfunction\w*|non ?functional|meaningless|n i o|nio|nok|bad|invalid|lost|loss|broken?|"
+    r"corrupt\w*|defect\w*|defekt\w*|destroyed|damaged|unusable|unbrauchbar|ausfall|ausgefallen|ungultig|disconnected|"
+    r"unplugged|detached|dislodged|torn|severed|cable cut|dead(?! pedal)|abgerissen|kabelbruch|gebrochen|perdue?|"
+    r"cassee?|defaillant\w*|(open|short) circuit|(came|pulled|fell|broke|ripped) (off|loose|away|out|free)"
+)
+_DOUBT = (
+    r"question\w*|suspect\w*|suspicious|doubtful|dubious|unreliable|unrealistic|implausible|unplausibel|anomal\w*|"
+    r"abnormal\w*|errati\w*|(data|signal|sensor|channel) errors?|erroneous|incorrect|wrong|spurious|intermittent\w*|"
+    r"drift(s|ed|ing)|nois[ey]\w*|spik\w*|saturat\w*|clipp\w*|truncated|over ?(range|load|drive)[nd]?|out of range|"
+    r"exceed\w*|drop(ped)? ?outs?|loose|artefact\w*|artifact\w*|fragwurdig|zweifelhaft|gestort|storung\w*|ubersteuert|"
+    r"douteu\w*"
+)
 _FAILED = re.compile(
-    r"\b(fail\w*|meaningless|no (valid )?(data|signal|values?)|not (ok|o k|valid|usable|good)|nok|n i o|nio|bad|"
-    r"invalid|lost|loss|broken|defect\w*|defekt\w*|destroyed|damaged|unusable|unbrauchbar|ausfall|ausgefallen|ungultig|"
-    r"cf|mn|md|nd)\b"
+    rf"\b({_FAILURE}|no (valid |usable )?(data|signal|values?|output|response|reading|channel)|"
+    r"(not|nicht|don) (t |to be |be )?(ok|o k|valid|usable|good|used?|recorded|working|available|gultig|brauchbar))\b"
+)
+_FAILED_CODE = re.compile(r"\b(cf|mn|md|nd)\b")
+_DOUBTED = re.compile(rf"\b({_DOUBT})\b")
+_DENIED = re.compile(
+    rf"\b((not|nicht|never) ({_FAILURE}|{_DOUBT})|(no|without|ohne|keine?n?|sans) (known |visible |any |data )?"
+    r"(failures?|faults?|errors?|loss(es)?|defe[ck]te?s?|doubts?|noise|spikes?|drift|clipping|drop ?outs?|anomaly))\b"
+)
+_SUM = re.compile(r"\b(sum|sums|summed|summation|totals?|overall|resultant|summe|gesamt\w*|somme|totale|suma)\b")
+_SOME_CELLS = re.compile(
+    r"\b(row|col(umn)?|left|right|upper|lower|top|bottom|middle|reihe|zeile|spalte|links|rechts)\b"
 )
 _VEHICLE = r"(?:car|vehicle|veh|fahrzeug|pkw)"
 _OTHER = re.compile(
@@ -204,7 +234,8 @@ class ChannelCode:
     @property
     def is_of_a_dummy(self) -> bool:
         """By its location, or by a kind of dummy in the last fine location (H3)."""
-        return self.text[2:6] in _DUMMY or (self.rank == UNPLACED and self.text[10:12] != "00")
+        main = self.text[2:6]
+        return main in _DUMMY or (self.rank == UNPLACED and main not in _SIDE_MEMBERS and self.text[10:12] != "00")
 
     @property
     def rank(self) -> int:
@@ -212,17 +243,31 @@ class ChannelCode:
         main, position, fine = self.text[2:6], self.text[1], (self.text[6:8], self.text[8:10])
         if main in _REAR and position == "0" and "RE" in fine:
             return 0
+        if main in _SIDE_MEMBERS and not {"RE", "MI"}.intersection(fine):
+            return UNPLACED  # in the crush
         return next((rank for rank, (mains, _) in enumerate(_PLACES) if main in mains), UNPLACED)
 
     @property
-    def order(self) -> tuple[int, bool, int]:
-        """Sort key: best place first, the vehicle's before an occupant's, the least filtered first."""
-        return self.rank, self.text[1] != "0", _RAW_FIRST.find(self.text[15])
+    def order(self) -> tuple[int, bool, bool, int]:
+        """Sort key: best place first, the vehicle's before an occupant's, the front last, the least filtered first."""
+        is_in_front = "FR" in (self.text[6:8], self.text[8:10])
+        return self.rank, self.text[1] != "0", is_in_front, f"{_RAW_FIRST}{self.text[15]}".index(self.text[15])
 
     @property
     def cutoff_hz(self) -> float | None:
         """The −3 dB frequency of its filter class; None if it names none."""
         return _CUTOFF_HZ.get(self.text[15])
+
+    @property
+    def sums(self) -> int:
+        """Whether it is a sum of some load cells (1), or of all (2)."""
+        fine = self.text[6:8], self.text[8:10]
+        return 0 if "SU" not in fine else 2 if {"SU", "00"} == {*fine} else 1
+
+    @property
+    def dullness(self) -> str:
+        """What its filter takes beyond CFC 60; empty if nothing."""
+        return _DULL.get(self.text[15], "")
 
 
 UNPLACED = len(_PLACES)  # the rank of a place that need not follow the motion of the whole vehicle
@@ -296,7 +341,19 @@ def doubt_of(status: str) -> Doubt:
     words = _plain(status)
     if _SOUND.fullmatch(words):
         return Doubt.NONE
-    return Doubt.FAILED if _FAILED.search(words) else Doubt.SOME
+    return Doubt.FAILED if _FAILED.search(words) or _FAILED_CODE.search(words) else Doubt.SOME
+
+
+def doubt_in(comment: str) -> Doubt:
+    """What speaks against a channel, by a comment in any words, most of which are not of quality."""
+    words = _DENIED.sub(" ", _plain(comment))
+    return Doubt.FAILED if _FAILED.search(words) else Doubt.SOME if _DOUBTED.search(words) else Doubt.NONE
+
+
+def sums_of(name: str) -> int:
+    """As :attr:`ChannelCode.sums`, by a name."""
+    words = _plain(name)
+    return (1 if _SOME_CELLS.search(words) else 2) if _SUM.search(words) else 0
 
 
 def _plain(text: str) -> str:

@@ -6,17 +6,20 @@ from functools import lru_cache
 from itertools import chain, groupby
 from typing import Literal, NamedTuple
 
+import pandas as pd
+
 from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.reporting import evidence_facts
-from crashfuse.reporting.certification_tables import ANSWER_WORDS
-from crashfuse.reporting.evidence_facts import fact, listed, listed_conditions
+from crashfuse.reporting.certification_tables import at_once_text
+from crashfuse.reporting.evidence_facts import fact, listed
+from crashfuse.reporting.plots.display import Display
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import Sentence, counted, joined, number, probability_text, read_out
+from crashfuse.wording import Sentence, counted, joined, number, read_out
 
 Place = Literal["answer", "costs", "summary", "matrix", "record", "domain", "changes"]
 SUBJECTS = {
@@ -48,20 +51,7 @@ SUBJECTS = {
 """What speaks against the verdicts, by code, the most important first: its heading among the exceptions."""
 DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
 """The subjects that stand beside the answer itself: down to factors that no test has together."""
-ANSWERS: Mapping[Answer, tuple[str, str]] = {
-    "run": ("Run already", "{}"),
-    "need not be run": ("Need not be run (probability that all criteria are met at once)", "all met at once: {}"),
-    "to be tested": (
-        "To be tested, as all criteria at once are uncertain (their probability)",
-        "all met at once: only {}",
-    ),
-    "would miss": ("A test would miss", "misses {}"),
-    "test or redesign": ("To be tested, or redesigned", "open: {}"),
-    "record for longer": ("To be recorded for longer", "records too short for {}"),
-    "outside": ("Outside what the tests check", "outside what the tests check{}"),
-}
-"""Of each answer, what stands before the conditions that have it, and what beside a single one."""
-_ANSWER = ("matrix.saved", *(f"answer.{answer}" for answer in ANSWERS))
+_ANSWER = ("matrix.saved",)
 _COSTS = ("costs.confidence", "costs.saving")
 _MATRIX = ("matrix.every", "matrix.none_needed", "matrix.run_first")
 _RECORD = ("record.waived", "since.waived", "record.decided")
@@ -91,9 +81,6 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
 }
 """The codes that are shown at each place, the most important one first: at the head of terminal, report and slides,
 below the page's answer, and in tabs of the page and sections of the report."""
-_WITH_PROBABILITY = ("need not be run", "to be tested")  # that all criteria are met at once
-_FEW = 6  # conditions, each with its own probability
-_EXPLAINED = 3  # conditions outside, each with its reason
 
 
 @lru_cache(maxsize=8)  # asked for by every place
@@ -114,11 +101,11 @@ def facts(certification: Certification) -> tuple[Fact, ...]:
 
 
 class Planned(NamedTuple):
-    """A planned test: the answer in a word (:data:`ANSWER_WORDS`), and what decides it."""
+    """A planned test: the answer, and what decides it."""
 
     id: str
     condition: Condition
-    word: str
+    word: Answer
     why: str
 
 
@@ -127,12 +114,24 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
     """The answer at every planned test, in the order of speed."""
     notes, same, found = _notes_at(certification)[1], certification.counted_once, []
     for i, condition in sorted(certification.matrix.items, key=lambda item: item[1].speed_mps):
-        answer = certification.answers[i]
-        why = Sentence(ANSWERS[answer][1], _detail(certification, i))
         as_other = f"counts as {same[i]}" if i in same else ""
-        texts = [text for text in (why, notes.get(i, ""), as_other) if text]
-        found.append(Planned(i, condition, ANSWER_WORDS[answer], joined(texts, "; ")))
+        texts = [text for text in (_why(certification, i), notes.get(i, ""), as_other) if text]
+        found.append(Planned(i, condition, certification.answers[i], joined(texts, "; ")))
     return tuple(found)
+
+
+def planned_table(certification: Certification, display: Display) -> pd.DataFrame:
+    """The same as a table for readers."""
+    return pd.DataFrame(
+        {
+            "Planned test": row.id,
+            **display.columns(row.condition),
+            **dict(row.condition.factors),
+            "Answer": row.word,
+            "Why": display.words(row.why),
+        }
+        for row in planned(certification)
+    )
 
 
 def shown(certification: Certification, place: Place) -> tuple[Fact, ...]:
@@ -173,25 +172,11 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     n, of = certification.saved
     once = [f"{i} as {other}" for i, other in certification.counted_once.items()]
     alike = f" Counted once, being within 1 km/h and 2 % of each weight: {listed(once)}." if once else ""
-    told = f"{n:,} of {counted(of, 'planned test')} need not be run to know these pulse criteria.{alike}"
-    yield fact("matrix.saved", told, n=n, of=of)
-    of_all, notes = _notes_at(certification)
+    yield fact("matrix.saved", f"{headline(certification)}.{alike}", n=n, of=of)
+    of_all, _ = _notes_at(certification)
     if of_all:
         yield fact("matrix.every", f"Of every condition: {'; '.join(of_all)}.", notes=of_all)
-    for answer, (heading, _) in ANSWERS.items():
-        details = {i: _detail(certification, i) for i, own in certification.answers.items() if own == answer}
-        if details:
-            if answer in _WITH_PROBABILITY and len(details) > _FEW:
-                details = _least_of_alike(certification, details, notes)
-            text = {i: joined([t for t in (details[i], notes.get(i)) if t], "; ") for i in details}
-            listing = listed_conditions(ids, text)
-            if answer == "outside" and len(details) <= _EXPLAINED:
-                listing = joined([joined([i, certification.rows[i][0].reason], ": ") for i in details])
-            sentence = Sentence("{}: {}{}", heading, listing, "" if listing.endswith(".") else ".")
-            if answer == "outside" and certification.domain.too_few_tests:
-                (sentence,) = map(Sentence, certification.domain.too_few_tests)
-            yield fact(f"answer.{answer}", sentence, conditions={i: str(detail) for i, detail in details.items()})
-    if set(certification.answers.values()) <= {"run", "need not be run"}:
+    if set(certification.answers.values()) <= {"was run", "skip"}:
         yield fact("matrix.none_needed", "No condition of the matrix needs a test.")
     if first := certification.run_first:
         told = f"Run {first} first, the fastest that a test can settle, and certify again."
@@ -207,44 +192,51 @@ def _costs(certification: Certification) -> Iterator[Fact]:
     if criteria.declared is None:
         nearest = ", the nearest that can be asked for" * (confidence != pays)
         asked = f"none was declared, so it follows from the costs: {confidence:g}{nearest}"
-    told = f"Skipping a test pays from a confidence of {pays:g} ({costs}, declared with the criteria); {asked}."
+    told = f"By the costs ({costs}) skipping pays where an answer is right with {pays:g} or more; {asked}."
     values = {**asdict(costs), "pays_from": pays, "confidence": confidence, "follows": criteria.declared is None}
     yield fact("costs.confidence", told, **values)
-    skipped = [met.probability for i, met in certification.waived.items() if i not in certification.counted_once]
-    if not skipped:
+    sure = [all_met(certification.rows[i]) for i in certification.sure if i not in certification.counted_once]
+    if not sure:
         return
-    expected, n = sum(costs.saving(1 - probability) for probability in skipped), len(skipped)
-    most, cautious = certification.record.bounds()["tests"].at_most, None
-    told = f"Expected saving by {counted(n, 'test')} that need not be run, by their probabilities: {_amount(expected)}"
-    if most is not None:
-        cautious = n * costs.saving(most)
-        told += f"; if as many answers are wrong as the record allows, {100 * most:.1f} % by test: {_amount(cautious)}"
-    yield fact("costs.saving", f"{told}.", n=n, expected=expected, cautious=cautious, wrong_at_most=most)
+    expected, n = sum(costs.saving(1 - met.probability) for met in sure), len(sure)
+    most, each = certification.record.bounds()["tests"].at_most, certification.cautious_saving
+    cautious = None if each is None else n * each
+    told = f"Skipping {counted(n, 'test')} that would meet all criteria {_outcome(expected)} on average."
+    if most is not None and cautious is not None:
+        told += f" If as many answers are wrong as the record cannot rule out ({100 * most:.0f} %), "
+        told += f"it {_outcome(cautious)}{': none is skipped' * (cautious < 0)}."
+    yield fact("costs.saving", told, n=n, expected=expected, cautious=cautious, wrong_at_most=most)
+
+
+def headline(certification: Certification) -> str:
+    """How many planned tests need not be run, or that skipping them does not pay."""
+    n, of = certification.saved
+    if certification.sure and certification.skipping_loses:
+        return f"Skipping does not pay on this record: none of {counted(of, 'planned test')} is skipped"
+    return f"{n:,} of {counted(of, 'planned test')} need not be run to know these pulse criteria"
+
+
+def _outcome(saving: float) -> str:
+    return f"{'saves' if saving >= 0 else 'loses'} {_amount(abs(saving))}"
 
 
 def _amount(value: float) -> str:
     return number(float(f"{value:.3g}"), ",.10g")
 
 
-def _detail(certification: Certification, i: str) -> str:
-    answer, row, confidence = certification.answers[i], certification.rows[i], certification.criteria.confidence
-    if answer == "run":
+def _why(certification: Certification, i: str) -> str:
+    answer, row = certification.answers[i], certification.rows[i]
+    if answer == "was run":
         return _tests_there(certification, row)
-    if answer in _WITH_PROBABILITY:
-        return probability_text(all_met(row).probability, confidence)
-    asked = {"would miss": "not met", "test or redesign": "open", "record for longer": "open"}.get(answer)
-    longer = answer == "record for longer"
-    return ", ".join(v.criterion.name for v in row if v.word == asked and (v.probability is None) <= longer)
-
-
-def _least_of_alike(
-    certification: Certification, details: Mapping[str, str], notes: Mapping[str, str]
-) -> dict[str, str]:
-    """Of many conditions the least probability of those with equal notes, so that they can be named as a range."""
-    met = {i: all_met(certification.rows[i]).probability for i in details}
-    least = {note: min(p for i, p in met.items() if notes.get(i) == note) for note in map(notes.get, met)}
-    confidence = certification.criteria.confidence
-    return {i: f"{probability_text(least[notes.get(i)], confidence)} or more" for i in met}
+    if answer == "skip" or i in certification.uncertain:
+        return at_once_text(certification, i)
+    if answer == "cannot say" and any(verdict.word == "outside" for verdict in row):
+        return "outside what the tests check"
+    told = {"would miss": "misses {}", "run": "open: {}", "cannot say": "records too short for {}"}[answer]
+    word, unknown = "not met" if answer == "would miss" else "open", answer == "cannot say"
+    return told.format(
+        ", ".join(v.criterion.name for v in row if v.word == word and (v.probability is None) is unknown)
+    )
 
 
 def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
@@ -324,8 +316,7 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
         without = [i for i, condition in items if not dict(condition.factors).get(name)]
         groups |= {("condition.no_factor", told): without} if without else {}
     for (code, told), ids in groups.items():
-        named = listed_conditions(certification.matrix.ids, dict.fromkeys(ids, ""))
-        yield fact(code, f"{named}: {told}", conditions=ids)
+        yield fact(code, f"{listed(ids)}: {told}", conditions=ids)
 
 
 def _not_used(certification: Certification) -> Iterator[Fact]:

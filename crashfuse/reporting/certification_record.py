@@ -113,6 +113,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "factors": {name: list(values) for name, values in domain.factors.items()},
         },
         "verdicts": certification.counts,
+        "answers": certification.answers,
         "waived": {i: met._asdict() for i, met in certification.waived.items()},
         "saved": dict(zip(("n", "tests"), certification.saved, strict=True)),
         "counted_once": certification.counted_once,

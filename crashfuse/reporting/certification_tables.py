@@ -7,7 +7,7 @@ from dataclasses import replace
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Answer, Certification, Variant
+from crashfuse.certification.certify import Certification, Variant
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
@@ -19,19 +19,9 @@ from crashfuse.reporting.evidence_facts import measured_text, support_text
 from crashfuse.reporting.plots.canvas import tick_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import MPH_LB, Sentence, UnitSystem, probability_text, read_out, said, unbroken
+from crashfuse.wording import MPH_LB, Sentence, UnitSystem, joined, probability_text, read_out, said, unbroken
 
 ANSWER = "A test there"
-ANSWER_WORDS: Mapping[Answer, str] = {
-    "run": "was run",
-    "need not be run": "skip",
-    "to be tested": "run",
-    "would miss": "would miss",
-    "test or redesign": "run",
-    "record for longer": "cannot say",
-    "outside": "cannot say",
-}
-"""The answer at a planned test in a word or two."""
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
@@ -45,15 +35,16 @@ def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
     answers, at_once = certification.answers, {i: all_met(row) for i, row in certification.rows.items()}
+    though_met = {i: Sentence("{}.", at_once_text(certification, i)) for i in certification.uncertain}
     return _numbers_of(
         {
             **condition_columns(i, verdict.condition, factors, certification.matrix.conditions[0]),
             **_limit_columns(verdict.criterion),
             **{name: getattr(verdict, name) for name in ("value", "lower", "upper", "probability")},
             "verdict": verdict.word,
-            "reason": verdict.reason,
+            "reason": joined([verdict.reason, *([though_met[i]] if i in though_met else [])]),
             "basis": basis[verdict.criterion.metric],
-            "need_not_be_run": answers[i] == "need not be run",
+            "need_not_be_run": answers[i] == "skip",
             "all_met_at_least": at_once[i].at_least,
             "answer": answers[i],
             "all_met": at_once[i].probability,
@@ -170,23 +161,30 @@ def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd
     )
 
 
-def answer_texts(certification: Certification, *, short: bool = False) -> dict[str, str]:
-    """The answer at each condition in words, with the tests there, the condition it counts as, and what is apart."""
-    run, same, texts, name = certification.run, certification.counted_once, {}, tick_name if short else str
+def answer_texts(certification: Certification) -> dict[str, str]:
+    """The answer at each condition, shortly, with the tests there, the condition it counts as, and what is apart."""
+    run, same, texts = certification.run, certification.counted_once, {}
     for i, condition in certification.matrix.items:
-        tests = [name(test) for test in run.get(i, ())]
-        by = f"{len(tests)} tests" if short and len(tests) > 1 else ", ".join(tests)
-        alike = f", as {name(same[i])}" if i in same else ""
-        apart = [name(departure.test) for departure in departures_near(certification.campaign, condition)]
-        texts[i] = ANSWER_WORDS[certification.answers[i]] + (f": {by}" if tests else "") + alike
+        tests = run.get(i, ())
+        by = f"{len(tests)} tests" if len(tests) > 1 else "".join(map(tick_name, tests))
+        alike = f", as {tick_name(same[i])}" if i in same else ""
+        apart = [tick_name(departure.test) for departure in departures_near(certification.campaign, condition)]
+        texts[i] = certification.answers[i] + (f": {by}" if tests else "") + alike
         texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
     return texts
 
 
 def changed_text(variant: Variant) -> str:
     """Which answers a variant changes, in words; empty if none."""
-    words = {i: (ANSWER_WORDS[then], ANSWER_WORDS[now]) for i, (then, now) in variant.changed.items()}
-    return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in words.items() if then != now)
+    return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in variant.changed.items())
+
+
+def at_once_text(certification: Certification, condition: str) -> str:
+    """The probability that all criteria are met at once, and whether a test is needed nevertheless."""
+    only, but = ("", ", but skipping does not pay") if condition in certification.sure else ("only ", "")
+    but *= condition in certification.uncertain
+    probability = all_met(certification.rows[condition]).probability
+    return f"all met at once: {only}{probability_text(probability, certification.criteria.confidence)}{but}"
 
 
 def _cells(certification: Certification, verdict: Verdict, display: Display, *without: str) -> dict[str, str]:
@@ -269,23 +267,6 @@ def _record(certification: Certification, display: Display) -> pd.DataFrame:
     )
 
 
-def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
-    texts, confidence = answer_texts(certification), certification.criteria.confidence
-    aside = ("run", "record for longer", "outside")
-    met = {i: all_met(certification.rows[i]).probability for i, o in certification.answers.items() if o not in aside}
-    return pd.DataFrame(
-        {
-            "Condition": i,
-            **display.columns(condition),
-            **dict(condition.factors),
-            "Validated domain": "outside" if certification.domain.outside(condition) else "inside",
-            ANSWER: texts[i],
-            "All met at once": probability_text(met.get(i), confidence),
-        }
-        for i, condition in certification.matrix.items
-    )
-
-
 def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
     table = pd.DataFrame(  # in both, if the reader's units are not those that limits are declared in
         (own.name, own.label, display.words(own.limits), str(own.limits)) for own in certification.criteria.items
@@ -294,7 +275,6 @@ def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
-    "conditions": _conditions,
     "criteria": _criteria,
     "counts": lambda certification, display: counts_table(certification, display.units).rename(columns=str.capitalize),
     "verdicts": lambda own, display: pd.DataFrame(

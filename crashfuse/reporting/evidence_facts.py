@@ -1,14 +1,21 @@
 """What the record of left-out tests, the validated domain and tests run since say of a certification, as facts."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import groupby
+from collections.abc import Iterator, Mapping, Sequence
 
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, WrongShare, at_most, largest_share
+from crashfuse.certification.track_record import (
+    MOST_OF_A_TEST,
+    TrackRecord,
+    Trial,
+    WrongShare,
+    at_most,
+    counted_wrong,
+    largest_share,
+)
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
@@ -17,8 +24,6 @@ from crashfuse.study.facts import Fact
 from crashfuse.wording import Quantity, Sentence, counted, joined, probability_text, speed, weight
 
 _NAMED = 20  # in a sentence
-_ONE_BY_ONE = 6  # conditions, or fewer
-_RANGES = 8
 _DIGEST = 12  # characters of it in a sentence
 
 
@@ -39,22 +44,20 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
     (near_n, missed), (met, not_met) = near.decided, (near.counts()[word][0] for word in ("met", "not met"))
     yield fact(
         "record.decided",
-        f"Record of left-out tests: {counted(n, 'verdict')} met or not met, {bounds_text(bounds)}; "
-        f"{len(record.counted) - n} open or outside. No bound holds for another vehicle. With each test once {once} "
-        f"of the {n} remain. On tests within an interval's width of the limit, or wrong, one a metric and test: "
-        f"{met} met, {not_met} not met, {missed} wrong ({at_most(missed, near_n)}).",
+        f"Record of left-out tests: {counted(n, 'verdict')} met or not met, {bounds_text(bounds)}. Near the limits, "
+        f"where it matters: {near_n}, {counted_wrong(missed)} ({at_most(missed, near_n)}; one a metric and test: {met} "
+        f"met, {not_met} not met). {len(record.counted) - n} more are open or outside. No bound holds for another "
+        "vehicle.",
         n=n, once=once, wrong=wrong, near=near_n, near_wrong=missed,
         bounds={unit: share.at_most for unit, share in bounds.items()},
     )  # fmt: skip
     tests, saved, missed = record.waived(criteria)
-    by_way = dict[str, list[str]]()
-    for test, ways in record.saved(criteria).items():
-        by_way.setdefault(" and ".join(map(how_left_out, ways)), []).append(test)
-    which = "".join(f" They are, {way}: {listed(some)}." for way, some in by_way.items())
+    bound = f"{at_most(missed, saved)} of such answers are wrong, exact one-sided 95 % bound"
+    outcome = f"; {missed or 'none'} of these missed one ({bound})" if saved else ""
     yield fact(
         "record.waived",
-        f"Of {counted(tests, 'test')}, left out alone and with the speed group, {saved} need not have been run; "
-        f"{missed} of these missed a criterion ({at_most(missed, saved)}, exact 95 % bound).{which}",
+        f"Each of {counted(tests, 'test')} was left out, alone and with its speed group, and judged like a planned "
+        f"one. By the criteria {saved or 'none'} would have been skipped{outcome}.",
         tests=tests, n=saved, wrong=missed,
     )  # fmt: skip
     n, missed = saved_and_missed(certification)
@@ -83,8 +86,10 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
 def bounds_text(bounds: Mapping[str, WrongShare]) -> str:
     """How many verdicts were wrong, with both exact bounds."""
     verdicts, tests = bounds["verdicts"], bounds["tests"]
-    by_test = f"{at_most(*tests)} as if tests were, {tests.wrong} of {tests.n} with a wrong one"
-    return f"{verdicts.wrong} wrong ({at_most(*verdicts)}, exact 95 % bound as if verdicts were independent; {by_test})"
+    return (
+        f"{counted_wrong(verdicts.wrong)} ({at_most(*verdicts)}, exact one-sided 95 % bound; {at_most(*tests)} if the "
+        f"verdicts on one test count as one)"
+    )
 
 
 def criterion_facts(certification: Certification) -> Iterator[Fact]:
@@ -109,12 +114,12 @@ def criterion_facts(certification: Certification) -> Iterator[Fact]:
 def support_text(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
     """What the record says of a criterion at this confidence."""
     support = record.support(criterion)
-    right = f"{probability_text(support.confidence, confidence)} are expected to be right; only the bounds are proven"
     return (
         support.shortfall(confidence)
         or support.reservation(confidence)
-        or f"It supports the confidence: {support.own_wrong} of {support.own_decided} wrong, one verdict a test; "
-        f"{support.wrong} of {support.decided} with other criteria, at most {MOST_OF_A_TEST} a test; {right}."
+        or f"It supports the confidence: {counted(support.own_decided, 'verdict')}, one a test, "
+        f"{counted_wrong(support.own_wrong)}; with other criteria {support.decided}, at most {MOST_OF_A_TEST} a test, "
+        f"{counted_wrong(support.wrong)}."
     )
 
 
@@ -244,7 +249,7 @@ def _compared(changes: Changes) -> Iterator[Fact]:
         ("since.withdrawn", "Said then to need no test, and not now", withdrawn),
     ):
         if answers:
-            listing = listed_conditions([*changes.later.matrix.ids, *turned], answers, "changes.csv")
+            listing = listed_conditions(answers)
             yield fact(code, f"{told}: {listing}.", conditions=answers)
 
 
@@ -288,31 +293,6 @@ def listed(names: Sequence[str]) -> str:
     return Sentence("{}{}", joined(names[:_NAMED], ", "), more)
 
 
-def listed_conditions(rows: Iterable[str], answers: Mapping[str, str], file: str = "certification.csv") -> Sentence:
-    """Conditions, each with its answer in brackets if there is one: ``M01 to M08, M11 (crush); M09 (peak)``.
-
-    ``rows`` are all ids in the order of the matrix. Of many, the answer that most share comes first; ``file`` has all.
-    """
-    if len(answers) <= _ONE_BY_ONE:
-        return joined([_with_answer(i, answer) for i, answer in answers.items()], ", ")
-    ranges: dict[str, list[list[str]]] = {}
-    for answer, ids in groupby(rows, answers.get):
-        if answer is not None:
-            ranges.setdefault(answer, []).append(list(ids))
-    told, left, room = [], len(answers), _RANGES
-    for answer, some in sorted(ranges.items(), key=lambda item: -sum(map(len, item[1]))):
-        if shown := some[:room]:
-            texts = [", ".join(ids) if len(ids) < 3 else f"{ids[0]} to {ids[-1]}" for ids in shown]
-            told.append(_with_answer(", ".join(texts), answer))
-        room -= len(shown)
-        left -= sum(map(len, shown))
-    listing = joined(told, "; ")
-    return (
-        Sentence("{} conditions, {} and {} more, all in {}", f"{len(answers):,}", listing, f"{left:,}", file)
-        if left
-        else listing
-    )
-
-
-def _with_answer(conditions: str, answer: str) -> Sentence:
-    return Sentence("{} ({})", conditions, answer) if answer else Sentence("{}", conditions)
+def listed_conditions(answers: Mapping[str, str]) -> str:
+    """The first conditions, each with its answer in brackets if there is one, and how many there are more."""
+    return listed([Sentence("{} ({})", i, answer) if answer else i for i, answer in answers.items()])

@@ -27,7 +27,6 @@ from crashfuse.reporting.plots.palette import added_test_line
 from crashfuse.signals.pulse import Pulse
 from crashfuse.study.config import StudyConfig, require_rated
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.outliers import departures_near
 from crashfuse.study.study import Fold, Study
 
 T = TypeVar("T")
@@ -223,8 +222,8 @@ def figure_of_test(
     fold, display = study.fold(held_out), _display(study, options)
     estimates = chosen({estimate.approach: estimate for estimate in fold.estimates}, approaches, band)
     further = beside(study.campaign, also, display)
-    pulse, rest = fold.test.pulse if measured else None, study.config.training_campaign(study.campaign, held_out)
-    curves = Curves(pulse, estimates | other_fold(rest, estimates, band) | further, fold.test.condition, band)
+    pulse = fold.test.pulse if measured else None
+    curves = Curves(pulse, estimates | other_fold(estimates, band) | further, fold.test.condition, band)
 
     def scores() -> go.Figure:
         window_ms = _rated(study, display)
@@ -308,15 +307,15 @@ def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dic
     return dict(_further(campaign, asked, display) for asked in several(also))
 
 
-def other_fold(campaign: Campaign, estimates: Mapping[str, Estimate], band: str | None) -> dict[str, Prediction]:
+def other_fold(estimates: Mapping[str, Estimate], band: str | None) -> dict[str, Prediction]:
     """The pulse by the approach whose band is filled, if a test folds as one that stands apart near it, by its name."""
     approach = next(iter([band] if band in estimates else by_preference(estimates)), None) or ""
     prediction = estimates[approach].prediction if approach else None
-    if prediction is None or prediction.apart is None or prediction.draws_mps2 is None:
+    if prediction is None or not prediction.folds_mps2:
         return {}
-    test = departures_near(campaign, prediction.condition)[0].test
-    name = LegendName.of(f"{LABELS[approach]} if it folds as {test}", {**curve_line(approach), "dash": _FOLDED})
-    return {name: Prediction(prediction.condition, prediction.draws_mps2[prediction.apart].mean(axis=0, dtype=float))}
+    name = f"{LABELS[approach]} if it folds as {prediction.apart_as}"
+    line, (_, accel) = {**curve_line(approach), "dash": _FOLDED}, prediction.folds_mps2
+    return {LegendName.of(name, line): Prediction(prediction.condition, accel)}
 
 
 def pulses_of(shown: Mapping[str, Estimate | Prediction]) -> dict[str, Prediction]:

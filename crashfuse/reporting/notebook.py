@@ -10,7 +10,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.rating_tables import mean_ratings
 from crashfuse.study.facts import campaign_facts, distinct
-from crashfuse.study.recommendation import recommend
+from crashfuse.study.recommendation import SPEED_GROUPS, recommend
 from crashfuse.study.study import Study
 from crashfuse.wording import speed
 
@@ -59,7 +59,8 @@ def study_html(study: Study) -> str:
     """The mean rating of each approach over each window with its grade, and what a repeat of the tests would rate."""
     tests, display = ", ".join(fold.held_out for fold in study.folds), Display(system=study.campaign.units)
     facts = distinct([*recommend(study).facts, *campaign_facts(study.campaign)])
-    notes = (f"{study.campaign.rating_basis}.", *(display.words(fact.sentence) for fact in facts))
+    shown = [display.words(fact.sentence) for fact in facts if fact.code != SPEED_GROUPS]  # which the table has not
+    notes = (f"{study.campaign.rating_basis}.", *shown)
     return card(f"{study.campaign.name}: left out {tests}", mean_ratings(study), notes)
 
 

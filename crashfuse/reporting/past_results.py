@@ -76,7 +76,7 @@ def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:
             "Note": "",
             "Recommended": given.get("approach", "–"),
             "Mean rating": f"{len(result.waived)} of {n} need not be run",
-            "Settings": f"{given.get('preset', '–')}, seed {given.get('seed', '–')}",
+            "Settings": ", ".join([*filter(None, [given.get("preset")]), f"seed {given.get('seed', '–')}"]),
         }
     config, n = result.config, len(result.config.approaches)
     if result.tests:

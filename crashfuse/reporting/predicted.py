@@ -139,7 +139,7 @@ class PredictedPulse:
         shown = Display.of(self.campaign.units, **display)
         estimates = figures.chosen({each.approach: each for each in self.estimates}, approaches, band)
         others = [other.beside(self) if isinstance(other, PredictedPulse) else other for other in several(also)]
-        further = {**figures.other_fold(self.campaign, estimates, band), **figures.beside(self.campaign, others, shown)}
+        further = {**figures.other_fold(estimates, band), **figures.beside(self.campaign, others, shown)}
         lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
         if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
             further = {**lead.representative, **further}
@@ -224,10 +224,10 @@ def fits_of(
     asked = dict.fromkeys(approaches)
     if not asked:
         raise UsageError("A prediction takes an approach at least, such as fused.")
+    if names := tuple(one for one in asked if isinstance(one, str)):
+        replace(config, approaches=names).check()
     for one in asked:
-        if isinstance(one, str):
-            replace(config, approaches=(one,)).check()
-        elif one.campaign.fingerprint != campaign.fingerprint:
+        if isinstance(one, Fit) and one.campaign.fingerprint != campaign.fingerprint:
             raise UsageError(f"The fit of {one.approach.name} learned from other data than {campaign.name} holds.")
     return [one if isinstance(one, Fit) else Fit.of(campaign, one, config, cache=cache, watch=watch) for one in asked]
 

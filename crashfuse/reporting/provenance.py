@@ -48,7 +48,7 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
         "facts": [fact.record for fact in campaign_facts(campaign)],
         "held_out": list(held_out),
         "seed": config.seed,
-        "config": asdict(config),
+        "config": {name: value for name, value in asdict(config).items() if name != "preset" or config.under_preset},
     }
 
 
@@ -95,7 +95,7 @@ def certification_settings(campaign: Campaign, config: StudyConfig, confidence: 
         "campaign": campaign.name,
         "version": __version__,
         "approach": LABELS.get(approach, approach),
-        "preset": config.preset,
+        **({"preset": config.preset} if config.under_preset else {}),
         "seed": str(config.seed),
         "confidence": f"{confidence:g}",
         "CAE runs": f"{len(campaign.cae):,}, fingerprint {campaign.cae.fingerprint[:12]}",
@@ -110,9 +110,7 @@ def certify_command(certification: Certification, units: UnitSystem = MPH_LB) ->
     costs, options = certification.criteria.costs, ["--criteria", "criteria.toml", "--matrix", "matrix.csv"]
     options += ["--since", "EARLIER"] * (certification.since is not None) + ["--seal", "KEY"] * bool(certification.key)
     options += [] if costs is None else ["--costs", f"{costs.test:.10g}", f"{costs.wrong_answer:.10g}"]
-    varied = {own.name.split()[0].replace("without", "tests") for own in certification.variants}
-    tried = [name for name in ("seed", "preset", "tests") if name in varied]
-    options += [*(["--robustness", *tried] if tried else []), *_settings(certification.config)]
+    options += ["--robustness"] * any(own.left_out for own in certification.variants) + _settings(certification.config)
     return _command("certify", [*options, *_archive(certification.campaign)], units)
 
 
@@ -150,7 +148,8 @@ def _factors(condition: Condition) -> list[str]:
 
 def _settings(config: StudyConfig) -> list[str]:
     approaches = [] if config.approaches == APPROACHES else ["--approach", *config.approaches]
-    return [*approaches, "--preset", config.preset, "--seed", str(config.seed), "--device", config.device]
+    preset = ["--preset", config.preset] if config.under_preset else []
+    return [*approaches, *preset, "--seed", str(config.seed), "--device", config.device]
 
 
 def _archive(campaign: Campaign) -> list[str]:

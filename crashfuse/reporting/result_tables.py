@@ -24,6 +24,7 @@ from crashfuse.study.study import Study
 from crashfuse.units import KN, MPH, MS, G
 from crashfuse.wording import MPH_LB, UnitSystem, number, signed
 
+_FOLDS = ("others", "apart")  # in names of columns: as most tests at about the speed fold, and as one that stands apart
 _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
 
 
@@ -99,29 +100,44 @@ def _pulses(rows: Iterable[tuple[str, str, Prediction]]) -> pd.DataFrame:
             "upper_g": upper / G,
             "whole_lower_g": whole_lower / G,
             "whole_upper_g": whole_upper / G,
+            **{f"{way}_g": accel / G for way, accel in zip(_FOLDS, prediction.folds_mps2, strict=False)},
         }
         parts.append(pd.DataFrame(columns))
     return pd.concat(parts, ignore_index=True)
 
 
 def metrics_table(rows: _MetricRows, campaign: Campaign, first: str = "held_out") -> pd.DataFrame:
-    """Pulse metrics, one per row, from (held-out test, or what else comes ``first``, approach or ``test``, metrics)."""
-    bases = campaign.metric_bases
-    return pd.DataFrame(
-        [
-            (key, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name], m.of_pulse)
-            for key, approach, metrics in rows
-            for m in metrics
-        ],
-        columns=[first, "approach", "metric", "value", "lower", "upper", "unit", "basis", "of_pulse"],
-    ).astype(dict.fromkeys(("value", "lower", "upper", "of_pulse"), float))
+    """Pulse metrics, one per row, from (held-out test, or what else comes ``first``, approach or ``test``, metrics).
+
+    Where tests fold in two ways, there are columns of both, ``others_…`` and ``apart_…``, and which test is ``apart``.
+    """
+    bases, ends = campaign.metric_bases, ("value", "lower", "upper")
+    table = pd.DataFrame(
+        {first: key, "approach": approach, "metric": m.name, **{end: getattr(m, end) for end in ends}}
+        | {"unit": m.unit, "basis": bases[m.name]}
+        | {f"{way}_{end}": getattr(fold, end) for way, fold in folds.items() for end in ends}
+        | ({"apart": [*m.folds][1]} if folds else {})
+        | {"of_pulse": m.of_pulse}
+        for key, approach, metrics in rows
+        for m in metrics
+        for folds in [dict(zip(_FOLDS, m.folds.values(), strict=False))]
+    )
+    table = table[[*table.columns.drop("of_pulse"), "of_pulse"]]
+    return table.astype({name: float for name in table if str(name).endswith((*ends, "of_pulse"))})
 
 
 def metric_texts(
     columns: Iterable[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display, head: str = "Pulse metric"
 ) -> pd.DataFrame:
-    """Metrics in the reader's units, a column for each whose they are; indexed by their names."""
-    texts = pd.DataFrame({who: {m.name: display.metric(m).text for m in metrics} for who, metrics in columns})
+    """Metrics in the reader's units, a column for each whose they are; indexed by their names.
+
+    The last whose tests fold in two ways has columns of both.
+    """
+    shown = dict(columns)
+    for who in [who for who, metrics in shown.items() if any(m.folds for m in metrics)][-1:]:
+        for fold in shown[who][0].folds:
+            shown[f"{who} if it folds as {fold}"] = [metric.folds[fold] for metric in shown[who]]
+    texts = pd.DataFrame({who: {m.name: display.metric(m).text for m in own} for who, own in shown.items()})
     texts.insert(0, head, [display.heading(campaign.metric_headings[name]) for name in texts.index])
     return texts
 

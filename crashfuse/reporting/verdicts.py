@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from crashfuse import views
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.certification.certify import APPROACH, Certification, certify_matrix, try_variants
+from crashfuse.certification.certify import APPROACH, Certification, certify_matrix, without_each_test
 from crashfuse.certification.criteria import COSTS, CriteriaGiven, criteria_given, with_costs
 from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import MatrixGiven, matrix_given
@@ -113,7 +113,7 @@ def certify(
     *,
     confidence: float | None = None,
     costs: tuple[float, float] | None = None,
-    robustness: Sequence[str] = (),
+    robustness: bool = False,
     approach: str = APPROACH,
     config: StudyConfig = StudyConfig(),
     cache: Cache | None = None,
@@ -133,8 +133,8 @@ def certify(
         Of criteria given as mappings or rows; else as the costs ask for, or 0.95.
     costs : (float, float), optional
         Of a test and of a wrong answer, in one currency, in place of those of the criteria.
-    robustness : sequence of {"seed", "preset", "tests"}
-        What is tried, too: another seed, the other preset, each test left out. It computes all of it again.
+    robustness : bool
+        Whether to judge without each test, too. It computes all of it again.
     approach : str
         Whose predictions are judged.
     config : StudyConfig
@@ -149,9 +149,10 @@ def certify(
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
+    require_a(bool, robustness, "robustness=True judges without each test, too")
     conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
     limits = limits if costs is None else with_costs(limits, dict(zip(COSTS, costs, strict=True)))
     config = replace(config, approaches=(approach,))
     computing: dict[str, Any] = {"cache": cache, "watch": watch, "workers": workers, "scheduler": scheduler}
     certification = certify_matrix(campaign, limits, conditions, config, **computing)
-    return Verdicts(try_variants(certification, robustness, **computing))
+    return Verdicts(without_each_test(certification, **computing) if robustness else certification)

@@ -6,7 +6,7 @@ Each metric is a small function of a :class:`~crashfuse.signals.pulse.Kinematics
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,7 @@ class Metric:
     unit: str
     drawn: bool = False
     of_pulse: float | None = None
+    folds: Mapping[str, "Metric"] = field(default_factory=dict, hash=False)  # by the tests that fold so, if in two ways
 
     def holds(self, value: float | None) -> bool | None:
         """Whether the interval holds a value; None if either is not known."""

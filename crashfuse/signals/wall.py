@@ -18,6 +18,7 @@ BEGIN_S, END_S = -0.02, 0.15
 """What is kept of a force, from contact."""
 _OFF = 0.06  # of the impulse: load cells and accelerometers scatter by a few per cent
 _STOPS = (0.98, 1.3)  # ΔV over the impact speed of a vehicle that stops and rebounds
+_OF_WEIGHTS = ((0.43, 0.48), (0.6, 1.6), (2.1, 2.33))  # wrong weights: lb for kg, or so far off; else the force is
 _LOADED = 0.02  # of the largest force: less is no contact
 _LATE_S, _LAG_S = 4e-3, 8e-3  # of contact, and of the deceleration behind it; what breaks first leads by 2 to 5 ms
 _LONG_ENOUGH_S, _AT_ITS_END = 0.09, 0.9  # an impulse is largest at its end
@@ -83,17 +84,21 @@ class Witness:
         """What it contradicts, and what to check."""
         share, rows = self.share(mass_kg), []
         if abs(share - 1) > _OFF:
-            would_be, reads = self.impulse_ns / max(self.change_mps, 1e-9), 1 / (share or 1e-9)
-            stops = {
-                f"check its weights, {would_be:.0f} kg would fit": self.change_mps / speed_mps,
-                f"check its sensor, which reads {reads:.2f} of that": self.impulse_ns / mass_kg / speed_mps,
-            }
-            likely = [advice for advice, of_speed in stops.items() if _STOPS[0] <= of_speed <= _STOPS[1]]
-            advice = likely[0] if len(likely) == 1 else "check its weights, the scale of its sensor, and the load cells"
-            rows.append(f"the barrier's impulse is {share:.2f} times mass times change of velocity; {advice}")
+            cause = self._cause(share, mass_kg, speed_mps)
+            rows.append(f"the barrier's impulse is {share:.2f} times mass times change of velocity; {cause}")
         if abs(self.begins_s) > _LATE_S:
             rows.append(f"the barrier is first loaded at {number(self.begins_s / MS, '.1f')} ms; check its time zero")
         if not -_LATE_S <= self.lag_s <= _LAG_S:
             late = f"{abs(self.lag_s) / MS:.1f} ms {'behind' if self.lag_s > 0 else 'ahead of'}"
             rows.append(f"its deceleration is {late} the barrier's force; check the trigger of its sensor")
         return rows
+
+    def _cause(self, share: float, mass_kg: float, speed_mps: float) -> str:
+        """What to check, where the change of velocity or the impulse is that of a vehicle that stops."""
+        weights = f"check its weights, {self.impulse_ns / max(self.change_mps, 1e-9):.0f} kg would fit"
+        sensor = f"check its sensor, which reads {1 / (share or 1e-9):.2f} of that"
+        stops = {weights: self.change_mps / speed_mps, sensor: self.impulse_ns / mass_kg / speed_mps}
+        likely = [advice for advice, of_speed in stops.items() if _STOPS[0] <= of_speed <= _STOPS[1]]
+        if likely == [weights] and not any(low <= share <= high for low, high in _OF_WEIGHTS):
+            return f"check the load cells (their unit, a sum among them): {1 / share:.3g} times their force would fit"
+        return likely[0] if len(likely) == 1 else "check its weights, the scale of its sensor, and the load cells"

@@ -115,7 +115,6 @@ class StudyComparison:
 
     @property
     def _by_way(self) -> dict[str, tuple[Ratings, Ratings]]:
-        """Ratings of both by each common way of leaving out; if there is none, each by its first."""
         first, second = self.first.by_way, self.second.by_way
         if common := [way for way in first if way in second]:
             return {way: (first[way], second[way]) for way in common}
@@ -161,7 +160,6 @@ def _what_differs(one: PastResult, other: PastResult) -> str:
 
 
 def _alike(one: PastResult, other: PastResult) -> dict[str, bool]:
-    """Whether the raw CAE model, which learns from no test, rates equally: then test and CAE run are the same."""
     alike = {}
     for test in one.ratings:
         first, second = (result.ratings.get(test, {}).get(Cae.name, {}) for result in (one, other))

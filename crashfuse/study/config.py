@@ -9,7 +9,7 @@ from typing import Any, Literal, Self, cast, get_args
 import numpy as np
 
 from crashfuse.approaches.base import Approach
-from crashfuse.approaches.registry import APPROACHES, create, require_approach
+from crashfuse.approaches.registry import APPROACHES, create, require_approach, uses_preset
 from crashfuse.approaches.settings import DEVICES, PRESETS, Device, Preset, Settings
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
@@ -103,9 +103,24 @@ class StudyConfig:
         return tuple(replace(self, leave_out=way) for way in ways)
 
     def check(self) -> None:
-        """Raise a UsageError if an approach cannot be made here, for want of a GPU say, before anything is computed."""
+        """Raise a UsageError, before anything is computed, if a setting does not act or lacks its device here."""
+        if self.effective != self:
+            told, acts_on = ", ".join(self.approaches), ", ".join(filter(uses_preset, APPROACHES))
+            told = f"The preset {self.preset} does not act on {told}: every preset gives the same."
+            raise UsageError(f"{told} It acts on {acts_on}.")
         for name in self.approaches:
             _ = self.create(name).device
+
+    @property
+    def under_preset(self) -> tuple[str, ...]:
+        """The approaches that the preset acts on."""
+        return tuple(filter(uses_preset, self.approaches))
+
+    @property
+    def effective(self) -> "StudyConfig":
+        """The settings that act: the usual preset where another acts on none of the approaches."""
+        usual = StudyConfig().preset
+        return self if self.preset == usual or self.under_preset else replace(self, preset=usual)
 
     @property
     def on_this_device(self) -> "StudyConfig":

@@ -32,7 +32,7 @@ from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.outliers import departures, departures_near, with_both_folds
+from crashfuse.study.outliers import departures, departures_near, folds_sentence, with_both_folds
 from crashfuse.wording import Sentence, packed, speed, unpacked, weight
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
@@ -206,7 +206,11 @@ def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool 
         left_out_mps2 = {test: pulse.accel_mps2 for test, pulse in fit.left_out.items()}
         judged = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
         state = fit.state if with_state else {}
-        estimates.append(Estimate(fit.approach.name, prediction, state, fit.seconds + seconds, *judged))
+        estimate = Estimate(fit.approach.name, prediction, state, fit.seconds + seconds, *judged)
+        if prediction.apart is not None:
+            note = folds_sentence(departures_near(fit.campaign, condition)[0], estimate.metrics)
+            estimate = replace(estimate, prediction=replace(prediction, notes=(*prediction.notes, note)))
+        estimates.append(estimate)
     return estimates
 
 
@@ -264,7 +268,7 @@ def _entry(estimate: Estimate) -> Entry:
     if prediction.draws_mps2 is not None:
         entry["draws_mps2"] = prediction.draws_mps2
     if prediction.apart is not None:
-        entry["apart"] = prediction.apart
+        entry |= {"apart": prediction.apart, "apart_as": np.array(prediction.apart_as)}
     return entry
 
 
@@ -272,8 +276,8 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
     text = json.loads(str(entry["text"]))
     draws = finite(entry, "draws_mps2", None, N_SAMPLES) if "draws_mps2" in entry else None
     notes = tuple(map(unpacked, text["notes"]))
-    apart = entry["apart"].astype(bool) if "apart" in entry else None
-    prediction = Prediction(condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes, apart)
+    apart, apart_as = (entry["apart"].astype(bool), str(entry["apart_as"])) if "apart" in entry else (None, "")
+    prediction = Prediction(condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes, apart, apart_as)
     left_out, errors = (
         {name.removeprefix(prefix): check(entry, name, length) for name in entry if name.startswith(prefix)}
         for prefix, check, length in ((_LEFT_OUT, finite, N_SAMPLES), (_ERRORS, numbers, None))

@@ -59,7 +59,7 @@ def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
 
 def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:
     """Facts of a prediction at a condition: what stands apart or is in doubt near it, what is extrapolated."""
-    apart = [departure_fact(departure) for departure in departures_near(campaign, condition)]
+    apart = [departure_fact(departure) for departure in departures_near(campaign, condition, at_nearest=True)]
     doubtful = [Fact("test.in_doubt", text, "Test in doubt") for text in doubtful_tests(campaign, condition)]
     return (*apart, *doubtful, *extrapolation_facts(campaign, condition))
 

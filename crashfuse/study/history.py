@@ -1,6 +1,6 @@
 """What was computed on this machine: a small record of every study and prediction, kept beside the cache.
 
-A record holds ratings and settings, no pulses, in a file written whole or not at all, by one process at a time.
+A record holds ratings and settings, no pulses.
 """
 
 import hashlib
@@ -128,10 +128,13 @@ def keep(result: PastResult) -> None:
 
 
 def annotate(result: PastResult, note: str) -> None:
-    """Write a note on a result that is kept; a DataError if somebody has written another one since."""
+    """Write a note on a result that is kept; a DataError if it no longer is, or has another note since."""
     text = printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
     with sole_writer(_home(), _PATIENCE_S):
-        before = _read(_home() / f"{result.id}.json") or result
+        before = _read(_home() / f"{result.id}.json")
+        if before is None:
+            kept, found = "a result that is kept", "one that was forgotten since"
+            raise DataError(Problem(result.campaign, kept, found, "compute it again"))
         if before.note not in (result.note, text):
             found = f"“{before.note}”, which was written since"
             raise DataError(Problem(result.campaign, f"the note “{result.note}”", found, "write yours again"))

@@ -23,8 +23,9 @@ from crashfuse.errors import UsageError
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.wording import Quantity, Sentence, signed
 
-_NUMBER = r"\d{1,3}(?:,\d{3})+(?:\.\d+)?|\d+(?:\.\d+)?"
-_AMOUNT = re.compile(rf"(?P<before>[^\d\s.,+-]*)\s*(?P<number>{_NUMBER})\s*(?P<after>[^\d.,+-]*)")
+_WHOLE = r"[1-9]\d{0,2}(?P<mark>[,. \xa0\u202f'’])\d{3}(?:(?P=mark)\d{3})*|\d+"  # in groups of three, or in none
+_DECIMALS = r"(?!(?P=mark))(?(mark)[.,]|\.)(?P<decimals>\d+)"
+_AMOUNT = re.compile(rf"(?P<before>[^\d\s.,+-]*)\s*(?P<whole>{_WHOLE})(?:{_DECIMALS})?\s*(?P<after>[^\d.,+-]*)")
 
 EXPONENTS = (0.5, 1.0, 2.0)
 """Of the law: the middle one for what is expected, all for its interval."""
@@ -42,9 +43,12 @@ class Cost:
 
     @classmethod
     def of(cls, text: str) -> Self:
-        """Read an amount such as ``60000``, ``60,000 EUR`` or ``$60000``; a UsageError if it is no number above 0."""
+        """Read an amount such as ``60000``, ``60,000 EUR`` or ``$60000``; a UsageError if it is not one above 0."""
         match = _AMOUNT.fullmatch(str(text).strip())
-        amount = float(match["number"].replace(",", "")) if match else 0.0
+        whole = re.sub(r"\D", "", match["whole"]) if match else "0"
+        if match and match["mark"] == "." and match["whole"].count(".") == 1 and match["decimals"] is None:
+            raise UsageError(f"{match['whole']} may be {whole} or {whole[:-3]}: write the one that is meant.")
+        amount = float(f"{whole}.{(match and match['decimals']) or 0}")
         if match is None or not 0 < amount < math.inf:
             raise UsageError(
                 f"The cost of a test is a number above 0, with or without a currency (60,000 EUR), not {text!r}."

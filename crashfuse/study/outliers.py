@@ -5,7 +5,7 @@ folded in another way (a bifurcation), which the next test may do again.
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache as cached
 from itertools import combinations
@@ -24,7 +24,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
-from crashfuse.signals.metrics import metric_values
+from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.rating_explanation import rating_range
@@ -99,10 +99,11 @@ def departures(campaign: Campaign) -> tuple[Departure, ...]:
     return _known[campaign]
 
 
-def departures_near(campaign: Campaign, condition: Condition) -> tuple[Departure, ...]:
-    """How the tests that stand apart at about the speed of a condition differ from the others there."""
-    speed_mps = condition.speed_mps
-    near = {test.id for test in campaign.tests if abs(test.condition.speed_mps - speed_mps) < SPEED_STEP_MPS}
+def departures_near(campaign: Campaign, condition: Condition, *, at_nearest: bool = False) -> tuple[Departure, ...]:
+    """How the tests that stand apart at about the speed of a condition, or the tested one nearest to it, differ."""
+    away = {test.id: abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests}
+    reach = SPEED_STEP_MPS + (min(away.values(), default=0.0) if at_nearest else 0.0)
+    near = {test_id for test_id in away if away[test_id] < reach}
     if all(len(campaign.speed_group(test_id)) <= LEAST for test_id in near):
         return ()  # without a look at all tests, which takes a second
     return tuple(departure for departure in departures(campaign) if departure.test in near)
@@ -125,16 +126,18 @@ def with_both_folds(
     share = 1.5 / (len(departure.neighbours) + 2)
     apart = np.diff(np.floor(np.arange(len(prediction.draws_mps2) + 1) * share)) > 0
     draws = prediction.draws_mps2 + np.multiply.outer(apart - learned, difference)
-    metrics = metric_values(draws, prediction.condition.speed_mps, predicted=True, names=("peak", "max_crush"))
-    shown = [
-        (acceleration(float(np.median(metrics["peak"][fold])) * G), f"{np.median(metrics['max_crush'][fold]):.0f} mm")
-        for fold in (~apart, apart)
-    ]
-    template = "Tests at about {} came out in two ways: as {} (here peak {}, crush {}), or as {} (peak {}, crush {})."
-    usual = speed(test.condition.speed_mps), read_out(departure.neighbours), *shown[0]
-    sentence = Sentence(template, *usual, departure.test, *shown[1])
     expected = prediction.accel_mps2 - learned * difference
-    return replace(prediction, accel_mps2=expected, draws_mps2=draws, apart=apart, notes=(*prediction.notes, sentence))
+    return replace(prediction, accel_mps2=expected, draws_mps2=draws, apart=apart, apart_as=test.id)
+
+
+def folds_sentence(departure: Departure, metrics: Sequence[Metric]) -> str:
+    """What a prediction near a test that stands apart shows in either way to fold."""
+    peak, crush = (next(metric.folds for metric in metrics if metric.name == name) for name in ("peak", "max_crush"))
+    peaks = [acceleration((fold.value or 0.0) * G) for fold in peak.values()]
+    crushes = [f"{fold.value or 0.0:.0f} mm" for fold in crush.values()]
+    template = "Tests at about {} came out in two ways: as {} (here peak {}, crush {}), or as {} (peak {}, crush {})."
+    usual = speed(departure.speed_mps), read_out(departure.neighbours), peaks[0], crushes[0]
+    return Sentence(template, *usual, departure.test, peaks[1], crushes[1])
 
 
 _known: WeakKeyDictionary[Campaign, tuple[Departure, ...]] = WeakKeyDictionary()
@@ -199,7 +202,6 @@ def _bias_difference(one: BiasPoints, other: BiasPoints) -> float:
 
 
 def _rated_both_ways(one: CrashTest, other: CrashTest, window_ms: float) -> float:
-    """Mean of the ratings of each pulse against the other, which is scaled to its speed."""
     ratings = []
     for test, compared in ((one, other), (other, one)):
         scale = test.condition.speed_mps / compared.condition.speed_mps

@@ -29,11 +29,13 @@ from crashfuse.units import MPH, G
 from crashfuse.wording import Quantity, Sentence, joined, read_out, speed
 
 _CLEARLY = 0.02  # in rating: a handful of tests cannot separate approaches closer than this
+_TOLD = 0.005  # in rating: less is not worth a word
 _NEAR_MPS = 3 * MPH
 _GOOD = 0.80
 _FARTHER = (
     "The condition is farther in speed from all tests than any of these was from the others: see the width of the band."
 )
+SPEED_GROUPS = "recommendation.speed_groups"  # the one fact that rests on other folds than the study's own
 _BASIS = "Here tests are left out of this one fit; a study fits anew without each."
 
 
@@ -111,18 +113,16 @@ def _use(approach: str, why: str) -> Fact:
 def _undecided(
     equal: Sequence[str], means: Mapping[float, Sequence[float]], lowest: Sequence[float], n_tests: int
 ) -> str:
-    """From which approaches so many tests cannot tell the first, and which window or worst test prefers another."""
     told = [read_out([CLASSES[other].in_words for other in equal[1:]])]
     for what, ratings in {**{f"0–{w:g} ms": of_all for w, of_all in means.items()}, "the worst test": lowest}.items():
-        higher, lower = f"{max(ratings):.2f}", f"{ratings[0]:.2f}"
-        if higher != lower:
-            best = equal[ratings.index(max(ratings))]
-            told.append(f"{what} prefers {CLASSES[best].in_words} ({higher} for {lower})")
+        higher, lower = max(ratings), ratings[0]
+        if higher - lower >= _TOLD:
+            best = equal[ratings.index(higher)]
+            told.append(f"{what} prefers {CLASSES[best].in_words} ({higher:.3f} for {lower:.3f})")
     return f": {n_tests} left-out tests cannot tell it from {'; '.join(told)}"
 
 
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
-    """The paper's advice (Sect. 4.3), for use when no left-out predictions are available."""
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
     is_beside = AboutTimeDomain.name in names and away <= _NEAR_MPS
     name = AboutTimeDomain.name if is_beside else names[0]
@@ -136,9 +136,10 @@ def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition
 def recommend(study: Study) -> Recommendation:
     """Recommend an approach for a campaign, from how each predicted the tests that were left out.
 
-    The lowest mean CRPS wins; approaches within one standard error of it, test by test, count as equal, and among
-    these the mixture comes first, then the displacement domain, which the paper prefers (Sect. 4.3). Of a study of a
-    single test it is the recommendation that was made without that test, with how it came out.
+    If all at about their speed were left out with them, it is one for speeds without a test. The lowest mean CRPS wins;
+    approaches within one standard error of it, test by test, count as equal, and among these the mixture comes first,
+    then the displacement domain, which the paper prefers (Sect. 4.3). Of a study of a single test it is the
+    recommendation that was made without that test, with how it came out.
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
     if study not in _recommended:  # requested by files, report, and terminal or page
@@ -162,7 +163,7 @@ def recommend_without(study: Study, fold: Fold, window_ms: float) -> Recommendat
 
 
 def _recommendation(study: Study) -> Recommendation:
-    window_ms, n = max(study.config.windows_ms), len(study.folds)
+    window_ms, n, grouped = max(study.config.windows_ms), len(study.folds), study.config.leave_out == "speed group"
     crps = {name: crps_g(study, name, window_ms) for name in by_preference(study.config.approaches)}
     best = min(crps.values(), key=lambda values: float(values.mean()))
     excess = {name: values - best for name, values in crps.items()}
@@ -181,9 +182,9 @@ def _recommendation(study: Study) -> Recommendation:
         joined([Sentence("{}", shown[name]), *filter(None, [joined(others, ", ")])], "; "),
     )
     facts = [
-        _use(name, f" for this campaign{undecided}."),
+        _use(name, f" {'away from tested speeds' if grouped else 'for this campaign'}{undecided}."),
         Fact("recommendation.distance", distance, values={"crps_g": {o: float(v.mean()) for o, v in crps.items()}}),
-        _rated("recommendation.ratings", "Mean", study, name, window_ms),
+        _rated("recommendation.ratings", study, name, window_ms),
     ]
     if name in study.coverage:
         coverage = study.coverage[name]
@@ -194,8 +195,7 @@ def _recommendation(study: Study) -> Recommendation:
         )
         facts.append(Fact("recommendation.coverage", text, values={"coverage": coverage.counts}))
     if (groups := study.speed_groups) is not None:
-        way = "Without tests of about the same speed: mean"
-        facts.append(_rated("recommendation.speed_groups", way, groups, name, window_ms))
+        facts.append(_rated(SPEED_GROUPS, groups, name, window_ms))
     decays = [bool(own.state.get("decay_over_speed")) for fold in study.folds for own in fold.estimates]
     if any(decays):
         fits = f"in {sum(decays)} of {len(study.folds)} fits"
@@ -215,17 +215,19 @@ def crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:
     return np.array(scores) / G
 
 
-def _rated(code: str, way: str, study: Study, name: str, window_ms: float) -> Fact:
+def _rated(code: str, study: Study, name: str, window_ms: float) -> Fact:
     overall = {fold.held_out: fold.ratings[name][window_ms].overall for fold in study.folds}
     mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
     v0 = speed(study.campaign.test(worst).condition.speed_mps)
     values: dict[str, object] = {"mean_rating": mean, "worst_rating": overall[worst], "worst_test": worst}
+    way = "Without tests of about the same speed: mean" if study.config.leave_out == "speed group" else "Mean"
     rated = Sentence(f"{way} rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({{}}, {{}})", worst, v0)
     if name == BASELINE or BASELINE not in study.config.approaches:
         return Fact(code, joined([rated, "."], ""), values=values)
     raw = {fold.held_out: fold.ratings[BASELINE][window_ms].overall for fold in study.folds}
-    below = [test for test in overall if overall[test] < raw[test]]
-    harm = max((raw[test] - overall[test] for test in below), default=0.0)
-    compared = f"better than this in {', '.join(below)} (by up to {harm:.3f})" if below else "better in no test"
+    harm = {test: round(raw[test], 3) - round(rating, 3) for test, rating in overall.items()}
+    below = [test for test in harm if harm[test] > 0]
+    most = f"by up to {max(harm.values()):.3f}"
+    compared = f"better than this in {', '.join(below)} ({most})" if below else "better in no test"
     text = Sentence(f"{{}}; the raw CAE model {np.mean(list(raw.values())):.3f}, {{}}.", rated, compared)
     return Fact(code, text, values=values)

@@ -216,7 +216,7 @@ def show_import(source: Source, view: View | None) -> None:
         alt = f"The pulse that comes of {first.id}, over its channels as recorded"
         show_figure(Preview(first, choices, shown).plot(display=display), alt=alt)
         if shown is not None:
-            st.markdown(f"**{plain(shown.id)}**: {shown.condition.in_units(units)}")
+            st.markdown(f"**{plain(shown.id)}**: {plain(shown.condition.in_units(units))}")
             st.caption("  \n".join(plain(without_options(said(step, units))) for step in shown.steps))
         if len(records) > 1 and settled:
             _table(settled, replace(display, system=units))

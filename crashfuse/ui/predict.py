@@ -262,7 +262,7 @@ def _show_differences(answer: Answer) -> None:
     first, second, *more = names
 
     def minus(name: str) -> str:
-        return f"− {name}" if more else f"{second if name == first else first} − {name}"
+        return plain(f"− {name}" if more else f"{second if name == first else first} − {name}")
 
     base = names.index(choose("Difference", names, key="subtracted", label_of=minus))
     show_table(side_by_side(shown, display, base), "beside")
@@ -342,7 +342,6 @@ def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> t
 def _range(
     column: DeltaGenerator, axis: Field, view: View, runs: np.ndarray, tests: Sequence[float]
 ) -> tuple[float, float]:
-    """Slider for a range in SI, at first that of the tests; kept as it was chosen, ``20:35 mph``."""
     own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))
     state, step = st.session_state, axis.step
     own_in_si, in_si = IN_SI[own_unit], IN_SI[unit]

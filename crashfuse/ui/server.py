@@ -48,8 +48,7 @@ _PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in
 _HOSTS = ("localhost", "127.0.0.1")  # else a page elsewhere reaches the server under a name of its own (DNS rebinding)
 _POLICY = {  # no page around this one, and nothing that this one shows, a laboratory's text say, fetches from elsewhere
     "X-Frame-Options": "DENY",
-    "Content-Security-Policy": "frame-ancestors 'none'; default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; "
-    "connect-src 'self' data: blob: ws: wss:",  # older browsers do not count a WebSocket as 'self'
+    "Content-Security-Policy": "frame-ancestors 'none'; default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'",
 }
 _LOOK_S, _PATIENCE_S = 5.0, 20.0  # for tabs that were closed, and for their browser to come back
 _A_YEAR_S = 365 * 24 * 3600
@@ -58,6 +57,7 @@ _ANOTHER_NAME = PlainTextResponse(
     "the name to server.allowedHosts in .streamlit/config.toml.",
     403,
 )
+_NOTHING = PlainTextResponse("", 404)
 _ANOTHER_ORIGIN = WebSocketClose(1008)  # against the policy; before it is open, the server answers 403
 # on refusing a page of another origin, Streamlit would ask a server on the network for this machine's address
 net_util._external_ip = ""
@@ -105,6 +105,7 @@ def launch(
         ("server.showEmailPrompt", "false"),
         ("server.enableXsrfProtection", "true"),
         ("server.enableCORS", "true"),
+        ("server.enableAgentApi", "false"),
         ("browser.gatherUsageStats", "false"),
         ("client.showErrorDetails", "none"),
         ("client.showSidebarNavigation", "false"),
@@ -141,6 +142,8 @@ class Guard:
             return
         is_known = BROWSER in connection.cookies
         app = self._app if is_host_allowed(connection.headers.get("host")) else _ANOTHER_NAME
+        if scope["path"].rstrip("/").endswith("/_stcore/metrics"):  # of memory and sessions, which concern no visitor
+            app = _NOTHING
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":

@@ -19,7 +19,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
 from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.one_more_test import Cost, sentences
-from crashfuse.study.recommendation import recommend
+from crashfuse.study.recommendation import SPEED_GROUPS, recommend
 from crashfuse.study.study import Study
 from crashfuse.ui import past_results
 from crashfuse.ui.kit import results
@@ -35,7 +35,6 @@ from crashfuse.ui.kit.text import A_REPEAT, DRAWS, TTZV, plain
 
 _NUMBER, _PAST, _BANDS = "Number of tests", "Past results", "Bands"
 _TABS = ["Ratings", _BANDS, _NUMBER, _PAST]
-_RATED = ("recommendation.ratings", "recommendation.speed_groups")
 _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 
 
@@ -74,13 +73,11 @@ def show(view: View) -> None:
 
 
 def _show_headline(outcome: "_Outcome") -> list[str]:
-    study = outcome.study
-    words = {fact.code: outcome.view.display.words(fact.sentence) for fact in recommend(study).facts}
-    grouped = study.speed_groups is not None and st.session_state.get("ways") == _GROUP
-    headline = [words.pop(code) for code in ("recommendation.use", _RATED[grouped])]
-    longest = max(study.config.windows_ms)
-    if outcome.view.display.window_ms != longest:  # what is said does not follow the choice in the sidebar
-        headline.append(f"This is over {results.window_label(longest)}.")
+    facts = recommend(outcome.shown).facts  # of the view that is shown, as all figures and tables below
+    words = {fact.code: outcome.view.display.words(fact.sentence) for fact in facts if fact.code != SPEED_GROUPS}
+    headline = [words.pop(code) for code in ("recommendation.use", "recommendation.ratings")]
+    if outcome.view.display.window_ms != (longest := max(outcome.study.config.windows_ms)):
+        headline.append(f"This is over {results.window_label(longest)}.")  # whatever is chosen in the sidebar
     results.show_recommendation(headline)
     return list(words.values())
 
@@ -100,6 +97,12 @@ class _Outcome:
         return self.request_key, known, tuple(self.study.repeatability), self.view.display
 
     @property
+    def shown(self) -> Study:
+        """The study in the way of leaving out that is shown."""
+        groups = self.study.speed_groups
+        return groups if groups is not None and st.session_state.get("ways") == _GROUP else self.study
+
+    @property
     def whole(self) -> bool:
         """True once every approach is known for every test; before that, nothing can be recommended."""
         tests = len(self.study.folds) == len(self.view.campaign.tests)
@@ -107,17 +110,16 @@ class _Outcome:
 
 
 def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
-    study = outcome.study
-    if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
-        return study.speed_groups, "speed group"
-    return study, "speed group" if study.config.leave_out == "speed group" else "test"
+    if outcome.study.speed_groups is not None:
+        choose("Left out", [_ALONE, _GROUP], key="ways")
+    return outcome.shown, outcome.shown.config.split_configs[0].leave_out
 
 
 def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
     campaign, (study, leave_out) = outcome.view.campaign, _choose_way(outcome)
     _show_tests(outcome, study, leave_out)
     if outcome.whole:
-        worst = worst_test(study, outcome.view.display.window_ms, approach=recommend(outcome.study).approach)
+        worst = worst_test(study, outcome.view.display.window_ms)
         results.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
     show_table(results.coloured(rating_tables.mean_ratings(study)), "means")

@@ -192,6 +192,13 @@ def test_metrics_are_those_of_a_single_test_beside_those_of_the_averaged_pulse(c
         widths[0] * np.sqrt((8 * 0.9**2 + 90) / 18) / 0.9 * stats.t(18).ppf(0.975) / stats.t(8).ppf(0.975), rel=1e-6
     )
     assert usual[1:] == wide[1:]
+    odd = factors > 1.02  # fold in another way, and have metrics of their own
+    both = calibrated_metrics(replace(said, apart=odd, apart_as="T9"), drawn_metrics(said), {})
+    only = replace(said, draws_mps2=not_none(said.draws_mps2)[odd])
+    expected = calibrated_metrics(only, drawn_metrics(only), {})[0]
+    folded = both[0].folds["T9"]
+    assert (folded.value, folded.lower, folded.upper) == (expected.value, expected.lower, expected.upper)
+    assert both[0].value == usual[0].value
     alone = calibrated_metrics(Prediction(test.condition, said.accel_mps2), {}, {})
     assert all(m.lower is None and m.value == m.of_pulse for m in alone)
 

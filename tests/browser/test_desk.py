@@ -10,6 +10,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 import pytest
 from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
 
 from crashfuse.files.archive import zipped
 from tests.browser.conftest import SIDEBAR, Server, User, serve
@@ -65,7 +66,7 @@ def test_another_site_cannot_embed_the_dashboard(small_server: Server, user: Use
 def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     small_server: Server, user: User, campaign_on_disk: Path, tmp_path: Path
 ) -> None:
-    """After a reload it is still theirs, with what was computed of it; neither is in the lists of another browser."""
+    """After Escape or a reload it is still theirs, with what was computed of it; another browser lists neither."""
 
     def listed() -> str:
         user.press("", f'{SIDEBAR} [data-testid="stSelectbox"] input')
@@ -80,6 +81,10 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     user.press("Open upload")
     user.sees("secret-car", "h1")
     link = user.browser.current_url
+    listed()
+    user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)  # which keeps what is open
+    user.go("Train")
+    assert "campaign=secret-car" in user.browser.current_url
     user.open(small_server, "data")
     assert "secret-car (upload" in listed()
     name = dict(parse_qsl(urlsplit(link).query))["campaign"]

@@ -10,13 +10,14 @@ import pandas as pd
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.copies import ONE_RECORD, copied_runs, similar_tests
+from crashfuse.campaign_folder.copies import ONE_RECORD, copied_runs, sensors_of_one_crash, similar_tests
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.units import G
 from tests.conftest import ROOT, SHARED, needs_shared
 
+ONE_CRASH = "one condition to the digit"
 WORLDS = ("alpha", "beta", "eta", "theta")
 MADE: dict[str, Callable[[FloatArray], FloatArray]] = {
     "exactly": lambda accel: accel,
@@ -60,6 +61,37 @@ def test_a_copy_of_a_test_is_found_however_it_was_made(sample: Campaign, way: st
         assert share < ONE_RECORD
 
 
+@pytest.mark.parametrize(
+    ("name", "differs", "is_told"),
+    [("T09_right", 0.25, True), ("T09 tunnel", 0.07, True), ("T12", 0.07, True), ("T12", 0.25, False)],
+)
+def test_a_second_sensor_of_a_crash_is_told(sample: Campaign, name: str, differs: float, is_told: bool) -> None:
+    """By its name, or as its condition is another test's to the digit; where most are repeated the name has to tell."""
+    tests = [*sample.tests]
+    accel = pulses(sample)
+    unlike = np.where(GRID_S < 0.09, np.sin(2 * np.pi * GRID_S / 0.03), 0.0)
+    second = accel[8] + differs * np.linalg.norm(accel[8]) * unlike / np.linalg.norm(unlike)
+    ids, conditions = [*(test.id for test in tests), name], [*(test.condition for test in tests), tests[8].condition]
+    found = [*sensors_of_one_crash(ids, conditions, np.vstack([accel, second]))]
+    assert [pair for *pair, _ in found] == ([[8, 11]] if is_told else [])
+    assert [share for *_, share in found] == pytest.approx([differs] * is_told, rel=0.05)
+    about = [(("about_date", f"2026-11-{day:02}"),) for day in range(1, len(ids) + 1)]
+    assert not [*sensors_of_one_crash(ids, conditions, np.vstack([accel, second]), about)]
+    repeated = [*sensors_of_one_crash([*ids, *map(str, range(12))], [*conditions] * 2, np.vstack([accel, second] * 2))]
+    assert [pair for *pair, _ in repeated] == ([[8, 11]] if is_told and name != "T12" else [])
+
+
+def test_check_names_the_sensors(tmp_path: Path) -> None:
+    """Beside what else there is to tell."""
+    folder = shutil.copytree(ROOT / "sample_data", tmp_path / "campaign")
+    with (folder / "tests.csv").open("a") as table:
+        table.write("T09_right,35.10,2107.68,1556.64,Type I,FWD\n")
+    record = pd.read_csv(folder / "tests" / "T09.csv")
+    record["acceleration_g"] += np.where(record["time_ms"] < 90, np.sin(record["time_ms"] / 5), 0.0)
+    record.to_csv(folder / "tests" / "T09_right.csv", index=False)
+    assert f"tests.csv, T09 and T09_right: {ONE_CRASH}" in " ".join(load_campaign(folder).warnings)
+
+
 @needs_shared
 @pytest.mark.parametrize("world", WORLDS)
 def test_crashes_of_other_vehicles_are_not_copies(world: str) -> None:
@@ -70,15 +102,17 @@ def test_crashes_of_other_vehicles_are_not_copies(world: str) -> None:
         table = pd.read_csv(path)
         tests.append(np.interp(GRID_S, table["time_ms"] * 1e-3, table["acceleration_g"] * G, right=0.0))
     assert similar_tests(tests) == {}
-    assert not any("the same pulse" in warning for warning in campaign.warnings)
+    assert not any("the same pulse" in warning or ONE_CRASH in warning for warning in campaign.warnings)
 
 
 @needs_shared
-@pytest.mark.parametrize("series", ["helmet_front", "helmet_left", "quadcopter"])
+@pytest.mark.parametrize("series", ["helmet_front", "helmet_left", "quadcopter", "cone_blunt", "cone_spring"])
 def test_measured_repeats_are_no_copies(series: str) -> None:
     """Foam repeats to a few per cent; hundreds of further impacts at the same conditions are never one record."""
     folder = SHARED / "real" / "impacts" / series
-    tests = list(pulses(load_campaign(folder)))
+    campaign = load_campaign(folder)
+    assert not any(ONE_CRASH in warning for warning in campaign.warnings)
+    tests = list(pulses(campaign))
     if (folder / "unseen.parquet").is_file():
         for _, record in pd.read_parquet(folder / "unseen.parquet").groupby("id"):
             tests.append(np.interp(GRID_S, record["time_ms"] * 1e-3, record["acceleration_g"] * G))

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Answer, Certification, Variant, certify_matrix, try_variants
+from crashfuse.certification.certify import Answer, Certification, Variant, certify_matrix, without_each_test
 from crashfuse.certification.criteria import Criteria, Criterion, varied
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.errors import DataError, UsageError
-from crashfuse.reporting.certification_facts import facts
+from crashfuse.reporting.certification_facts import facts, planned
 from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_tables import certification_table, track_record_table
 from crashfuse.signals.metrics import metric_values
@@ -48,9 +48,7 @@ def certified(campaign: Campaign, criteria: Criteria = CRITERIA) -> Certificatio
 
 def run_already(certification: Certification) -> dict[str, str]:
     """What is told of the tests at conditions that were run."""
-    (told,) = [fact.values["conditions"] for fact in facts(certification) if fact.code == "answer.run"]
-    assert isinstance(told, dict)
-    return told
+    return {own.id: own.why for own in planned(certification) if own.word == "was run"}
 
 
 def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) -> None:
@@ -213,7 +211,7 @@ def test_a_metric_that_no_pulse_is_long_enough_for_leaves_the_others_judged(camp
     assert (slow.word, slow.probability, wide.word) == ("open", None, "met")
     assert "too short for the OLC" in slow.reason
     assert (found.waived, found.run_first) == ({}, None)
-    assert found.answers == {"M20": "record for longer"}
+    assert found.answers == {"M20": "cannot say"}
 
 
 def test_the_settings_are_those_that_were_used(campaign: Campaign) -> None:
@@ -250,8 +248,9 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
     test = campaign.tests[1]
     rounded = replace(test.condition, speed_mps=1.001 * test.condition.speed_mps)
     apart = replace(test.condition, speed_mps=1.003 * test.condition.speed_mps)
-    planned = Matrix(("P1", "P2", "P3"), (test.condition, rounded, apart))
-    found = certify_matrix(campaign, CRITERIA, planned, CONFIG, workers=1)
+    found = certify_matrix(
+        campaign, CRITERIA, Matrix(("P1", "P2", "P3"), (test.condition, rounded, apart)), CONFIG, workers=1
+    )
     assert found.run == {"P1": (test.id,), "P2": (test.id,)}
     crush, _, rating = found.verdicts[0]
     assert crush.run[test.id] == pytest.approx(
@@ -263,7 +262,7 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
         if (one.held_out, one.left_out, one.verdict.criterion) == (test.id, "test", RATING)
     ]
     assert rating.run == {test.id: trial.measured}
-    assert (found.answers["P1"], found.answers["P2"]) == ("run", "run")
+    assert (found.answers["P1"], found.answers["P2"]) == ("was run", "was run")
     missed = f"test {test.id}, which missed peak"
     assert all(str(told).startswith(missed) for told in run_already(found).values())
     assert certification_table(found)["test"].tolist() == [test.id] * 6 + [""] * 3
@@ -311,15 +310,15 @@ def answer(campaign: Campaign, crush: Said, peak: Said, *tests: str) -> Answer:
 @pytest.mark.parametrize(
     ("crush", "peak", "said"),
     [
-        (("met", 0.99), ("met", 0.98), "need not be run"),
-        (("met", 0.96), ("met", 0.96), "to be tested"),  # both at once: 0.92 at least
+        (("met", 0.99), ("met", 0.98), "skip"),
+        (("met", 0.96), ("met", 0.96), "run"),  # both at once: 0.92 at least
         (("not met", 0.01), ("met", 0.99), "would miss"),
         (("not met", 0.01), ("open", 0.5), "would miss"),  # takes another design, whatever is open
         (("outside", 0.9), ("not met", 0.01), "would miss"),
-        (("open", 0.5), ("met", 0.99), "test or redesign"),
-        (("open", None), ("open", 0.5), "test or redesign"),
-        (("open", None), ("met", 0.99), "record for longer"),
-        (("outside", 0.9), ("outside", 0.9), "outside"),
+        (("open", 0.5), ("met", 0.99), "run"),
+        (("open", None), ("open", 0.5), "run"),
+        (("open", None), ("met", 0.99), "cannot say"),
+        (("outside", 0.9), ("outside", 0.9), "cannot say"),
     ],
 )
 def test_the_verdicts_of_a_condition_make_one_answer(campaign: Campaign, crush: Said, peak: Said, said: Answer) -> None:
@@ -330,7 +329,7 @@ def test_the_verdicts_of_a_condition_make_one_answer(campaign: Campaign, crush: 
 @pytest.mark.parametrize("word", ["met", "not met", "open", "outside"])
 def test_a_condition_that_was_run_has_no_other_answer(campaign: Campaign, word: Word) -> None:
     """Whatever the verdict on another test there."""
-    assert answer(campaign, (word, 0.99), (word, 0.99), "T1") == "run"
+    assert answer(campaign, (word, 0.99), (word, 0.99), "T1") == "was run"
 
 
 def test_variants_are_what_the_same_certification_says_if_asked_otherwise(campaign: Campaign) -> None:
@@ -344,12 +343,11 @@ def test_variants_are_what_the_same_certification_says_if_asked_otherwise(campai
     assert any(own.changed for own in found.variants)
 
 
-def test_another_seed_and_each_test_left_out_are_tried_if_asked_for(campaign: Campaign) -> None:
-    """Each as if it had been asked for alone; what there is not is refused."""
+def test_each_test_is_left_out_if_asked_for(campaign: Campaign) -> None:
+    """As if each had been asked for alone."""
     asked = CRITERIA, matrix(campaign, 20.0, 30.0), StudyConfig(approaches=("cae",))
     found = certify_matrix(campaign, *asked, workers=1)
-    seed, first, *others = try_variants(found, ["tests", "seed"], workers=1).variants[len(found.variants) :]
-    assert [own.name for own in (seed, *others)] == ["seed 1", *(f"without {test}" for test in campaign.test_ids[1:])]
+    first, *others = without_each_test(found, workers=1).variants[len(found.variants) :]
+    assert [(own.name, own.left_out) for own in others] == [(f"without {i}", i) for i in campaign.test_ids[1:]]
     assert first == Variant.of("without T1", found, certify_matrix(campaign.without(("T1",)), *asked, workers=1))
-    with pytest.raises(UsageError, match="variant"):
-        try_variants(found, ["luck"])
+    assert first.left_out == "T1"

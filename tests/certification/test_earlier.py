@@ -1,15 +1,21 @@
 """An earlier certification is read from its JSON with every number, and from nothing else."""
 
 import json
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from crashfuse.certification.criteria import criteria_of, criteria_text
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier, read_earlier
 from crashfuse.certification.verdict import EarlierVerdict
 from crashfuse.errors import DataError
+from crashfuse.reporting.certification_record import _criterion
+from crashfuse.signals.metrics import METRIC_UNITS
 from crashfuse.signals.occupant import USUAL_OCCUPANT
 from crashfuse.units import LB, MPH
 from tests.conftest import problems_of
@@ -131,6 +137,26 @@ def test_another_file_is_one_sentence(content: bytes) -> None:
     assert str(problem).startswith(f"{FILE}: expected the record of a certification, found ")
     assert "that crashfuse certify writes" in str(problem)
     assert str(problem).isprintable()
+
+
+NUMBERS = st.floats(0, allow_nan=False, allow_infinity=False) | st.integers(0, 10**15)
+
+
+@given(metric=st.sampled_from([*METRIC_UNITS]), limits=st.tuples(NUMBERS, NUMBERS), name=st.text(max_size=100))
+def test_whatever_limit_was_judged_is_read_again(metric: str, limits: tuple[float, float], name: str) -> None:
+    """A crush of at most 0.4 mm, too, if its unit was stated: in the record, among its trials, and in criteria.toml."""
+    named = {"name": name} if name.strip() and name.isprintable() else {}
+    stated = {"metric": metric, "unit": METRIC_UNITS[metric], "at_least": min(limits), "at_most": max(limits)}
+    found = criteria_of([{**named, **stated}])
+    (criterion,) = found.items
+    record = json.loads(json.dumps(RECORD))
+    record["criteria"]["criterion"] = [_criterion(criterion)]
+    record["cells"] = {i: {criterion.name: ["met", 0.98, 1.0, 2.0]} for i in record["cells"]}
+    record["run"], record["since"] = {}, {"verdicts": [dict(TRIAL, criterion=_criterion(criterion))]}
+    earlier = parse_earlier(json.dumps(record).encode())
+    assert earlier.criteria.items == tuple(trial.verdict.criterion for trial in earlier.trials) == found.items
+    written = tomllib.loads(criteria_text(found))
+    assert criteria_of(written["criterion"], written["confidence"]).items == found.items
 
 
 def test_no_file_and_a_huge_one_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ from crashfuse.certification.track_record import (
     Support,
     TrackRecord,
     Trial,
+    counted_wrong,
     largest_share,
     share_bounds,
     wrong_shares,
@@ -261,10 +262,15 @@ def test_a_record_supports_the_confidence_that_it_makes_likely(decided: int, wro
 
 def test_few_verdicts_of_its_own_are_told_though_those_on_other_criteria_suffice() -> None:
     """Two right ones do not support 0.95, though with fifty on other criteria they do; nine do, alone."""
-    for decided, wrong, told in ((2, 0, "0 of 2"), (0, 0, "0 of 0"), (30, 3, "3 of 30"), (9, 0, None)):
+    expected = (2, 0, "2 left-out tests, none"), (0, 0, "no left-out test"), (30, 3, "3 wrong"), (9, 0, None)
+    for decided, wrong, told in expected:
         said = Support(200, wrong, own_decided=decided, own_wrong=wrong, near=True).reservation(0.95)
         assert (told is None) is (said is None)
         assert (told or "") in (said or "")
+        assert said is None or said.endswith(f"0.95: 200, at most 5 a test, {counted_wrong(wrong)}.")
+    unsupported = Support(5, 0, 2, 0, near=False).reservation(0.95)
+    assert unsupported is not None
+    assert "support" not in unsupported
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, t
     by_criterion = [own["verdicts"] for own in record["by_criterion"].values()]
     assert {word: sum(own[word] for own in by_criterion) for word in record["verdicts"]} == record["verdicts"]
     assert set(verdicts[verdicts["need_not_be_run"]]["id"]) == set(record["waived"])
-    assert set(verdicts.query("answer == 'need not be run'")["id"]) == set(record["waived"])
+    assert set(verdicts.query("answer == 'skip'")["id"]) == set(record["waived"])
     printed = capsys.readouterr().out
     assert f"3 conditions × 3 criteria, confidence 0.8: {record['verdicts']['met']} met" in printed
     assert all(sentence in printed for sentence in record["sentences"])
@@ -209,6 +209,7 @@ def test_what_was_typed_in_km_h_and_kg_is_written_so(planned: Path, tmp_path: Pa
         (["--costs", "0", "100"], 1, "expected costs test and wrong_answer, above 0"),
         (["--matrix", "{tmp}/none.csv"], 1, "none.csv: expected this file, found no such file; list the conditions in"),
         (["--matrix", "{tmp}/twice.csv"], 1, "row 3: expected each condition once, found that of A again"),
+        (["--preset", "paper"], 2, "The preset paper does not act on cae: every preset gives the same"),
         (["--approach", "magic"], 2, "There is no approach 'magic'; choose from cae, "),
         (["--speed-mph", "20"], 2, "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb"),
         (["--speed-mph", "20", "--matrix", "{tmp}/twice.csv", *GRID], 2, "no --matrix."),

@@ -20,10 +20,13 @@ def german(time_s: FloatArray, *pulses: FloatArray, header: str = "Zeit [ms];a_x
     return "\n".join(lines).replace(".", ",").encode("cp1252")
 
 
-def isomme(name: str, scatter: float = 0.0) -> dict[str, bytes]:
+def isomme(
+    name: str, scatter: float = 0.0, values_g: FloatArray | None = None, start_s: float = -0.05
+) -> dict[str, bytes]:
     """Files of an ISO-MME test."""
+    values_g = half_sine_g(clock()) + scatter_g(clock(), scatter) if values_g is None else values_g
     descriptors = [("Velocity test object 1", f"{SPEED_MPS:.9g}"), ("Mass test object 1", "1700")]
-    channel = Channel("10VEHC000000ACXP", "X", "g", half_sine_g(clock()) + scatter_g(clock(), scatter), 1e-4, -0.05)
+    channel = Channel("10VEHC000000ACXP", "X", "g", values_g, 1e-4, start_s)
     return isomme_files(IsommeTest(name, descriptors, (channel,)))
 
 

@@ -179,6 +179,38 @@ def test_one_speed_for_records_of_several_is_told_with_care(tmp_path: Path) -> N
     assert not any("one speed" in step for one in alike for step in one.steps)
 
 
+@pytest.mark.parametrize(
+    ("names", "differs_g", "is_told"),
+    [
+        (("V7_SillLeft", "V7_SillRight"), 1.5, True),
+        (("V7 B-Säule li", "V7 Tunnel"), 4.0, True),
+        (("v7_acc1", "v7_acc2"), 4.0, True),
+        (("93", "94"), 1.5, True),
+        (("93", "94"), 6.0, False),
+    ],
+)
+def test_sensors_of_one_crash_a_file_each_are_told(
+    tmp_path: Path, names: tuple[str, str], differs_g: float, is_told: bool
+) -> None:
+    """By their names, or as one condition was given for records that are alike; repeats differ by more."""
+    waves_g = (half_sine_g(clock()) + scatter_g(clock(), by) for by in (0.0, differs_g))
+    files = {f"{name}.csv": german(clock(), wave) for name, wave in zip(names, waves_g, strict=True)}
+    settled = import_source(written(tmp_path / "lab", files), tmp_path / "campaign", GIVEN)
+    told = [step for one in settled for step in one.steps if step.startswith("Careful: at one condition with ")]
+    assert len(told) == 2 * is_told
+
+
+@needs_shared
+def test_sills_of_another_crash_are_told(tmp_path: Path) -> None:
+    """Left and right, a file each."""
+    source = SHARED / "real" / "formats" / "one_file_per_sensor" / "V7"
+    choices = Choices(condition=PartialCondition(51.12 * KPH, front_weight_kg=905, rear_weight_kg=655))
+    settled = import_source(source, tmp_path / "campaign", choices)
+    assert [one.steps[-1].split(";")[0] for one in settled] == [
+        f"Careful: at one condition with V7_{other} (alike to 7 %)" for other in ("SillRight", "SillLeft")
+    ]
+
+
 def test_the_good_are_told_from_the_bad(tmp_path: Path) -> None:
     """One test without its speed, one table that is none: the rest can be added."""
     for number, speed in ((5, "56.0"), (6, "")):

@@ -1,5 +1,7 @@
 """Ratings of files: own tables as they stand, others as the import reads them, pairs of a table, ISO-MME by channel."""
 
+import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +22,7 @@ from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.testing.readers import written
 from crashfuse.units import G
-from tests.conftest import SHARED, Capture, needs_shared
+from tests.conftest import SHARED, Capture, needs_shared, not_none
 from tests.importing.crash_files import german, isomme
 from tests.importing.crashes import clock, half_sine_g, ringing_g, scatter_g
 
@@ -85,6 +87,79 @@ def test_a_rating_is_the_same_before_and_after_the_import(files: Path) -> None:
     assert before["basis"].unique().tolist() == [
         "ISO/TS 18571:2024, 10 kHz, reference CFC 60, comparison filtered as supplied"
     ]
+
+
+HEADERS = ["Time [ms];Acceleration x [g]", "t/ms;a_x (g)", "Zeit [ms];Beschleunigung x in g", "time_ms;acceleration_g"]
+
+
+@pytest.mark.parametrize("header", HEADERS)
+@pytest.mark.parametrize(("late_ms", "sign"), [(0, -1), (5, 1), (12, 1), (8, -1)])
+def test_a_table_is_rated_as_it_stands(tmp_path: Path, header: str, late_ms: int, sign: int) -> None:
+    """Neither moved nor turned: what is late loses its share of the phase, what is inverted nearly all."""
+    time_s = clock(0, 0.15)
+    one, other = half_sine_g(time_s), sign * half_sine_g(time_s - late_ms * 1e-3)
+    written(
+        tmp_path, {"one.csv": german(time_s, one, header=header), "other.csv": german(time_s, other, header=header)}
+    )
+    table = rate_files(tmp_path / "one.csv", tmp_path / "other.csv", [80])
+    expected = rate_windows(Pulse(time_s, one), Pulse(time_s, other), [80])[80]
+    assert overall(table) == pytest.approx([expected.overall], abs=1e-5)
+    if sign > 0:
+        assert table["phase"].item() == pytest.approx(1 - late_ms / 16)  # of a fifth of 80 ms
+    else:
+        assert table["overall"].item() < 0.4
+    assert set(table["note"]) == {""}
+
+
+def test_what_the_import_changes_is_told_and_left_out_on_demand(tmp_path: Path, capsys: Capture) -> None:
+    """A format with positive deceleration, and a table whose clock counts on: without it, it has no 0."""
+    time_s = clock(0, 0.15)
+    late_g = half_sine_g(time_s - 0.012)
+    own, counts = tmp_path / "own.csv", tmp_path / "counts.csv"
+    own.write_bytes(german(time_s, half_sine_g(time_s), header=HEADERS[0]))
+    counts.write_bytes(german(time_s + 7, late_g, header=HEADERS[0]))
+    iso = written(tmp_path, isomme("V1", values_g=-late_g, start_s=0.0)) / "V1"
+    turned = "comparison: turned, so that deceleration is negative."
+    assert rate_files(own, iso, [60])["note"].item().startswith(turned)
+    told = rate_files(own, counts, [60])
+    moved = re.fullmatch(r"comparison: taken ([\d.]+) ms earlier, from contact on\.", told["note"].item())
+    assert float(not_none(moved)[1]) == pytest.approx(7012, abs=1.5)
+    assert overall(told)[0] > 0.95
+    expected = rate_windows(Pulse(time_s, half_sine_g(time_s)), Pulse(time_s, -late_g), [60])[60]
+    given = rate_files(own, iso, [60], choices=RatingChoices(as_given=True))
+    assert overall(given) == pytest.approx([expected.overall], abs=1e-5)
+    assert given["note"].tolist() == [""]
+    with pytest.raises(DataError, match="expected a record over 0–60 ms, found 7000–7150"):
+        rate_files(own, counts, [60], choices=RatingChoices(as_given=True))
+    files = [str(own), str(iso), "--windows-ms", "60"]
+    assert cli.main(["rate", *files]) == cli.DONE
+    assert f"Careful: {turned}" in capsys.readouterr().out
+    assert cli.main(["rate", *files, "--as-given", "--json"]) == cli.DONE
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row["overall"] == given["overall"].item()
+
+
+@pytest.mark.parametrize("header", ["t [ms];Verzögerung [g]", "t [ms];decel x [g]"])
+def test_what_is_named_a_deceleration_is_turned_and_told(tmp_path: Path, header: str) -> None:
+    """It is positive while braking; with --as-given it stays so."""
+    time_s = clock(0, 0.15)
+    one, own = german(time_s, -half_sine_g(time_s), header=header), german(time_s, half_sine_g(time_s))
+    files = written(tmp_path, {"own.csv": own, "one.csv": one})
+    table = rate_files(files / "own.csv", files / "one.csv", [60])
+    assert (*overall(table), *table["note"]) == (1.0, "comparison: turned, as it is named a deceleration.")
+    assert (
+        overall(rate_files(files / "own.csv", files / "one.csv", [60], choices=RatingChoices(as_given=True)))[0] < 0.4
+    )
+
+
+@needs_shared
+@pytest.mark.parametrize(("name", "expected"), [("late12ms", 0.561), ("inverted", 0.094), ("reference", 1.0)])
+def test_shifts_and_turns_of_others(name: str, expected: float) -> None:
+    """The same as of tables in our own form."""
+    folder = SHARED / "real" / "formats" / "rate_shifts_and_turns"
+    for own in ("", "own_"):
+        table = rate_files(folder / f"{own}reference.csv", folder / f"{own}{name}.csv", [60])
+        assert overall(table) == pytest.approx([expected], abs=5e-4)
 
 
 def test_files_that_are_no_pulse_say_what_they_lack(files: Path) -> None:
@@ -182,13 +257,8 @@ def test_further_measures_are_columns_where_they_are_asked_for(campaign_on_disk:
     one, other = (str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T1", "T2"))
     alone, also = (rate_files(one, other, choices=RatingChoices(also=names)) for names in ((), tuple(FURTHER_METRICS)))
     pd.testing.assert_frame_equal(also[list(COLUMNS)], alone)
-    assert list(also)[len(COLUMNS) :] == [
-        "sg_magnitude",
-        "sg_phase",
-        "sg_comprehensive",
-        "anova_mean",
-        "anova_deviation",
-    ]
+    more = " ".join(list(also)[len(COLUMNS) :])
+    assert more == "sg_magnitude sg_phase sg_comprehensive anova_mean anova_deviation"
     assert cli.main(["rate", one, other, "--also", "sprague-geers", "--windows-ms", "60"]) == cli.DONE
     assert "sg_comprehensive" in capsys.readouterr().out
     assert cli.main(["rate", one, other, "--also", "cora"]) == cli.WRONG_USAGE

@@ -15,7 +15,15 @@ from crashfuse.units import G
 from tests.importing.crashes import DURATION_S, PEAK_MPS2, SPEED_MPS, half_sine_g
 
 SYSTEMS = {"mm/ms²": (1e3, 1e3, 1.0), "mm/s²": (1e3, 1.0, 1e-3), "m/s²": (1.0, 1.0, 1.0)}
-"""Consistent systems by their unit of acceleration: lengths in a metre, times in a second, masses in a kg."""
+SYSTEMS |= {
+    "g mm ms": (1e3, 1e3, 1e3),
+    "kg mm s": (1e3, 1.0, 1.0),
+    "t m s": (1.0, 1.0, 1e-3),
+    "g cm s": (1e2, 1.0, 1e3),
+}
+SYSTEMS |= {"ft": (1 / 0.3048, 1.0, 1 / 14.5939), "inch": (1 / 0.0254, 1.0, 1 / 175.1268)}
+"""Consistent systems by a name, the usual ones by their acceleration: lengths in a metre, times in a second, masses in
+a kg."""
 MASS_KG = 1700.0
 TYPES = {"i1": 1, "i2": 2, "i4": 3, "i8": 4, "u1": 5, "u2": 6, "u4": 7, "u8": 8, "f4": 9, "f8": 10}
 
@@ -106,18 +114,22 @@ class Run:
     noise_g: float = 0.0
     axis: str = "x"
     database: str = "nodout"
+    rest_s: float = 0.0  # before its velocity is set
+    has_wall: bool = False
 
     @property
     def time_s(self) -> FloatArray:
         """When a state is written."""
-        return self.step_s * np.arange(round(self.end_s / self.step_s) + 1)
+        return self.step_s * np.arange(round((self.rest_s + self.end_s) / self.step_s) + 1)
 
     def columns(self, scale: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Time, velocity and acceleration of a node in the run's units; at rest once its velocity is gone."""
         length, time, _ = SYSTEMS[self.unit]
-        accel = scale * half_sine_g(self.time_s) * G
-        angle = np.pi * np.minimum(self.time_s / DURATION_S, 1.0)
+        time_s = self.time_s - self.rest_s
+        accel = scale * half_sine_g(time_s) * G
+        angle = np.pi * np.clip(time_s / DURATION_S, 0.0, 1.0)
         velocity = SPEED_MPS - scale * PEAK_MPS2 * DURATION_S / np.pi * (1 - np.cos(angle))
+        velocity[time_s < -self.step_s / 2] = 0.0
         noise = np.random.default_rng(seed).normal(0.0, self.noise_g * G, accel.size)
         return (
             self.time_s * time,
@@ -149,7 +161,15 @@ class Run:
                 f"{self.axis}_acceleration": np.array([accel[state] for *_, accel in columns], "f4"),
             }
         energy = 0.5 * MASS_KG * mass * (SPEED_MPS * length / time) ** 2
-        folders["/glstat/d000001"] = {"time": np.zeros(1, "f4"), "kinetic_energy": np.array([energy], "f4")}
+        for state, (at_s, share) in enumerate(({0.0: 1e-3} | {self.rest_s: 1.0}).items(), start=1):
+            told = {"time": at_s * time, "kinetic_energy": share * energy, "total_energy": share * energy}
+            folders[f"/glstat/d{state:06d}"] = {name: np.array([value], "f4") for name, value in told.items()}
+        for state, accel in enumerate(self.columns(1.0, 0)[2][states] if self.has_wall else ()):
+            force = -MASS_KG * mass * accel / 2 * np.ones(2)
+            told = {"time": columns[0][0][state], "x_force": force, "y_force": 0 * force}
+            folders[f"/rwforc/forces/d{state + 1:06d}"] = {
+                name: np.array(of, "f4", ndmin=1) for name, of in told.items()
+            }
         return folders
 
     def binout(

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.testing.readers import written
 from crashfuse.units import KPH, G
 from tests.conftest import SHARED, needs_shared
-from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g
+from tests.importing.crashes import PEAK_MPS2, SPEED_MPS, STOP_S, clock, half_sine_g
 
 # Written by hand after a channel of a federal laboratory's side-impact test: NOVALUE, 10 kHz from -0.1 s.
 IMPLICIT = """Channel code                :M0MBARLEMIUPACXP
@@ -308,6 +309,65 @@ def test_another_crash_is_named(descriptor: tuple[str, str], named: str) -> None
     """By the type of the test or the side of the impact."""
     record = record_of(IsommeTest("T1", [*DESCRIPTORS, descriptor], (channel("10VEHC000000ACXP"),)), "T1")
     assert record.other_setup == named
+
+
+def load_cell(code: str, share: float = 0.25, status: str = "ok", unit: str = "N") -> Channel:
+    """A share of the barrier's force on 1700 kg."""
+    return replace(channel(code, share * 1700 * G / (1000 if unit == "kN" else 1), unit), status=status)
+
+
+CELLS = [f"B0LOMA0{row}0{column}00FOXP" for row in (1, 2) for column in (1, 2)]
+WHOLE = load_cell("B0LOMASU0000FOXP", 1.0)
+ROWS = [load_cell(f"B0LOMA0{row}SU00FOXP", 0.5) for row in (1, 2)]
+
+
+@pytest.mark.parametrize(
+    ("cells", "told"),
+    [
+        ([*map(load_cell, CELLS)], "4 load cells summed."),
+        ([*map(load_cell, CELLS), WHOLE], "4 load cells summed."),
+        ([*(load_cell(code, unit="kN") for code in CELLS), *ROWS, WHOLE], "4 load cells summed."),
+        (
+            [load_cell("B0FBARLE0000FOXP", 0.4), load_cell("B0FBARRI0000FOXP", 0.6), load_cell("B0FBAR000000FOXP", 1)],
+            "2 l",
+        ),
+        ([load_cell("B0FBARLE0000FOXP", 0.5), load_cell("B0FBARRI0000FOXP", 0.5)], "2 load cells summed."),
+        ([WHOLE, replace(WHOLE, code="B0LOMASU0000FOXD")], "the sum in the file."),
+        ([*ROWS, WHOLE], "the sum in the file."),
+        (
+            [*map(load_cell, CELLS[1:]), load_cell(CELLS[0], status="channel failed"), WHOLE],
+            "the sum in the file. Cells f",
+        ),
+        ([*map(load_cell, CELLS[1:]), WHOLE], "the sum in the file. The 3 load cells add up to less."),
+    ],
+)
+def test_the_force_of_the_barrier_is_counted_once(cells: list[Channel], told: str) -> None:
+    """By its cells or by their sum, named as one or not."""
+    record = record_of(IsommeTest("T1", DESCRIPTORS, (channel("10TUNN000000ACXP"), *cells)), "T1")
+    assert any(f"Force of the barrier: {told}" in step for step in record.steps)
+    assert record.wall is not None
+    assert np.abs(record.wall.force_n).max() == pytest.approx(1700 * PEAK_MPS2, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (
+            {"comments": ("on the plate", "channel failed at 40 ms")},
+            "Left out by the file's own account: 10SEATLERE00ACXP",
+        ),
+        ({"name": "Seat left, questionable"}, "Left out by the file's own account: 10SEATLERE00ACXP"),
+        ({"code": "10SEATLERE00ACXV"}, "10SEATLERE00ACXV (film analysis)"),
+    ],
+)
+def test_a_channel_that_the_file_doubts_is_not_averaged(changed: dict[str, Any], told: str) -> None:
+    """By a comment, a name or the class of its filter; alone it is taken with care, or refused."""
+    doubtful, sound = replace(channel("10SEATLERE00ACXP"), **changed), channel("10SEATRIRE00ACXP")
+    record = record_of(IsommeTest("T1", DESCRIPTORS, (doubtful, sound)), "T1")
+    assert record.proposed == (sound.code,)
+    assert any(told in step for step in record.steps)
+    alone = record_of(IsommeTest("T1", DESCRIPTORS, (doubtful,)), "T1")
+    assert not alone.proposed or any(step.startswith("Careful: taken for want of better") for step in alone.steps)
 
 
 @needs_shared

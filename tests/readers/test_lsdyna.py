@@ -2,7 +2,7 @@
 
 import struct
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,9 @@ from tests.readers.lsdyna_files import MASS_KG, SYSTEMS, Energies, Layout, Run, 
 
 WEIGHTS = Choices(condition=PartialCondition(front_weight_kg=950.0, rear_weight_kg=750.0))
 SHORT = Run(end_s=0.02, step_s=1e-3)
+RUN = Run(end_s=0.15, step_s=1e-3)
+FOLDERS = RUN.folders()
+STATES = [name for name in FOLDERS if name.startswith("/nodout/d")]
 
 
 def saved(folder: Path, **files: bytes) -> Path:
@@ -68,18 +71,118 @@ def test_units_sign_and_speed_are_found_in_either_form(tmp_path: Path, form: str
     assert motion.displacement_m.max() == pytest.approx(CRUSH_M, rel=1e-3)
 
 
-@pytest.mark.parametrize("in_a_metre", [39.37, 100.0])
-def test_a_model_in_inch_or_cm_is_not_taken_for_one_in_mm(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_a_metre: float
-) -> None:
-    """At 56 km/h it moves at 612 inch or 1556 cm a second, far too slow for mm: neither speed nor mass is guessed."""
-    monkeypatch.setitem(SYSTEMS, "other", (in_a_metre, 1.0, 1e-3))
-    record = only(saved(tmp_path / "run7", binout=Run(unit="other").binout()))
+@pytest.mark.parametrize(("system", "unit"), [("ft", "ft/s²"), ("inch", "in/s²"), ("g cm s", "cm/s²")])
+def test_a_unit_of_length_that_no_mass_tells_is_asked_for(tmp_path: Path, system: str, unit: str) -> None:
+    """At 56 km/h a model moves at 51 ft, 612 inch or 1556 cm a second: neither speed nor mass is guessed."""
+    record = only(saved(tmp_path / "run7", nodout=Run(unit=system, step_s=1e-3).nodout()))
     assert (record.condition.speed_mps, record.condition.mass_kg) == (None, None)
-    with pytest.raises(DataError, match=r"found a unit of length unknown: .* at up to [\d.]+; give"):
+    with pytest.raises(DataError, match=rf"unit of length unknown: .* 56.0 km/h if in {unit}.*; give"):
         settle(record, WEIGHTS, role="cae")
+    given = replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS))
     with pytest.raises(DataError, match=r"give its unit \(--unit\), or convert it"):
-        settle(record, replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS)), role="cae")
+        settle(record, given, role="cae")
+    pulse = settle(record, replace(given, unit=unit), role="cae").pulse
+    assert pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=2e-3)
+
+
+@pytest.mark.parametrize("has_energies", [True, False])
+@pytest.mark.parametrize("unit", SYSTEMS)
+def test_mass_and_force_are_of_one_system_of_units(tmp_path: Path, unit: str, has_energies: bool) -> None:
+    """The size of a car tells the unit of mass, by the energy or by the barrier's impulse, and so that of force."""
+    folders = Run(unit=unit, step_s=1e-3, has_wall=True).folders()
+    kept = {name: of for name, of in folders.items() if has_energies or "glstat" not in name}
+    record = only(saved(tmp_path, binout0000=lsda(kept)))
+    assert record.condition.speed_mps == pytest.approx(SPEED_MPS, rel=1e-4)
+    assert record.condition.mass_kg == (pytest.approx(MASS_KG, rel=1e-4) if has_energies else None)
+    wall = settle(record, WEIGHTS, role="cae").wall
+    assert wall is not None
+    assert wall.force_n.max() == pytest.approx(MASS_KG * PEAK_MPS2, rel=1e-2)
+
+
+@pytest.mark.parametrize("form", ["binout", "nodout"])
+@pytest.mark.parametrize(("unit", "axis", "direction"), [("mm/ms²", "x", 1), ("mm/s²", "y", -1), ("m/s²", "x", -1)])
+def test_a_velocity_that_is_set_after_a_preload_begins_the_crash(
+    tmp_path: Path, form: str, unit: str, axis: str, direction: int
+) -> None:
+    """From there on are pulse, speed, mass and energies read; what rests before is no part of the crash."""
+    run = Run(unit=unit, axis=axis, direction=direction, step_s=5e-4, rest_s=0.03)
+    record = only(saved(tmp_path, **{form: run.binout() if form == "binout" else run.nodout()}))
+    settled = settle(record, WEIGHTS, role="cae")
+    motion = settled.pulse.kinematics(settled.condition.speed_mps)
+    assert record.condition.mass_kg == (pytest.approx(MASS_KG, rel=1e-4) if form == "binout" else None)
+    assert settled.time_zero_s == pytest.approx(0.03)
+    assert (motion.t0_s, motion.displacement_m.max()) == pytest.approx((STOP_S, CRUSH_M), rel=2e-3)
+    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
+
+
+def test_nodes_that_are_sped_up_are_no_vehicle_unless_the_user_gives_their_travel(tmp_path: Path) -> None:
+    """Accelerations that tell of it may be a blow; with the travel given, the crash begins where they are fastest."""
+    run = Run(step_s=5e-4, rest_s=0.03)
+    folders = run.folders()
+    for state in range(52, 61):  # 4 ms
+        told = folders[f"/nodout/d{state:06d}"]
+        told["x_velocity"] = np.full(4, SPEED_MPS * (state - 52) / 8, "f4")
+        told["x_acceleration"] = np.full(4, SPEED_MPS / 4, "f4")
+    folder = saved(tmp_path, binout0000=lsda(folders))
+    assert "fastest when they set out" in problem(folder)
+    (record,) = read_lsdyna(folder, "x")
+    assert settle(record, WEIGHTS, role="cae").pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
+
+
+STATE = b" n o d a l"
+WHOLE = Run(step_s=5e-4).nodout().split(STATE)  # two tables a state
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [WHOLE[:323], WHOLE[241:]],
+        [WHOLE[:323], WHOLE[:1], WHOLE[241:]],  # with its title
+        [WHOLE[:322], [WHOLE[322][:-300] + b"\n"], WHOLE[241:]],  # after it was killed in the middle of a state
+        [WHOLE[:323], WHOLE[161:201], WHOLE[181:]],  # twice
+        [WHOLE[:323], Run(step_s=5.01e-4).nodout().split(STATE)[241:]],  # at other times
+    ],
+    ids=["states", "title", "killed", "twice", "other times"],
+)
+def test_of_states_that_a_restart_repeats_the_later_are_read(tmp_path: Path, parts: list[list[bytes]]) -> None:
+    """Of a text that goes on at 60 ms after it went to 80, or of a binout that does in one file."""
+    record = only(saved(tmp_path / "text", nodout=STATE.join(chain(*parts))))
+    motion = settle(record, WEIGHTS, role="cae").pulse.kinematics(SPEED_MPS)
+    assert (motion.t0_s, motion.displacement_m.max()) == pytest.approx((STOP_S, CRUSH_M), rel=1e-3)
+    assert any("A restart repeats the states from" in step for step in record.steps)
+    assert "found another, which begins at 0" in problem(saved(tmp_path / "two", nodout=STATE.join(WHOLE + WHOLE)))
+
+
+def test_of_states_that_a_binout_repeats_the_later_are_read(tmp_path: Path) -> None:
+    """Numbered on, with other numbers before."""
+    once = [FOLDERS[name] for name in STATES]
+    other = [{name: 3 * of if "x_" in name else of for name, of in state.items()} for state in once]
+    written_twice = enumerate([*once[:60], *other[60:80], *once[60:]], start=1)
+    again = {name: of for name, of in FOLDERS.items() if name not in STATES}
+    again |= {f"/nodout/d{number:06d}": state for number, state in written_twice}
+    assert same(
+        only(saved(tmp_path / "a", binout0000=lsda(again))), only(saved(tmp_path / "b", binout0000=RUN.binout()))
+    )
+
+
+@pytest.mark.parametrize("database", ["nodout", "rbdout"])
+def test_without_accelerations_the_velocities_tell(tmp_path: Path, database: str) -> None:
+    """Of nodes and of rigid bodies; without either the solver is to be asked."""
+    names = {"x_velocity": "global_vx"} if database == "rbdout" else {}
+    for words, found in ((("acceleration",), ""), (("acceleration", "velocity"), "ask the solver")):
+        folders = {
+            path.replace("nodout", database): {
+                names.get(name, name): of for name, of in told.items() if not name.endswith(words)
+            }
+            for path, told in FOLDERS.items()
+        }
+        folder = saved(tmp_path / "-".join(words), binout0000=lsda(folders))
+        if found:
+            assert found in problem(folder)
+            continue
+        settled = settle(only(folder), WEIGHTS, role="cae")
+        assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=2e-3)
+        assert any("no accelerations" in step for step in settled.steps)
 
 
 @pytest.mark.parametrize(
@@ -236,11 +339,6 @@ def test_claims_beyond_the_file_cost_nothing(tmp_path: Path) -> None:
     moved = bytearray(sound)
     moved[entry + 1 : entry + 9] = struct.pack("<Q", 100)
     assert "x_acceleration" in problem(saved(tmp_path / "moved", binout=bytes(moved)))
-
-
-RUN = Run(end_s=0.15, step_s=1e-3)
-FOLDERS = RUN.folders()
-STATES = [name for name in FOLDERS if name.startswith("/nodout/d")]
 
 
 def continued(*cuts: int, torn: bool = False) -> list[bytes]:

@@ -15,7 +15,7 @@ from crashfuse.testing.readers import written
 from crashfuse.units import KPH
 from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import SPEED_MPS, clock, half_sine_g
-from tests.readers.nhtsa_files import nhtsa_files, samples
+from tests.readers.nhtsa_files import SENSORS, nhtsa_files, samples
 
 CAMRY = SHARED / "real/nhtsa_10146_camry2018"
 
@@ -78,6 +78,21 @@ def test_a_channel_that_ends_early_is_not_proposed(tmp_path: Path) -> None:
     (found,) = read_nhtsa(written(tmp_path / "t", files))
     assert found.proposed == ("94", "99")
     assert "93" in [channel.name for channel in found.channels]
+
+
+@pytest.mark.parametrize("comment", ["QUESTIONABLE DELTA-V", "NO VALID DATA AFTER 60 MS", "sensor saturated"])
+def test_a_comment_is_heard_as_a_status_is(tmp_path: Path, comment: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others alone are averaged; a sum is not added to its load cells."""
+    monkeypatch.setitem(SENSORS, 94, (*SENSORS[94][:-1], f"RIGHT REAR SEAT CROSSMEMBER X - {comment}"))
+    monkeypatch.setitem(SENSORS, 102, (*SENSORS[101][:-1], "TOTAL BARRIER FORCE"))
+    files = nhtsa_files()
+    (found,) = read_nhtsa(written(tmp_path / "t", {**files, "v00005.102": files["v00005.101"]}))
+    assert found.proposed == ("93", "99")
+    assert any(
+        f"Left out by the file's own account: 94 (RIGHT REAR SEAT CROSSMEMBER X - {comment}" in s for s in found.steps
+    )
+    assert found.wall is not None
+    np.testing.assert_array_equal(found.wall.force_n, np.loadtxt(tmp_path / "t" / "v00005.101")[:, 1])
 
 
 @pytest.mark.parametrize("content", [b"0 1\n1 x\n", b""])

@@ -335,6 +335,31 @@ def test_sensors_are_aligned_by_the_times_at_which_recording_began(
     assert not any(step.startswith("Careful") for step in settled.steps)
 
 
+@pytest.mark.parametrize(
+    ("channels", "proposed", "told"),
+    [
+        (
+            "Test_041/11TUNN000000ACXP Test_042/11TUNN000000ACXP",
+            0,
+            "in several groups, Test_041, Test_042: choose",
+        ),
+        ("A/11TUNN000000ACXP B/11TUNN000000ACXD", 0, "in several groups, A, B: choose"),
+        ("Raw/11TUNN000000ACXP Filtered/11TUNN000000ACXD", 1, "accelerations of other groups: Filtered."),
+        ("Car/11TUNN000000ACXP Car/21TUNN000000ACXP", 1, "Those of test object 2 are left out."),
+        ("DAS1/10SEATLERE00ACXP DAS2/10SEATRIRE00ACXP DAS3/10BPILLE0000ACXP", 2, "of other groups: DAS3."),
+    ],
+)
+def test_what_is_not_taken_is_named(tmp_path: Path, channels: str, proposed: int, told: str) -> None:
+    """Of two tests neither is taken; of two vehicles, and of loggers, the others are named."""
+    names = [name.split("/") for name in channels.split()]
+    record = read(tmp_path, [(group, name, RAW_G) for group, name in names], Impact_velocity="56")
+    assert record.proposed == tuple(name for _, name in names)[:proposed]
+    assert any(told in step for step in record.steps)
+    if not proposed:
+        with pytest.raises(DataError, match=f"group {names[0][0]}.*group {names[1][0]}.*choose one"):
+            settle(record, WEIGHTS)
+
+
 def test_what_is_kept_of_isomme_descriptors_counts(tmp_path: Path) -> None:
     """A failed or simulated channel beside a sound one, as converters of ISO-MME write it, is not averaged."""
     said: list[tuple[str, dict[str, Any]]] = [

@@ -3,7 +3,7 @@
 import pytest
 
 from crashfuse.readers import vocabulary
-from crashfuse.readers.vocabulary import ChannelCode, Doubt, doubt_of
+from crashfuse.readers.vocabulary import ChannelCode, Doubt, doubt_in, doubt_of
 
 
 def code(text: str) -> ChannelCode:
@@ -36,8 +36,18 @@ def test_dummies_are_told_from_vehicles() -> None:
 
 
 def test_filter_classes_are_low_passes() -> None:
-    """CFC 60 passes 100 Hz (SAE J211-1); what is prefiltered only says nothing."""
-    assert [code(f"10VEHC000000ACX{letter}").cutoff_hz for letter in "ABCDP_"] == [1650, 1000, 300, 100, None, None]
+    """CFC 60 passes 100 Hz (SAE J211-1), by the letters of the edition before, too; prefiltered only says nothing."""
+    cutoffs = [1650, 1000, 300, 100, None, None]
+    for letters in ("ABCDP_", "EFGHQV"):
+        assert [code(f"10VEHC000000ACX{letter}").cutoff_hz for letter in letters] == cutoffs
+
+
+@pytest.mark.parametrize("letters", ["0PAB", "PEFG", "DVLQ", "CDHY", "DSXK"])
+def test_of_filters_the_least_is_taken_and_what_is_unknown_last(letters: str) -> None:
+    """By RED B: V is film analysis, Q and L are below CFC 60; K and Y are no letters of it."""
+    codes = {letter: code(f"10TUNN000000ACX{letter}") for letter in sorted(letters)}
+    assert vocabulary.propose_by_code(codes)[0] == (letters[0],)
+    assert [letter for letter in letters if codes[letter].dullness] == [letter for letter in letters if letter in "VLQ"]
 
 
 @pytest.mark.parametrize(
@@ -50,6 +60,10 @@ def test_filter_classes_are_low_passes() -> None:
         (["10SEATLEFR00ACXP", "10TUNN000000ACXP"], [1]),  # a front seat
         (["11VEHC0000__ACXD", "11VEHC0000__ACX_"], [1]),
         (["10TUNN000000ACXP", "10TUNN000000ACXP"], [0]),
+        (["11SIMELEFR00ACXP", "11SIMELERE00ACXP"], [1]),  # a longitudinal beam: its front is in the crush
+        (["10MSMELEFR00ACXP", "10BPILLE0000ACXP", "10SIMERI0000ACXP"], [1]),
+        (["10SILBLEFR00ACXP", "10SILBLERE00ACXP", "10SILBRI0000ACXP"], [1, 2]),
+        (["10SIMELEFR00ACXP"], []),
         (["10ENGN000000ACXP"], []),
         ([], []),
     ],
@@ -94,6 +108,28 @@ def test_the_words_on_quality_tell_sound_from_questionable_and_failed(doubt: Dou
     assert doubt_of(status) == doubt
     for between in (" ", "_", "-", "  "):
         assert doubt_of(status.upper().replace(" ", between)) == doubt_of(f" {status.lower()} ") == doubt
+
+
+COMMENT = {
+    Doubt.NONE: (
+        "", "LEFT REAR SILL X", "drift … within 2 %", "no data loss", "Dead pedal", "not damaged",
+        "linearity error 0.5 %", "Vehicle X, no remarks",
+    ),
+    Doubt.SOME: (
+        "SILL X - QUESTIONABLE DELTA-V", "signal saturated at 200 g", "Suspect after 40 ms", "clipped",
+        "Signal gestört", "noisy", "out of range", "intermittent signal", "data error",
+    ),
+    Doubt.FAILED: (
+        "SILL AX, CHANNEL FAILED AT 50 MS", "No valid data after 67ms", "signal lost", "Bad data", "Sensor defekt",
+        "Kanal ausgefallen ab 40 ms", "INVALID", "do not use", "cable broken", "NO DATA - FAILED", "sensor came loose",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("doubt", "text"), [(doubt, text) for doubt, texts in COMMENT.items() for text in texts])
+def test_the_words_of_a_comment_tell_what_speaks_against_a_channel(doubt: Doubt, text: str) -> None:
+    """In any case; what names a place or denies a fault is none."""
+    assert doubt_in(text) == doubt_in(text.upper()) == doubt
 
 
 @pytest.mark.parametrize("origin", [*SIMULATED, *MEASURED])

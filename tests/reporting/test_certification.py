@@ -19,10 +19,18 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.certification_facts import PLACES, SUBJECTS, exceptions, facts, planned, sentences, shown
+from crashfuse.reporting.certification_facts import (
+    PLACES,
+    SUBJECTS,
+    exceptions,
+    facts,
+    planned,
+    planned_table,
+    sentences,
+    shown,
+)
 from crashfuse.reporting.certification_record import certification_json, certification_record
-from crashfuse.reporting.certification_tables import SHOWN
-from crashfuse.reporting.evidence_facts import listed_conditions
+from crashfuse.reporting.certification_tables import SHOWN, certification_table
 from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
@@ -99,7 +107,7 @@ def with_factors(certification: Certification) -> Certification:
     """Drive and type of every test are known; of the conditions one is new together, one lacks a type."""
     kinds = (("FWD", "I"), ("AWD", "II"), ("FWD", "I"), ("FWD", "I"))
     of_tests = [(("drive", drive), ("type", kind)) for drive, kind in kinds]
-    planned = ((("drive", "FWD"), ("type", "II")), (("drive", "FWD"),), (("drive", "AWD"), ("type", "II")))
+    of_planned = ((("drive", "FWD"), ("type", "II")), (("drive", "FWD"),), (("drive", "AWD"), ("type", "II")))
     campaign = certification.campaign
     tests = (
         replace(test, condition=replace(test.condition, factors=factors))
@@ -108,7 +116,7 @@ def with_factors(certification: Certification) -> Certification:
     campaign = replace(campaign, tests=tuple(tests))
     conditions = (
         replace(condition, factors=factors)
-        for condition, factors in zip(certification.matrix.conditions, planned, strict=True)
+        for condition, factors in zip(certification.matrix.conditions, of_planned, strict=True)
     )
     own = Matrix(certification.matrix.ids, tuple(conditions))
     return replace(certification, campaign=campaign, matrix=own, domain=Domain.of(campaign))
@@ -156,6 +164,7 @@ def test_all_sentences_are_those_that_were_read(certification: Certification, al
     lines: dict[str, None] = {}
     for name, own in variants(certification, alone):
         lines |= dict.fromkeys((f"# {name}", *(f"{fact.code}: {fact.sentence}" for fact in facts(own))))
+        lines |= dict.fromkeys(f"{row.id}: {row.word}: {row.why}" for row in planned(own))
     assert_golden("certification", lines)
 
 
@@ -171,59 +180,27 @@ def test_facts_stand_in_the_places_of_their_code_in_order(certification: Certifi
     assert sentences(certification, "summary")[0] == sentences(certification, "answer")[0]
 
 
-def test_answers_name_the_conditions_that_have_them(certification: Certification) -> None:
+def test_answers_have_what_decides_them(certification: Certification) -> None:
     """One that would miss a criterion takes another design: a test there, though others are open, tells nothing new."""
-    assert values(certification, "answer.outside") == [{"conditions": {"M70": ""}}]
+
+    def told(*rows: tuple[Verdict, ...]) -> list[str]:
+        found = planned(replace(certification, verdicts=rows))
+        return [f"{own.word}: {own.why}" for own in found]
+
     first, second, third = certification.verdicts
     met = row_as(first, "met", 0.9, 0.99, 1)
     missed, undecided = replace(first[0], word="not met"), replace(second[1], word="open", probability=0.5)
     rest = tuple(replace(own, word="met") for own in second[2:])
-    found = replace(certification, verdicts=(met, (missed, undecided, *rest), third))
-    assert values(found, "answer.need not be run") == [{"conditions": {"M20": "0.890"}}]
-    assert values(found, "answer.would miss") == [{"conditions": {"M30": "crush"}}]
-    assert not values(found, "answer.test or redesign")
-    found = replace(certification, verdicts=(met, (replace(missed, word="met"), undecided, *rest), third))
-    assert values(found, "answer.test or redesign") == [{"conditions": {"M30": "OLC"}}]
-    found = replace(certification, verdicts=(met, row_as(second, "open", None), third))
-    assert values(found, "answer.record for longer") == [{"conditions": {"M30": "crush, OLC, rating"}}]
+    outside = "cannot say: outside what the tests check"
+    assert told(met, (missed, undecided, *rest), third) == [
+        "skip: all met at once: 0.890",
+        "would miss: misses crush",
+        outside,
+    ]
+    assert told(met, (replace(missed, word="met"), undecided, *rest), third)[1] == "run: open: OLC"
+    short = "cannot say: records too short for crush, OLC, rating"
+    assert told(met, row_as(second, "open", None), third)[1] == short
     assert values(replace(certification, verdicts=(met, met, met)), "matrix.none_needed") == [{}]
-
-
-def test_of_many_conditions_the_least_probability_is_told_and_the_table_has_all(certification: Certification) -> None:
-    """Neighbours are a range in the summary; the dossier's table of conditions has each."""
-    many = matrix(certification.campaign, *(20 + i / 10 for i in range(30)))
-    less, more = (row_as(certification.verdicts[0], "met", first, 0.9996, 1) for first in (0.9, 0.95))
-    found = replace(certification, matrix=many, verdicts=(more, *(less,) * 28, more))
-    assert any(sentence.endswith(": M20 to M22.9 (0.900 or more).") for sentence in sentences(found, "summary"))
-    assert SHOWN["conditions"](found, DEFAULT)["All met at once"].tolist() == ["0.950", *["0.900"] * 28, "0.950"]
-
-
-ROWS = [f"M{i:04}" for i in range(1, 2001)]
-
-
-@pytest.mark.parametrize(
-    ("answers", "told"),
-    [
-        ({"M0001": "crush", "M0002": "crush"}, "M0001 (crush), M0002 (crush)"),  # few: one by one
-        (
-            {"M0001": "peak"} | dict.fromkeys(ROWS[2:10], "crush") | {"M0012": "crush", "M0013": "peak"},
-            "M0003 to M0010, M0012 (crush); M0001, M0013 (peak)",
-        ),
-        (dict.fromkeys((*ROWS[:5], *ROWS[6:8]), ""), "M0001 to M0005, M0007, M0008"),  # two are no range
-        (dict.fromkeys(ROWS, "0.97 or more"), "M0001 to M2000 (0.97 or more)"),
-    ],
-)
-def test_conditions_in_a_sentence_can_be_read_at_a_glance(answers: dict[str, str], told: str) -> None:
-    """Neighbours with the same answer are a range; what most of them share comes first."""
-    assert listed_conditions(ROWS, answers) == told
-
-
-def test_of_conditions_in_no_order_the_first_ranges_are_told_and_where_all_of_them_are() -> None:
-    """Never a paragraph; all of them and the rest are counted."""
-    told = listed_conditions(ROWS, {i: "peak" if place % 3 else "crush" for place, i in enumerate(ROWS)}, "x.csv")
-    assert told.startswith("2,000 conditions, M0002, M0003, M0005, M0006, ")
-    assert told.endswith(" (peak) and 1,984 more, all in x.csv")
-    assert len(told) < 200
 
 
 def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confidence(
@@ -233,7 +210,9 @@ def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confid
     ids, rows = certification.matrix.ids, all_as(certification, "met", 0.93, 0.94, 0.99)
     found = replace(certification, verdicts=rows)
     assert (list(found.uncertain), list(found.waived), found.run_first) == ([ids[0]], [ids[1], ids[2]], None)
-    assert values(found, "answer.to be tested") == [{"conditions": {ids[0]: "0.790"}}]
+    assert [(own.word, own.why) for own in planned(found)][:1] == [("run", "all met at once: only 0.790")]
+    reasons = certification_table(found).set_index("id")["reason"]
+    assert reasons.str.contains("all met at once: only 0.790").tolist() == [True] * 3 + [False] * 6
     assert list(certification_record(found)["waived"]) == [ids[1], ids[2]]  # type: ignore[call-overload]
 
 
@@ -279,7 +258,7 @@ def test_what_stands_apart_is_named_beside_the_answer(certification: Certificati
     found = near(certification)
     beside = verdict_matrix(found).layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
     assert list(beside) == ["run", "run", "run; T1 stands apart"]
-    assert SHOWN["conditions"](found, DEFAULT)["A test there"].tolist() == list(beside)
+    assert planned_table(found, DEFAULT)["Answer"].tolist() == ["run"] * 3
     *_, last = planned(found)
     assert (last.id, last.word, last.why) == ("M70", "run", "open: crush, OLC, rating; T1 stands apart there")
 
@@ -321,6 +300,9 @@ def test_the_saving_to_expect_is_that_of_the_costs(certification: Certification)
     most = 1 - 0.05**0.5  # none of two tests with a wrong verdict
     assert (saving["n"], saving["expected"]) == (3, pytest.approx(3 * (5 - 100 * 0.03)))
     assert saving["cautious"] == pytest.approx(3 * (5 - 100 * most), rel=1e-3)
+    assert (set(found.answers.values()), found.saved, found.waived) == ({"run"}, (0, 3), {})  # that is a loss
+    dear = replace(found, criteria=replace(found.criteria, costs=Costs(80.0, 100.0)))
+    assert (set(dear.answers.values()), dear.saved) == ({"skip"}, (3, 3))  # at most 77.6 are lost of 80
     assert certification_record(found)["costs"] == {"confidence": costs, "saving": saving}
     assert parse_earlier(certification_json(found)).criteria == found.criteria
     report = certification_report(found)
@@ -379,7 +361,7 @@ def test_a_single_test_makes_a_dossier_that_says_so(alone: Certification) -> Non
     assert [fact.code for fact in facts(alone) if fact.code.startswith("record")] == ["record.none"]
     assert not re.findall("<h2>(How well tests repeat)</h2>", text)
     assert "Each test was left out in turn" not in text
-    assert set(SHOWN["conditions"](alone, DEFAULT)["Validated domain"]) == {"outside"}
+    assert set(planned_table(alone, DEFAULT)["Why"]) == {"outside what the tests check"}
 
 
 def test_limits_stand_as_declared_beside_the_readers_units(certification: Certification) -> None:
@@ -405,11 +387,11 @@ def test_the_command_is_parsed_back_to_its_settings(certification: Certification
     """Approach, preset, seed and device, as they were; that it was sealed, and what was tried."""
     config = StudyConfig(approaches=("displacement_domain",), preset="fast", seed=7, device="cpu")
     criteria = replace(certification.criteria, costs=Costs(5.0, 100.0))
-    tried = tuple(Variant(name, (1, 2), {}) for name in ("limits 5 % stricter", "without T1", "seed 1"))
+    tried = Variant("limits 5 % stricter", (1, 2), {}), Variant("without T1", (1, 2), {}, "T1")
     asked = replace(certification, config=config, criteria=criteria, key="ab", variants=tried)
     _, *command = certify_command(asked).split()
     parsed = cli.parser().parse_args(command)
-    assert parsed.robustness == ["seed", "tests"]
+    assert parsed.robustness
     assert (parsed.approach, parsed.preset, parsed.seed, parsed.device) == ("displacement_domain", "fast", 7, "cpu")
     assert (parsed.costs, parsed.seal) == ([5.0, 100.0], Path("KEY"))
     assert (parsed.criteria, parsed.matrix) == (Path("criteria.toml"), Path("matrix.csv"))

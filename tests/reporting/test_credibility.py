@@ -47,11 +47,11 @@ def test_every_factor_has_a_number_or_says_that_there_is_none(certification: Cer
 
 def test_its_numbers_are_those_of_the_certification(certification: Certification) -> None:
     """Costs, domain, record, limits that tests came near; in the reader's units."""
-    n, wrong = certification.record.decided
+    n, _ = certification.record.decided
     for factor, told in (
         ("Decision consequence", "Not declared."),
         (factors()[14]["factor"], "1 of 2 planned tests lie inside the validated domain, 50 % outside."),
-        ("Output comparison", f"{n} verdicts met or not met, {wrong} wrong"),
+        ("Output comparison", f"{n} verdicts met or not met, none wrong"),
         ("Relevance of the quantities of interest", "1 of 1 criteria have a left-out test near"),
     ):
         assert told in says(certification, factor)
@@ -72,10 +72,10 @@ def test_what_the_campaign_states_takes_the_place_of_what_is_not_said(certificat
 
 
 def test_what_was_not_tried_is_said_with_its_option(certification: Certification) -> None:
-    """The usual variants are always there; a seed that was tried is no longer asked for."""
-    seed = Variant("seed 1", (1, 2), {"M1": ("need not be run", "to be tested")})
-    tried = replace(certification, variants=(*certification.variants, seed))
-    told = "".join(says(tried, factor) for factor in ("Limits", "Confidence", "Seed"))
+    """The usual variants are always there; a test that was left out is no longer asked for."""
+    without = Variant("without T1", (1, 2), {"M1": ("skip", "run")}, "T1")
+    tried = replace(certification, variants=(*certification.variants, without))
+    told, usual = (says(own, "Other limits and confidences, a test less") for own in (tried, certification))
     assert all(own.name in told for own in tried.variants)
-    assert told.endswith("; seed 1: 1 of 2 (M1: skip → run).")
-    assert says(certification, "Seed").startswith("Not tried")
+    assert told.endswith("; without T1: 1 of 2 (M1: skip → run).")
+    assert usual.endswith("Leaving tests out was not tried; certify --robustness tries it.")

@@ -1,5 +1,6 @@
 """The command in the report is one that the command line takes, and gives the same settings."""
 
+import json
 import shlex
 from dataclasses import replace
 
@@ -19,13 +20,18 @@ from crashfuse.wording import KPH_KG, SYSTEMS
 
 def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaign) -> None:
     """Tests, approaches, preset, seed, windows and what is left out together."""
-    config = StudyConfig(approaches=("cae", "fused"), seed=3, windows_ms=(20.0, 55.5), leave_out="speed group")
+    approaches = "cae", "displacement_domain"
+    config = StudyConfig(approaches=approaches, seed=3, windows_ms=(20.0, 55.5), leave_out="speed group")
     command = provenance.study_command(campaign, ["T2", "T4"], config)
     parsed = parser().parse_args(shlex.split(command)[1:])
     assert parsed.held_out == ["T2", "T4"]
     assert tuple(parsed.approach) == config.approaches
     assert (parsed.preset, parsed.seed, parsed.device, parsed.leave_out) == (["fast"], [3], "auto", "speed-group")
     assert tuple(parsed.windows_ms) == config.windows_ms
+    unlike = replace(config, approaches=("cae", "fused"))
+    assert "--preset" not in provenance.study_command(campaign, ["T2"], unlike)
+    assert "preset" not in provenance.certification_settings(campaign, unlike, 0.95)
+    assert "preset" not in json.dumps(provenance.provenance(campaign, ["T2"], unlike))
 
 
 @pytest.mark.parametrize("units", SYSTEMS)

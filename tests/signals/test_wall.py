@@ -20,7 +20,7 @@ from crashfuse.signals.wall import BEGIN_S, Wall
 from crashfuse.testing.readers import written
 from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import SPEED_MPS, half_sine_g
-from tests.readers.lsdyna_files import Run, lsda
+from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.readers.radioss_files import RadiossRun
 from tests.readers.test_lsdyna import WEIGHTS
@@ -47,6 +47,9 @@ def wall(late_s: float = 0.0, lead_s: float = 0.0) -> Wall:
         (1.03, 0.98, 0.0, 0.0, []),
         (1.1, 1.0, 0.0, 0.0, ["weights"]),
         (0.9, 1.0, 0.0, 0.0, ["weights"]),
+        (0.5, 1.0, 0.0, 0.0, ["a sum among them): 0."]),
+        (1e-3, 1.0, 0.0, 0.0, ["a sum among them): 0.001 times"]),
+        (1 / 2.2046, 1.0, 0.0, 0.0, ["check its weights"]),
         (1.0, 0.8, 0.0, 0.0, ["sensor, which reads 0.8"]),
         (1.0, 1.0, 10e-3, 0.0, ["time zero"]),
         (1.0, 1.0, 0.0, 12e-3, ["trigger"]),
@@ -80,13 +83,7 @@ def test_it_is_kept_with_its_test_and_told_by_the_check(campaign: Campaign, tmp_
 
 def test_forces_and_impulses_of_rigid_walls_are_read_in_either_solver(tmp_path: Path) -> None:
     """``rwforc`` of LS-DYNA as it is, the impulses of Radioss differentiated: both witness the mass and the pulse."""
-    run = Run()
-    folders = run.folders()
-    for state, t in enumerate(run.time_s):
-        force = np.array([MASS_KG * half_sine_g(np.array([t]))[0] * 9.80665e-3], "f4")  # kN
-        names = {"time": np.array([1e3 * t], "f4"), "x_force": force, "y_force": 0 * force, "z_force": 0 * force}
-        folders[f"/rwforc/forces/d{state + 1:06d}"] = names
-    (dyna,) = read_lsdyna(written(tmp_path / "d", {"binout0000": lsda(folders)}))
+    (dyna,) = read_lsdyna(written(tmp_path / "d", {"binout0000": Run(has_wall=True).binout()}))
     (radioss,) = read_radioss(written(tmp_path / "r", {"hc1T01": RadiossRun().binary()}))
     for record in (dyna, radioss):
         settled = settle(record, WEIGHTS, role="cae")

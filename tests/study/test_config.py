@@ -50,6 +50,19 @@ def test_an_impossible_setting_is_refused_where_it_is_stated(settings: dict[str,
         StudyConfig(**settings)
 
 
+def test_a_preset_that_does_not_act_is_refused_and_of_several_approaches_it_is_said_of_which(
+    campaign: Campaign,
+) -> None:
+    """Fused has no other preset; pages go on with the one that acts."""
+    alone = StudyConfig(approaches=("cae", "fused"), preset="paper")
+    with pytest.raises(UsageError, match=r"paper does not act on cae, fused.*acts on lf_tcn, time_domain, displ"):
+        StudyPlan(campaign, alone)
+    assert (alone.under_preset, alone.effective) == ((), replace(alone, preset="fast"))
+    several = replace(alone, approaches=("fused", "lf_tcn"))
+    several.check()
+    assert (several.under_preset, several.effective) == (("lf_tcn",), several)
+
+
 def test_a_speed_group_is_spelled_as_on_the_command_line_or_in_words() -> None:
     """A hyphen, an underscore and a space are one."""
     spellings: list[Any] = ["speed group", "speed-group", "speed_group"]

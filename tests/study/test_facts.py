@@ -19,7 +19,8 @@ from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import IMPORTANCE, by_importance, campaign_facts, condition_facts, distinct, window_facts
 from crashfuse.study.running import run_study
-from crashfuse.units import MPH
+from crashfuse.units import MPH, G
+from tests.conftest import not_none
 from tests.study.test_outliers import at_one_speed
 
 
@@ -61,9 +62,10 @@ def test_facts_have_codes_and_values_in_the_order_of_their_importance(apart: Cam
 
 
 def test_a_condition_has_those_of_its_speed_and_what_is_extrapolated(apart: Campaign) -> None:
-    """Within 2 mph of the test that stands apart, and nowhere else."""
+    """Where the tested speed nearest to it is that of the test that stands apart, and nowhere else."""
     at = apart.test("S4").condition
-    for off_mph, expected in ((1.9, ["test.stands_apart"]), (-2.1, []), (60.0, ["condition.extrapolated"])):
+    apart_there, beyond = ["test.stands_apart"], ["condition.extrapolated"]
+    for off_mph, expected in ((1.9, apart_there), (-4.0, apart_there), (-8.0, []), (60.0, beyond)):
         there = replace(at, speed_mps=at.speed_mps + off_mph * MPH)
         assert [fact.code for fact in condition_facts(apart, there)] == expected
 
@@ -102,6 +104,16 @@ def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -
         known = json.loads(json.dumps(provenance(apart, (), config)["facts"]))
         assert record["facts"][: len(known)] == known
         assert sentence in each._repr_html_()
+    folds = predict(apart, apart.test("S1").condition, "displacement_domain", config)
+    assert "Displacement domain if it folds as S4" in (tmp_path / "PredictedPulse" / "report.html").read_text("utf-8")
+    peak = folds.metrics.set_index("metric").loc["peak"]
+    assert (peak["apart"], folds.metrics.columns[-1]) == ("S4", "of_pulse")
+    (note,) = (note for note in folds.notes if "in two ways" in note)
+    for way in ("others", "apart"):
+        assert f"peak {peak[f'{way}_value']:.1f} g" in note
+    drawn = folds.estimate.prediction
+    of_apart = not_none(drawn.draws_mps2)[not_none(drawn.apart)].mean(axis=0)
+    np.testing.assert_allclose(folds.pulses["apart_g"], of_apart / G, rtol=1e-4)
     assert "S4 stands apart" in (tmp_path / "Verdicts" / "certification.csv").read_text(encoding="utf-8")
     assert sentence in campaign_html(apart)
     prediction = predict(apart, apart.test("S1").condition, "cae", config)

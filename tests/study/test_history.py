@@ -99,6 +99,15 @@ def test_a_note_that_somebody_else_wrote_since_is_not_lost(past: PastResult) -> 
     assert past_results() == [replace(anew, note="with the old barrier")]
 
 
+def test_a_note_brings_no_forgotten_result_back(past: PastResult, home: Path) -> None:
+    """A list that still shows it may be older than the records."""
+    keep(past)
+    (home / f"{past.id}.json").unlink()
+    with pytest.raises(DataError, match="found one that was forgotten since"):
+        annotate(past, "before the new rail")
+    assert past_results() == []
+
+
 def test_the_same_question_has_one_record_and_another_has_its_own(past: PastResult) -> None:
     """The seed, the preset, the tests and the data make a question; an answer found again keeps its date."""
     for result in (

@@ -47,26 +47,16 @@ def test_a_test_that_comes_out_like_the_others_is_as_expected(campaign: Campaign
     assert found.inside == 1.0
 
 
-def test_the_worst_test_of_a_study_is_told_with_and_without_its_neighbours(campaign: Campaign) -> None:
-    """T3 is rated worst, and better if T2, at its speed, is left out as well."""
-    config = replace(CONFIG, leave_out="both")
-    alone = [fold(campaign, test, 0.6 if test == "T3" else 0.97, 0.97) for test in campaign.test_ids]
-    apart = [fold(campaign, test, 0.8, 0.97) for test in campaign.test_ids]
-    groups = Study(campaign, replace(config, leave_out="speed group"), tuple(apart))
-    study = Study(campaign, config, tuple(alone), speed_groups=groups)
-    found = worst_test(study)
-    assert found.test.id == "T3"
-    assert found.without_neighbours == groups.fold("T3").ratings["displacement_domain"][60.0].overall
-    assert worst_test(study) is found
-
-
-def test_the_worst_test_of_the_speed_groups_is_told_as_it_was_left_out_there(campaign: Campaign) -> None:
-    """T2, left out with T3, is the worst there, by the approach asked for; alone it is T3."""
+def test_the_worst_test_of_each_view_is_told_as_it_was_left_out_there(campaign: Campaign) -> None:
+    """Alone T3, with its rating without T2, at its speed; of speed groups T2, by the approach asked for."""
     alone = [fold(campaign, test, 0.6 if test == "T3" else 0.97, 0.97) for test in campaign.test_ids]
     apart = [fold(campaign, test, 0.7 if test == "T2" else 0.8, 0.97) for test in campaign.test_ids]
     groups = Study(campaign, replace(CONFIG, leave_out="speed group"), tuple(apart))
     study = Study(campaign, replace(CONFIG, leave_out="both"), tuple(alone), speed_groups=groups)
-    assert worst_test(study, approach="displacement_domain").test.id == "T3"
+    found = worst_test(study)
+    assert found.test.id == "T3"
+    assert found.without_neighbours == groups.fold("T3").ratings["displacement_domain"][60.0].overall
+    assert worst_test(study) is found
     found = worst_test(groups, approach="displacement_domain")
     assert found.rating == groups.fold("T2").ratings["displacement_domain"][60.0].overall
     assert (found.test.id, found.with_group, found.without_neighbours) == ("T2", True, None)

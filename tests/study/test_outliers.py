@@ -48,7 +48,10 @@ def test_the_odd_one_of_four_stands_apart_and_none_of_the_others(campaign: Campa
     assert (len(odd.ratings), len(odd.ratings_between)) == (3, 3)
     assert departures(group) == (odd,)
     assert departures(replace(group)) == (odd,)  # as it was kept in the cache
-    assert departures(at_one_speed(campaign, [1.0, 1.02, 0.98])) == ()
+    three = at_one_speed(
+        campaign, [1.0, 1.02, 1.3]
+    )  # one is always farther from both others
+    assert (departure(three, "S3", model), departures(three), departure(campaign, "T2", model)) == (None, (), None)
 
 
 def test_the_numbers_are_ratings_and_differences_of_bias(campaign: Campaign, model: CaeModel) -> None:
@@ -75,12 +78,6 @@ def test_a_faster_neighbour_is_scaled_to_the_tests_speed(campaign: Campaign, mod
     )
     found = not_none(departure(replace(group, tests=(faster, *others)), "S1", model))
     assert found.ratings == pytest.approx([1.0] * 3)
-
-
-def test_of_three_tests_none_can_stand_apart(campaign: Campaign, model: CaeModel) -> None:
-    """One of them is always farther from both others than these from each other."""
-    assert departure(at_one_speed(campaign, [1.0, 1.02, 1.3]), "S3", model) is None
-    assert departure(campaign, "T2", model) is None
 
 
 def test_both_the_bias_and_the_pulse_have_to_differ() -> None:
@@ -112,6 +109,6 @@ def test_near_a_test_apart_draws_show_both_ways_to_fold_and_the_average_the_usua
     moved = both.draws_mps2 - (noise - noise.mean())
     np.testing.assert_allclose(moved[~both.apart], np.tile(1.02 * usual, (140, 1)), atol=1e-9)
     np.testing.assert_allclose(moved[both.apart], np.tile(1.02 * (usual + difference), (60, 1)), atol=1e-9)
-    assert "as S1, S2 and S3" in both.notes[-1]
+    assert both.apart_as == "S4"
     alone = replace(prediction, draws_mps2=None)
     assert with_both_folds(alone, apart, odd, usual, fitted) is alone

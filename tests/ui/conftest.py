@@ -7,12 +7,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import cast
+from weakref import WeakKeyDictionary
 
 import pandas as pd
 import pytest
 import streamlit as st
 from streamlit.components.v2 import manifest_scanner
+from streamlit.proto.WidgetStates_pb2 import WidgetState
 from streamlit.testing.v1 import AppTest
+from streamlit.testing.v1.element_tree import InitialValue, Selectbox
 
 from crashfuse.ui.kit.computation import jobs
 from crashfuse.ui.kit.text import as_read
@@ -47,7 +51,7 @@ class Session:
 
     def press(self, label: str) -> "Session":
         """Press the one button of this label."""
-        (button,) = [button for button in self.app.button if button.label == label]
+        (button,) = [button for button in self.app.button if as_read(button.label) == label]
         button.click()
         return self.run()
 
@@ -146,6 +150,24 @@ def fresh_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for job in jobs().active:
         assert job.wait(SOON), f"{job.title} goes on after its test."
     st.cache_resource.clear()
+
+
+@pytest.fixture(autouse=True)
+def a_list_sends_the_label_it_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a browser, which knows a list by its key and what is chosen by its label, whatever options say since."""
+    usual, held = cast(property, Selectbox._widget_state).fget, WeakKeyDictionary[AppTest, dict[str, str]]()
+    assert usual is not None
+
+    def sent(own: Selectbox[object]) -> WidgetState:
+        assert own.root._runner is not None
+        state, labels = cast(WidgetState, usual(own)), held.setdefault(own.root._runner, {})
+        if state.HasField("string_value"):
+            if isinstance(own._value, InitialValue) and not own.proto.set_value:
+                state.string_value = labels.get(own.id, state.string_value)
+            labels[own.id] = state.string_value
+        return state
+
+    monkeypatch.setattr(Selectbox, "_widget_state", property(sent))
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """The page Certify: from criteria and conditions, of files or typed in, to verdicts and what stands behind them."""
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import Any
 import pandas as pd
 import pytest
 import streamlit as st
+from hypothesis import given
+from hypothesis import strategies as some
 from streamlit.testing.v1.element_tree import Selectbox
 
 import crashfuse
@@ -16,8 +19,10 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.reporting.certification_facts import exceptions, planned, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.verdicts import Verdicts
+from crashfuse.ui.certify.entry import Field
 from crashfuse.ui.certify.results import Judgement, last_verdicts
 from crashfuse.ui.kit.campaigns import View
+from crashfuse.wording import IN_SI
 from tests.ui.conftest import Session, Visit
 
 APPROACH = "displacement_domain"
@@ -184,7 +189,7 @@ def test_other_pages_know_the_last_verdicts_or_what_they_take(visit: Visit, monk
     visit("train", **LINK, seed="77")
     assert known[-1] == (None, "3 planned tests are not judged yet")
     visit("train", **LINK, seed="77", criteria="peak~~~x~")
-    assert known[-1] == (None, "criteria are not declared: start with limits of these tests")  # "x" is none
+    assert "found 'x'" in known[-1][1]
 
 
 @pytest.mark.slow
@@ -280,29 +285,71 @@ def test_planned_tests_are_typed_in_the_readers_units(visit: Visit) -> None:
     remove(session, "planned", 1)
     rows = [text.split("~")[:2] for text in session.app.query_params["planned"]]
     assert [name for name, _ in rows] == ["M1", "M3", "P01"]
-    assert float(rows[0][1]) == pytest.approx(56.0)
+    assert float(rows[0][1]) == pytest.approx(56 / 1.609344)  # the matrix is in mph
     field(session, "Speed (km/h), row 2").set_value(None)
-    assert "Planned tests, column speed_kph, row 2: expected a number" in session.run().words
+    assert "Planned tests, column speed_mph, row 2: expected a number" in session.run().words
     assert "Certify" not in session.buttons
 
 
 @pytest.mark.usefixtures("asking")
 def test_back_takes_the_table_of_criteria_back(visit: Visit) -> None:
-    """What the address says is shown, whatever was typed in since; what is no criterion is left out."""
-    session = visit("certify", **LINK, criteria=["peak~~~25~", "~~", "force~~~1~", "olc~~~x~"])
-    assert session.app.session_state["criteria"] == ["peak~~~25~"]
+    """What the address says is shown, whatever was typed in since; what is no criterion stays, and is told."""
+    link = ["peak~~~25~", "~~", "force~~~1~", "olc~~~x~"]
+    session = visit("certify", **LINK, criteria=link)
+    assert session.app.session_state["criteria"] == link
+    for number, found in ((2, "nothing"), (3, "force"), (4, "'x'")):
+        assert re.search(f"criterion {number}: .*found {found}", session.words)
     session.app.session_state["criteria"] = ["peak~~~30~", "olc~~~20~"]  # as Back does
     session.run()
     assert session.app.query_params["criteria"] == ["peak~~~30~", "olc~~~20~"]
 
 
-@pytest.mark.usefixtures("asking")
-def test_a_limit_is_shown_in_the_readers_units_and_kept_as_declared(asking: Path, visit: Visit) -> None:
-    """48 km/h of the file stay 48 km/h in the link when the page shows mph."""
-    (asking / "criteria.toml").write_text('[[criterion]]\nmetric = "delta_v"\nat_most = 48\n')
-    session = visit("certify", **LINK, system="mph-lb")
-    assert field(session, "At most").value == pytest.approx(48 / 1.609344, abs=1e-4)
-    assert session.app.session_state["criteria"] == ["delta_v~~~48~delta_v"]
+UNITS = [("unit", "m/s²"), ("system", "kph-kg"), ("unit", "g"), ("system", "mph-lb")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("complete", [True, False])
+def test_other_units_change_what_is_shown_and_nothing_else(asking: Path, visit: Visit, *, complete: bool) -> None:
+    """Criteria, planned tests, answers and link stay, rows that are not complete, too; shown is the reader's unit."""
+    declared = {"peak": 18.25, "delta_v": 48, "olc": 26}
+    rows = [f'[[criterion]]\nmetric = "{metric}"\nat_most = {most}\n' for metric, most in declared.items()]
+    (asking / "criteria.toml").write_text("\n".join(rows))
+    incomplete = {"criteria": ["peak~~~18.25~", "delta_v~~~48~", "olc~~~~"], "planned": ["A~30~~700~kph-kg~"]}
+    session = visit("certify", **LINK, matrix="Typed in", **({} if complete else incomplete))
+    kept = "criteria", "planned", "confidence", "cell"
+
+    def said() -> tuple[list[str], *tuple[object, ...]]:
+        certified(session)
+        answers = [label.split("**")[1] for label in session.buttons if label.startswith("**")]
+        link = {k: v for k, v in session.app.query_params.items() if k not in ("unit", "system")}
+        return answers, link, [session.app.session_state[key] for key in kept], bool(session.app.error)
+
+    first, shown = said(), {"unit": "g", "system": "mph-lb"}
+    assert len(first[0]) == 3 * complete
+    for key, value in UNITS:
+        shown[key] = value
+        session.app.sidebar.button_group(key=key).set_value(value)
+        for act in (session.run, session.run, lambda: session.go("data").go("certify")):
+            act()
+            assert said() == first
+            limits = [
+                18.25 * (9.80665 if shown["unit"] != "g" else 1),
+                48 / (1 if shown["system"] != "mph-lb" else 1.609344),
+            ]
+            assert [field(session, label).value for label in ("At most", "At most, row 2")] == pytest.approx(
+                limits, rel=1e-5
+            )
+
+
+@given(some.floats(0.001, 1e6), some.lists(some.sampled_from([1.0, *IN_SI.values()]), max_size=6))
+def test_a_limit_stays_as_declared_whatever_units_it_was_shown_in(declared: float, factors: list[float]) -> None:
+    """A widget that sends what it shows changes nothing; what is typed in is shown as typed."""
+    text = f"{declared:.12g}"
+    for factor in factors:
+        shown = Field("At most", factor=factor)
+        assert shown.text(shown.number(text), text) == text
+        typed = float(f"{declared:.5g}")
+        assert shown.number(shown.text(typed, text)) == typed
 
 
 @pytest.mark.slow

@@ -27,6 +27,7 @@ SAFE = {
     "server.allowedHosts": ["localhost", "127.0.0.1"],
     "server.enableXsrfProtection": True,
     "server.enableCORS": True,
+    "server.enableAgentApi": False,
     "browser.gatherUsageStats": False,
     "client.showErrorDetails": "none",
     "client.allowedOrigins": [],
@@ -34,6 +35,7 @@ SAFE = {
 }
 OWN_COMMAND = "from crashfuse.ui.server import launch; launch(8501, None)"
 STREAMLITS_COMMAND = "cli.main(['run', 'app.py'], standalone_mode=False)"
+_CLOSED = ("/_stcore/metrics", "/_stcore/metrics/", "/_stcore/%6detrics")
 _ELSEWHERE, _CONFIGURED = "elsewhere.example", "https://tools.example"
 
 
@@ -62,11 +64,12 @@ def _opened(port: int, host: str, origin: str | None) -> bool:
 
 
 def _headers(port: int, path: str) -> dict[str, str]:
-    """Names, in lower case, and values of what comes before an answer."""
+    """The status of an answer, and names, in lower case, and values of what comes before it."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
     connection.request("GET", path)
     with contextlib.closing(connection):
-        return {name.lower(): value for name, value in connection.getresponse().getheaders()}
+        answer = connection.getresponse()
+        return {"status": str(answer.status), **{name.lower(): value for name, value in answer.getheaders()}}
 
 
 @contextlib.contextmanager
@@ -116,7 +119,7 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
         ]
         asked_by += [(here, None), (here, "null"), (here, _CONFIGURED), (proxied, f"https://{proxied}")]
         opened = [pair for pair in asked_by if answered and _opened(port, *pair)]
-        headers = [_headers(port, path) for path in ("/", "/compare", "/_stcore/health", "/%2e%2e/x")]
+        headers = [_headers(port, path) for path in ("/", "/compare", "/_stcore/health", "/%2e%2e/x", *_CLOSED)]
         server.terminate()
         server.wait(60)
     assert answered, (tmp_path / "log").read_text()
@@ -131,7 +134,8 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
     ]
     assert {header["x-frame-options"] for header in headers} == {"DENY"}
     (policy,) = {header["content-security-policy"] for header in headers}
-    assert policy.startswith("frame-ancestors 'none'; default-src 'self' ")
+    assert policy == "frame-ancestors 'none'; default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'"
+    assert [header["status"] for header in headers[-3:]] == ["404"] * 3
     assert asked == []
 
 
@@ -190,6 +194,7 @@ def test_the_command_is_safe_whatever_the_environment_says() -> None:
         "STREAMLIT_SERVER_ADDRESS": "0.0.0.0",  # noqa: S104
         "STREAMLIT_SERVER_ALLOWED_HOSTS": "*",
         "STREAMLIT_SERVER_ENABLE_XSRF_PROTECTION": "false",
+        "STREAMLIT_SERVER_ENABLE_AGENT_API": "true",
         "STREAMLIT_BROWSER_GATHER_USAGE_STATS": "true",
         "STREAMLIT_CLIENT_SHOW_ERROR_DETAILS": "full",
     }

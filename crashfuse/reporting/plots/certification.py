@@ -80,8 +80,7 @@ def verdict_matrix(
     figure.update_layout(legend_y=0, legend_yanchor="bottom")
     if with_words:
         figure.update_yaxes(tickvals=labels, ticktext=short)
-        cut = answer_texts(certification, short=True)
-        beside = [cut[i] for i in ids]  # at an axis, which is drawn as marks are on it
+        beside = [answers[i] for i in ids]  # at an axis, which is drawn as marks are on it
         right = {"overlaying": "y", "side": "right", "categoryarray": labels, "ticktext": beside}
         axis = {**figure.layout.yaxis.to_plotly_json(), **right, "ticklabelstandoff": 4}
         figure.update_layout(yaxis2=axis, margin_r=max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10)

@@ -166,7 +166,7 @@ class Display:
         factor, unit = self.units.factor(metric.unit), self.units.unit(metric.unit)
         numbers = metric.value, metric.lower, metric.upper, metric.of_pulse
         value, lower, upper, of_pulse = (None if number is None else number * factor for number in numbers)
-        return Metric(metric.name, value, lower, upper, unit, metric.drawn, of_pulse)
+        return replace(metric, value=value, lower=lower, upper=upper, unit=unit, of_pulse=of_pulse)
 
     def words(self, text: object) -> str:
         """A sentence, a condition or a quantity in the reader's units; any other text as it is."""

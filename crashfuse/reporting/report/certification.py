@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.verdict import WORDS
-from crashfuse.reporting.certification_facts import PLACES, exceptions, sentences
+from crashfuse.reporting.certification_facts import PLACES, exceptions, planned_table, sentences
 from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
@@ -32,7 +32,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
     tables = {
         name: {"rows": table.head(_MOST_ROWS), "left": [f"{left:,} more rows are in {file}."] if left > 0 else []}
-        for name, make in SHOWN.items()
+        for name, make in {"conditions": planned_table, **SHOWN}.items()
         if name != "changes" or since is not None
         for table, file in [(make(certification, display), _FILES.get(name, "certification.csv"))]
         for left in [len(table) - _MOST_ROWS]

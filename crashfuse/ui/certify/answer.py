@@ -11,7 +11,7 @@ from crashfuse.certification.certify import Certification, Variant
 from crashfuse.certification.changes import saved_and_missed
 from crashfuse.certification.criteria import Criteria, varied
 from crashfuse.certification.track_record import at_most
-from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, planned, sentences
+from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, headline, planned, sentences
 from crashfuse.reporting.certification_tables import changed_text
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
@@ -35,7 +35,7 @@ _WITHOUT = "without "  # what if
 _WAYS = ("Planned tests", "By criterion")
 _MEANINGS = {
     "skip": "would meet all criteria at once, with the confidence asked for",
-    "run": "uncertain: a test, or another design, can tell",
+    "run": "uncertain, or a wrong answer costs too much: a test, or another design, can tell",
     "would miss": "would miss a criterion: another design, not a test, is needed",
     "cannot say": "beyond what the tests check, or records end too early",
     "was run": "a test was made there",
@@ -67,14 +67,12 @@ def show(judgement: Judgement) -> None:
 
 
 def _show_headline(certification: Certification) -> None:
-    (saved, of), (n, missed) = certification.saved, saved_and_missed(certification)
-    answer = f":primary[{saved:,} of {of:,}] planned tests need not be run to know these pulse criteria"
-    st.subheader(answer, anchor=False)
-    record = "no left-out test would have been skipped"
+    n, missed = saved_and_missed(certification)
+    st.subheader(headline(certification), anchor=False)
+    record = f"Of left-out tests {n} would have been skipped"
     if n:
-        bound = f"({at_most(missed, n)}, exact 95 % bound)"
-        record = f"{missed} of {n} tests that need not have been run missed a criterion {bound}"
-    st.caption(f"Confidence {certification.criteria.confidence:g}. Wrong so far: {record}.")
+        record += f"; {missed} of these missed a criterion ({at_most(missed, n)}, exact 95 % bound)"
+    st.caption(f"Confidence {certification.criteria.confidence:g}. {record}.")
     for sentence in sentences(certification, "costs"):
         st.caption(plain(sentence))
 

@@ -20,7 +20,7 @@ from crashfuse.certification.criteria import (
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
-from crashfuse.ui.certify.entry import SEPARATOR, Field, edit_rows, show_wrong, upload, uploaded
+from crashfuse.ui.certify.entry import SEPARATOR, Field, edit_rows, parts_of, show_wrong, upload, uploaded
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.campaigns import View
 
@@ -46,7 +46,6 @@ def criteria_asked(view: View) -> Criteria | None:
     with suppress(DataError):  # which the criteria tell below
         usual = with_costs(usual, costs)
     address.default("confidence", usual.confidence)
-    state["criteria"] = [text for text in state["criteria"] if _is_row(text)]  # of a link that was cut
     if state["criteria"]:
         confidence = usual.declared if state["confidence"] == usual.confidence else state["confidence"]
         return criteria_of([_row(text) for text in state["criteria"]], confidence, costs or None)
@@ -62,20 +61,20 @@ def choose_criteria(view: View) -> Criteria | None:
         criteria, wrong = criteria_asked(view), None
     except DataError as error:
         criteria, wrong = None, error
-    labels = {name: view.display.heading(label) for name, label in _METRICS.items()}
+    labels = {name: view.display.heading(label) for name, label in _METRICS.items()}  # with the unit of limits
 
     def fields(parts: list[str]) -> list[Field | None]:
         factor = units.factor(METRIC_UNITS.get(parts[0], ""))
         return [
             Field("Metric", labels, clears=(1, 2, 3, 4)),
-            Field("Window (ms)", factor=1.0, help="Of a rating.") if parts[0] == RATING else None,
+            Field("Window (ms)", factor=1.0, help="Of a rating.") if parts[0] == RATING or parts[1] else None,
             Field("At least", factor=factor, help="In the unit of the metric."),
             Field("At most", factor=factor),
             Field("Name", help="Yours to choose; else the metric’s."),
         ]
 
     with st.container(gap="xsmall"):
-        edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5), fields)
+        edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5), fields, units)
 
     def start(rows: list[dict[str, Any]]) -> None:
         state["criteria"] = [_text(row) for row in rows]
@@ -139,15 +138,15 @@ def _text(row: dict[str, Any]) -> str:
 
 
 def _row(text: str) -> dict[str, Any]:
-    metric, *numbers, name = text.split(SEPARATOR, len(_FIELDS) - 1)
-    given = zip(_FIELDS, [metric, *(float(number) if number else None for number in numbers), name], strict=True)
-    return {key: value for key, value in given if value not in (None, "")}
+    metric, *numbers, name = parts_of(text, len(_FIELDS))
+    given = zip(_FIELDS, [metric, *map(_number, numbers), name], strict=True)
+    return {key: value for key, value in given if value != ""}
 
 
-def _is_row(text: str) -> bool:
-    with suppress(ValueError, KeyError):
-        return _row(text)["metric"] in _METRICS
-    return False
+def _number(text: str) -> float | str:
+    with suppress(ValueError):
+        return float(text)
+    return text  # which is said to be none
 
 
 def _take_file(content: bytes | None) -> None:

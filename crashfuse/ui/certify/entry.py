@@ -1,7 +1,9 @@
 """What the page Certify is given: rows typed in field by field, uploaded files, and what is wrong with either."""
 
+import math
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,6 +14,7 @@ import streamlit as st
 from crashfuse.certification import file_store
 from crashfuse.errors import CrashfuseError, DataError, UsageError, shortened
 from crashfuse.ui.kit.text import plain
+from crashfuse.wording import UnitSystem
 
 T = TypeVar("T")
 SEPARATOR = "~"  # between the fields of a row, kept as a text
@@ -26,11 +29,35 @@ class Field(NamedTuple):
     help: str | None = None
     clears: Sequence[int] = ()
 
+    def number(self, text: str) -> float | None:
+        """The number that is shown for a text, if it is one."""
+        with suppress(ValueError):
+            shown = float(f"{float(text) * (self.factor or 1.0):.6g}")
+            return shown if math.isfinite(shown) else None
+        return None
 
-def edit_rows(key: str, widths: Sequence[float], fields: Callable[[list[str]], Sequence[Field | None]]) -> None:
-    """Let rows be typed in that the session and the address hold as texts.
+    def text(self, value: float | str | None, kept: str) -> str:
+        """What is kept of a widget's value: what it shows already changes nothing."""
+        if isinstance(value, float):
+            return kept if value == self.number(kept) else f"{value / (self.factor or 1.0):.12g}"
+        return (value or "").replace(SEPARATOR, "-")
 
-    Another list begins with widgets of its own: a browser would send what it showed before.
+
+def parts_of(text: str, n: int) -> list[str]:
+    """The ``n`` fields of a row, of whatever a link has."""
+    return [*text.split(SEPARATOR, n - 1), *[""] * n][:n]
+
+
+def edit_rows(
+    key: str,
+    widths: Sequence[float],
+    fields: Callable[[list[str]], Sequence[Field | None]],
+    units: UnitSystem,
+    most: int | None = None,
+) -> None:
+    """Let rows, the first ``most``, be typed in that session and address hold as texts.
+
+    Another list or unit begins with widgets of its own: a browser would send what it showed before.
     """
     state, written = st.session_state, f"{key} as typed"
     texts, number = state.get(written, (None, 0))
@@ -38,14 +65,15 @@ def edit_rows(key: str, widths: Sequence[float], fields: Callable[[list[str]], S
         number += 1
         state[written] = list(state[key]), number
     labelled = set[int]()  # places whose label stands above a field
-    for row, text in enumerate(state[key]):
-        parts = text.split(SEPARATOR)
+    for row, text in enumerate(state[key][:most]):
+        parts = parts_of(text, len(widths))
         columns = st.columns([*widths, 0.5], vertical_alignment="bottom", gap="small")
         for place, (column, field) in enumerate(zip(columns, fields(parts), strict=False)):
             if field is not None:
-                widget, is_first = f"{key} {number} {row} {place}", place not in labelled
+                widget = f"{key} {number} {row} {place} in {units.speed} {units.weight} {units.acceleration}"
+                is_first = place not in labelled
                 with column:
-                    _edit(key, row, place, field, parts[place], widget, is_first=is_first)
+                    _edit(key, row, len(parts), place, field, parts[place], widget, is_first=is_first)
                 labelled.add(place)
         remaining = [*state[key][:row], *state[key][row + 1 :]]
         columns[-1].button(
@@ -54,29 +82,28 @@ def edit_rows(key: str, widths: Sequence[float], fields: Callable[[list[str]], S
         )  # fmt: skip
 
 
-def _edit(key: str, row: int, place: int, field: Field, text: str, widget: str, *, is_first: bool) -> None:
-    state, keep = st.session_state, partial(_keep, key, row, place, field)
-    widget = f"{widget} {field.factor} {field.label}"
+def _edit(key: str, row: int, n: int, place: int, field: Field, text: str, widget: str, *, is_first: bool) -> None:
+    state, keep = st.session_state, partial(_keep, key, row, n, place, field)
     label = field.label if is_first else f"{field.label}, row {row + 1}"  # which is read out
     look: dict[str, Any] = {"key": widget, "on_change": lambda: keep(state[widget])}
     look |= {"help": field.help} if is_first else {"label_visibility": "collapsed"}
     if field.factor is not None:
-        state.setdefault(widget, float(f"{float(text) * field.factor:.6g}") if text else None)
+        state.setdefault(widget, field.number(text))
         st.number_input(label, value=None, step=1.0, format="%.6g", **look)
     elif field.options is not None:
-        state.setdefault(widget, text if text in field.options else None)
-        look |= {"format_func": field.options.__getitem__, "placeholder": "not given"}
-        st.selectbox(label, list(field.options), index=None, **look)
+        options = field.options | ({} if text in ("", *field.options) else {text: text})  # what is not known, too
+        state.setdefault(widget, text or None)
+        look |= {"format_func": options.__getitem__, "placeholder": "not given", "required": bool(field.clears)}
+        st.selectbox(label, list(options), index=None, **look)
     else:
         state.setdefault(widget, text)
         st.text_input(label, max_chars=100, **look)
 
 
-def _keep(key: str, row: int, place: int, field: Field, value: float | str | None) -> None:
+def _keep(key: str, row: int, n: int, place: int, field: Field, value: float | str | None) -> None:
     state, written = st.session_state, f"{key} as typed"
-    parts = state[key][row].split(SEPARATOR)
-    shown = "" if value is None else f"{value / (field.factor or 1):.12g}" if isinstance(value, float) else value
-    parts[place] = shown.replace(SEPARATOR, "-")
+    parts = parts_of(state[key][row], n)
+    parts[place] = field.text(value, parts[place])
     parts = ["" if other in field.clears else part for other, part in enumerate(parts)]
     state[key] = [*state[key][:row], SEPARATOR.join(parts), *state[key][row + 1 :]]
     if not field.clears:  # else other widgets begin

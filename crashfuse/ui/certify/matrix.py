@@ -1,6 +1,5 @@
 """The planned tests: those of the campaign, of an uploaded file, or typed in, a row each."""
 
-import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -14,11 +13,20 @@ import streamlit as st
 from crashfuse.campaign import Campaign
 from crashfuse.certification import file_store
 from crashfuse.certification.matrix import Matrix
-from crashfuse.errors import CrashfuseError, DataError
+from crashfuse.errors import CrashfuseError, DataError, Problem
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.ui.certify.entry import SEPARATOR, Field, choose_kept, edit_rows, find_kept, show_wrong, uploaded
+from crashfuse.ui.certify.entry import (
+    SEPARATOR,
+    Field,
+    choose_kept,
+    edit_rows,
+    find_kept,
+    parts_of,
+    show_wrong,
+    uploaded,
+)
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.figures import choose
@@ -99,8 +107,9 @@ def _checked(content: bytes, campaign: Campaign) -> Matrix:
 @st.cache_resource(max_entries=32, show_spinner=False, hash_funcs=HASHED)
 def _typed(texts: tuple[str, ...], campaign: Campaign) -> Matrix:
     rows = [_parts(text, campaign) for text in texts]
-    rows = [row for row in rows if row[_SYSTEM] == rows[0][_SYSTEM]]  # a page writes no others
     system = SYSTEMS[rows[0][_SYSTEM]]
+    if mixed := [row[0] for row in rows if row[_SYSTEM] != rows[0][_SYSTEM]]:  # of a link, a page writes none
+        raise DataError(Problem("Planned tests", "one system of units", f"another in {mixed[0]}", "remove that row"))
     quantities = zip(("speed", "front_weight", "rear_weight"), system.endings, strict=True)
     names = ["id", *(f"{name}_{unit}" for name, unit in quantities), *campaign.factors]
     try:
@@ -116,21 +125,14 @@ def _typed(texts: tuple[str, ...], campaign: Campaign) -> Matrix:
 
 def _parts(text: str, campaign: Campaign) -> list[str]:
     """Id, speed, weights, the name of their units, and factors of a row, of whatever a link has."""
-    n = _SYSTEM + 1 + len(campaign.factors)
-    parts = [*text.split(SEPARATOR), *[""] * n][:n]
-    parts[1:_SYSTEM] = [own if _is_finite(own) else "" for own in parts[1:_SYSTEM]]
+    parts = parts_of(text, _SYSTEM + 1 + len(campaign.factors))
     return parts if parts[_SYSTEM] in SYSTEMS else [*parts[:_SYSTEM], "mph-lb", *parts[_SYSTEM + 1 :]]
-
-
-def _is_finite(text: str) -> bool:
-    with suppress(ValueError):
-        return math.isfinite(float(text))
-    return False
 
 
 def _text(i: str, vector: FloatArray, system: UnitSystem, factors: Sequence[str]) -> str:
     numbers = [f"{value / IN_SI[unit]:.12g}" for value, unit in zip(vector, _units(system), strict=True)]
-    return SEPARATOR.join([i, *numbers, *(name for name, own in SYSTEMS.items() if own == system), *factors])
+    name = next(name for name, own in SYSTEMS.items() if own == system)
+    return SEPARATOR.join([i.replace(SEPARATOR, "-"), *numbers, name, *factors])
 
 
 def _units(system: UnitSystem) -> tuple[str, str, str]:
@@ -138,13 +140,13 @@ def _units(system: UnitSystem) -> tuple[str, str, str]:
 
 
 def _usual(view: View) -> list[str]:
-    """Tests to start with: the campaign's, or round speeds over those of its tests, at their middle weights."""
     campaign, system, own = view.campaign, view.display.system, view.folder / _FILE
     with suppress(CrashfuseError):
         if own.is_file():
             items = _read(own, campaigns.stamp(own), campaign).items
+            kept = next((known for known in SYSTEMS.values() if known.endings == items[0][1].units), system)
             given = [(i, at.vector, [dict(at.factors).get(name, "") for name in campaign.factors]) for i, at in items]
-            return [_text(i, vector, system, factors) for i, vector, factors in given]
+            return [_text(i, vector, kept, factors) for i, vector, factors in given]
     step, factors = _STEPS[system.speed], [IN_SI[unit] for unit in _units(system)]
     tests = np.array([test.condition.vector for test in campaign.tests]) / factors
     low, high = np.ceil(tests[:, 0].min() / step) * step, np.floor(tests[:, 0].max() / step) * step
@@ -159,7 +161,7 @@ def _usual(view: View) -> list[str]:
 def _edit(view: View) -> None:
     """Numbers are kept in the units that the test was begun in."""
     campaign, shown, state = view.campaign, _units(view.display.system), st.session_state
-    address.put("planned", [SEPARATOR.join(_parts(text, campaign)) for text in state["planned"][:_MOST_ROWS]])
+    address.put("planned", [SEPARATOR.join(_parts(text, campaign)) for text in state["planned"]])
 
     def fields(parts: list[str]) -> list[Field | None]:
         units = zip(("Speed", "Front weight", "Rear weight"), shown, _units(SYSTEMS[parts[_SYSTEM]]), strict=True)
@@ -170,7 +172,9 @@ def _edit(view: View) -> None:
         return [Field("Id"), *numbers, None, *factors]
 
     with st.container(height=420 if len(state["planned"]) > _FEW_ROWS else "content", border=False, gap="xsmall"):
-        edit_rows("planned", (2, 2, 2, 2, 0.01, *[2] * len(campaign.factors)), fields)
+        edit_rows("planned", (2, 2, 2, 2, 0.01, *[2] * len(campaign.factors)), fields, view.display.units, _MOST_ROWS)
+    if len(state["planned"]) > _MOST_ROWS:
+        st.caption(f"{len(state['planned']) - _MOST_ROWS} more are judged; a file shows and changes them.")
     if len(state["planned"]) < _MOST_ROWS:
         st.button("Add a planned test", icon=":material/add:", on_click=_add, args=(view,))
 

@@ -56,7 +56,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Ver
     """Judge criteria at the conditions of a matrix, by the approach and the settings that are chosen."""
     address.default("approach", APPROACH, APPROACHES)
     approach = st.session_state["approach"]
-    config = replace(chosen_config(), approaches=(approach,), leave_out="test")
+    config = replace(chosen_config(approach), leave_out="test")
     return Request(
         ("certification", said_of(campaign), criteria, matrix, approach, config.preset, config.seed, config.device),
         f"{campaign.name}: verdicts on {len(matrix.ids)} planned tests",

@@ -255,20 +255,26 @@ def _state() -> MutableMapping[str, Any]:
     return cast("MutableMapping[str, Any]", st.session_state)
 
 
-def chosen_config() -> StudyConfig:
-    """The settings made on the Train page, else the defaults; also for a seed that is none, which that page tells."""
-    state = st.session_state
+def page_config() -> StudyConfig:
+    """The settings that act on what the open page shows."""
+    judged = _state().get("approach") if here().page == "certify" else None
+    return chosen_config(judged)
+
+
+def chosen_config(approach: str | None = None) -> StudyConfig:
+    """The settings made on Train, as far as they act on an approach or those chosen there; also for a wrong seed."""
+    state, chosen = st.session_state, (approach,) if approach else st.session_state.get("approaches") or APPROACHES
     seed = int(state.get("seed", 0))
     windows = {*WINDOWS_MS, float(state.get("window", WINDOWS_MS[-1]))}
     return StudyConfig(
-        approaches=tuple(name for name in APPROACHES if name in (state.get("approaches") or APPROACHES)),
+        approaches=tuple(name for name in APPROACHES if name in chosen),
         preset=state.get("preset", "fast"),
         seed=seed if seed in CHOICES["seed"].options else 0,
         windows_ms=tuple(sorted(windows)),
         leave_out=state.get("leave_out", "test"),
         device=state.get("device", "auto"),
         to_ttzv=bool(state.get("to_ttzv")),
-    )
+    ).effective
 
 
 def choose_campaign(name: str) -> None:

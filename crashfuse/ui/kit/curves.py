@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.neighbours import nearest_tests
-from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
+from crashfuse.approaches.registry import BASELINE, LABELS, by_preference, uses_preset
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
@@ -110,9 +110,13 @@ class Subject:
         for text in self.settings_asked if not self.test or len(self.view.campaign.tests) > 1 else ():
             if (config := _settings_of(text, self.shown)) is not None:
                 here = config if self.test else replace(config, leave_out="test")
-                if here != self.shown:
+                if self._is_other(here):
                     wanted.setdefault(here, text)
         return wanted
+
+    def _is_other(self, config: StudyConfig) -> bool:
+        acting = config if uses_preset(self.approach) else replace(config, preset=self.shown.preset)
+        return acting == config != self.shown
 
     def names(self) -> dict[str, str]:
         """Names in the legend of the predictions that can be added, by what stands for them."""
@@ -121,7 +125,8 @@ class Subject:
             known = _known_of_test(jobs().ended, self.test, self.approach, self.shown, campaign)
         else:
             known = _known_at_conditions(jobs().ended, self.shown, campaign)
-        texts = {config: f"{_SETTINGS}{config.preset} {config.seed} {config.leave_out}" for config in known}
+        others = filter(self._is_other, known)
+        texts = {config: f"{_SETTINGS}{config.preset} {config.seed} {config.leave_out}" for config in others}
         return {
             text: figures.earlier_name(self.approach, config, self.shown)
             for config, text in (texts | self.wanted).items()
@@ -140,7 +145,7 @@ class Subject:
                 of = plain(self.test) if self.test else "this condition"
                 then = patience(config, "This takes a minute or two.")
                 lacking = f"The prediction of {of} with {words} is not there (any more)."
-                button = " ".join(["Predict", *([of] if self.test else []), "with", words])
+                button = " ".join(["Predict", *([self.test] if self.test else []), "with", words])
                 result_or_none(self._request(config), invitation=f"{lacking} {then}", button=button)
 
     def _request(self, config: StudyConfig) -> Request[Any]:
@@ -251,7 +256,6 @@ def _nearest(subject: Subject) -> Sequence[str]:
 
 
 def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
-    """The settings that a text stands for, otherwise like those shown, if there are such."""
     with suppress(ValueError):
         preset, seed, leave_out = text.removeprefix(_SETTINGS).split(" ", 2)
         if int(seed) in address.CHOICES["seed"].options and leave_out in figures.LEFT_OUT:

@@ -80,10 +80,10 @@ def show_tests_out_of_use(view: View) -> None:
     """Ask why tests are left out, offer to take them away, and show why a change was refused."""
     show_refused()
     for test_id, _ in view.campaign.unused if can_be_edited(view.folder) else ():
-        key, label = f"why {test_id} of {view.folder} is left out", f"Why is {test_id} left out?"
+        key, label = f"why {test_id} of {view.folder} is left out", plain(f"Why is {test_id} left out?")
         address.put(key, view.campaign.why_unused.get(test_id, ""))
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-            st.markdown(f":small[{plain(label)}]", width="content")
+            st.markdown(f":small[{label}]", width="content")
             st.text_input(
                 label, key=key, max_chars=LONGEST_REASON, on_change=_edit,
                 args=(view, lambda test=test_id, key=key: say_why(view.folder, test, st.session_state[key])),

@@ -22,7 +22,7 @@ from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import address, campaigns
-from crashfuse.ui.kit.address import chosen_config
+from crashfuse.ui.kit.address import page_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.navigation import component
@@ -72,7 +72,7 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
         return Caption(file_name(*names), title, "")
     campaign = campaigns.load(state["campaign"])
     display = Display(float(state["window"]), state["unit"], system=SYSTEMS[state["system"]])
-    unused, config = [test for test, _ in campaign.unused], chosen_config()
+    unused, config = [test for test, _ in campaign.unused], page_config()
     if page in _OF_TEST:
         test = campaign.test(state["test"])
         names.insert(0, test.id)
@@ -103,7 +103,7 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
 
 def unusual_settings() -> list[str]:
     """How the settings of the open page differ from the usual ones, for names of files."""
-    page, config, usual = address.here().page, chosen_config(), StudyConfig()
+    page, config, usual = address.here().page, page_config(), StudyConfig()
     if page not in _WITH_SETTINGS:
         return []
     said = _left_out(page)
@@ -128,7 +128,7 @@ def _digest(text: str) -> str:
 
 
 def _left_out(page: str) -> list[str]:
-    left_out = chosen_config().leave_out
+    left_out = page_config().leave_out
     return [LEFT_OUT[left_out]] if page in _OF_TEST and left_out == "speed group" else []
 
 

@@ -12,7 +12,7 @@ from streamlit.delta_generator import DeltaGenerator
 from streamlit.navigation.page import Page
 from streamlit.runtime.scriptrunner import StopException
 
-from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.approaches.registry import APPROACHES, LABELS, uses_preset
 from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
@@ -30,7 +30,7 @@ from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
 from crashfuse.ui.kit.text import LF, TIME_DOMAIN, TO_TTZV_HELP, chosen_units, plain
-from crashfuse.wording import SYSTEMS, counted, said, speed
+from crashfuse.wording import SYSTEMS, counted, read_out, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it
@@ -46,9 +46,11 @@ def choose_settings() -> tuple[StudyConfig, str]:
     )  # fmt: skip
     st.caption(f"{LF} {TIME_DOMAIN}")
     left, right = st.columns(2, gap="large")
+    acts_on = read_out([LABELS[name] for name in filter(uses_preset, APPROACHES)])
     left.radio(
         "Settings", PRESETS, format_func={"fast": "Fast", "paper": "Paper"}.__getitem__, key="preset",
-        captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023)."], persist_state="session",
+        captions=["Ours: minutes on a laptop.", f"As published (Zeng et al. 2023): {acts_on}."],
+        persist_state="session",
     )  # fmt: skip
     with right.expander("Advanced", icon=":material/tune:"):
         st.number_input(  # without bounds, within which a browser would keep the last one and say nothing to the page
@@ -64,6 +66,8 @@ def choose_settings() -> tuple[StudyConfig, str]:
             key="device", persist_state="session", help="Results differ in their last digits.",
         )  # fmt: skip
     config = chosen_config()
+    if config.preset != st.session_state["preset"]:
+        st.warning("The paper's settings act on none of these approaches.", icon=":material/info:")
     if config.preset == "paper":
         st.warning("The paper's settings take many hours without a GPU.", icon=":material/timer:")
     if not chosen:
@@ -102,8 +106,9 @@ def sidebar(page: str) -> View | Sequence[Problem]:
         if state["campaign"] is None and ASKED not in state:
             state["campaign"] = campaigns.at_start()
         name = st.selectbox(
-            "Campaign", names, index=None, placeholder="none open", key="campaign", persist_state="session",
-            format_func=campaigns.label, on_change=_turn_to_campaign,
+            "Campaign", names, index=None if state["campaign"] is None else 0,  # None: Escape would clear the choice
+            placeholder="none open", key="campaign", persist_state="session", format_func=campaigns.label,
+            on_change=_turn_to_campaign,
         )  # fmt: skip
         if name is not None:
             try:
@@ -215,7 +220,6 @@ def _note(sentence: str, asked: str) -> None:
 
 
 def _turn_to_campaign() -> None:
-    """Begin with the campaign's defaults: a test's name may mean another condition there."""
     if st.session_state["campaign"] != st.session_state.pop(ASKED, ""):
         address.leave_campaign()
     forget()
@@ -285,7 +289,7 @@ def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None)
     row = show_title(title)
     if detail is None:
         return view
-    config = chosen_config()
+    config = address.page_config()
     colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
     label = f"{config.preset.capitalize()} settings, seed {config.seed}"
     with row:
@@ -357,7 +361,6 @@ def _open_with(page: str, chosen: Mapping[str, str]) -> None:
 
 @st.cache_data(ttl=60, show_spinner=False)
 def _not_kept() -> str:
-    """A sentence if nothing can be kept in the cache folder; empty if it can."""
     folder = default_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)

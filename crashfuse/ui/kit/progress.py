@@ -43,7 +43,7 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
     if job is not None:
         show_end(job)
     st.markdown(invitation)
-    st.button(button, type="primary", icon=":material/play_arrow:", on_click=request.start, key=button)
+    st.button(plain(button), type="primary", icon=":material/play_arrow:", on_click=request.start, key=button)
     return None
 
 

@@ -84,7 +84,6 @@ def _with_light_interval(cell: object) -> str:
 
 
 def _literally(cell: object) -> object:
-    """Text as it is, on one line if it is a rating with its grade."""
     if not isinstance(cell, str):
         return cell
     return plain(cell).replace(" ", "\N{NO-BREAK SPACE}") if _GRADED.fullmatch(cell) else plain(cell)

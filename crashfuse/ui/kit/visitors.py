@@ -201,7 +201,6 @@ def show_account() -> None:
 
 @st.cache_resource
 def _links() -> dict[str, tuple[str, dict[str, list[str]]]]:
-    """Page and choices that the last link in each browser asked for before the log-in."""
     return {}
 
 
