@@ -134,12 +134,15 @@ class CaeLibrary:
         return digest.hexdigest()
 
     def paired_run(self, condition: Condition) -> int | None:
-        """Index of the run at this condition (to a relative 2e-3), the nearest of several; None if there is none."""
+        """Index of the run at this condition (to a relative 2e-3), or None; known factors that differ tell runs apart.
+
+        Of several, one that states most of the factors, then the nearest.
+        """
         target = np.abs(condition.vector)
         gap = np.abs(self.vectors - condition.vector)
         away = np.divide(gap, target, out=np.where(gap > 0, np.inf, 0.0), where=target > 0).max(axis=1)
-        nearest = int(away.argmin())
-        return nearest if away[nearest] <= SAME_CONDITION else None
+        alike = [i for i in np.flatnonzero(away <= SAME_CONDITION).tolist() if condition.may_be(self.conditions[i])]
+        return min(alike, key=lambda i: (-condition.shared_factors(self.conditions[i]), away[i]), default=None)
 
     @cached_property
     def range(self) -> tuple[FloatArray, FloatArray]:

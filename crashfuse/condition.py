@@ -104,6 +104,10 @@ class Condition:
         known = dict(other.factors)
         return all(not value or known.get(name, value) in ("", value) for name, value in self.factors)
 
+    def shared_factors(self, other: "Condition") -> int:
+        """How many factors are known of both and equal."""
+        return len({pair for pair in self.factors if pair[1]} & {*other.factors})
+
     def is_at(self, other: "Condition") -> bool:
         """Whether it is another's, to a relative 2e-3 in speed and weights, and no factor tells them apart."""
         return self.may_be(other) and bool((np.abs(self.vector / other.vector - 1) <= SAME_CONDITION).all())
