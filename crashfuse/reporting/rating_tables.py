@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import LABELS, label_of
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.rating import graded
 from crashfuse.signals.rating_explanation import RatingExplanation, rating_sentences
@@ -153,7 +153,7 @@ def mean_values(study: Study) -> pd.DataFrame:
 
 def mean_ratings(study: Study) -> pd.DataFrame:
     """Mean ratings with their grades, as text, by approach and window."""
-    means = mean_values(study).rename(index=LABELS).rename_axis("Approach")
+    means = mean_values(study).rename(index=label_of).rename_axis("Approach")
     return means.map(lambda mean: "–" if np.isnan(mean) else graded(mean)).reset_index()
 
 

@@ -54,13 +54,14 @@ class StudyConfig:
     also: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        approaches, way = several(self.approaches), self.leave_out
+        way = self.leave_out
         object.__setattr__(self, "leave_out", re.sub("[-_]", " ", way) if isinstance(way, str) else way)
-        if not approaches:
-            raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
-        for name in approaches:
-            require_approach(name)
-        object.__setattr__(self, "approaches", tuple(dict.fromkeys(approaches)))
+        if self.approaches is not APPROACHES:  # which are not listed before they are asked for
+            if not (approaches := several(self.approaches)):
+                raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
+            for name in approaches:
+                require_approach(name)
+            object.__setattr__(self, "approaches", tuple(dict.fromkeys(approaches)))
         one_of("preset", self.preset, dict.fromkeys(PRESETS))
         one_of("way to leave tests out", self.leave_out, dict.fromkeys(get_args(LeaveOut)))
         one_of("device", self.device, dict.fromkeys(DEVICES))

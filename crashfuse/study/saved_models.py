@@ -81,7 +81,7 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
 
 def _check(path: Path, record: dict[str, Any], campaign: Campaign) -> None:
     approach = record["approach"]
-    if approach in CLASSES and path.stem != approach and path.name in map(model_file, CLASSES):
+    if approach in CLASSES and path.stem != approach and path.name in map(model_file, CLASSES.declared):
         raise DataError(Problem(str(path), f"a model of {path.stem}", f"one of {approach}", "give it its name back"))
     made, here = record["versions"], versions()
     if differing := [name for name in here if made.get(name) != here[name]]:

@@ -41,7 +41,7 @@ _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 def choose_settings() -> tuple[StudyConfig, str]:
     """Ask for the settings; second is what is wrong with them, if anything."""
     chosen = st.pills(
-        "Approaches", APPROACHES, selection_mode="multi", format_func=LABELS.__getitem__,
+        "Approaches", tuple(APPROACHES), selection_mode="multi", format_func=LABELS.__getitem__,
         key="approaches", persist_state="session",
     )  # fmt: skip
     st.caption(f"{LF} {TIME_DOMAIN}")
