@@ -2,7 +2,6 @@
 
 import re
 import unicodedata
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
@@ -223,9 +222,6 @@ def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool
         return None
     if not rows:
         problems.append(Problem(path.name, "a header and at least one row", *EMPTY))
-        return None
-    if twice := [name for name, count in Counter(names).items() if name and count > 1]:
-        problems.append(Problem(path.name, "each column once", f"{listed(twice)} twice", KEEP_ONE))
         return None
     kept = [at for at, name in enumerate(names) if name]
     cells = pd.DataFrame([[row[at] for at in kept] for row in rows], columns=[names[at] for at in kept], index=numbers)

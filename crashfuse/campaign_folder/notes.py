@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from crashfuse.campaign_folder.condition_tables import listed
+from crashfuse.campaign_folder.condition_tables import TABLES, listed
 from crashfuse.campaign_folder.history import taking_turns
 from crashfuse.errors import DataError, Problem, UsageError, printable, require_a, require_number, shortened
 from crashfuse.files.atomic import replacing
@@ -84,7 +84,7 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
             return
         ends = [["" if end is None else float(f"{end:.6g}") for end in (note.start_ms, note.end_ms)] for note in notes]
         rows = [(note.test, *times, note.text) for note, times in zip(notes, ends, strict=True)]
-        with replacing(path) as temporary:
+        with replacing(path, path.with_name(TABLES[0])) as temporary:
             temporary.write_bytes(csv_text([COLUMNS, *rows]).encode())
             _read(temporary)
 
@@ -95,7 +95,7 @@ def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
     expected = f"the columns {', '.join(COLUMNS)}"
     if missing := [name for name in COLUMNS if name not in names]:
         raise DataError(Problem(FILE, expected, f"none named {missing[0]}", _ADVICE))
-    if alone and (others := [name for name in names if name not in COLUMNS]):
+    if alone and (others := [name or "one without a name" for name in names if name not in COLUMNS]):
         raise DataError(Problem(FILE, f"{expected} alone", f"{listed(others)}, which would be lost", "take them out"))
     if len(rows) > MOST:
         raise DataError(Problem(FILE, f"at most {MOST} notes", f"{len(rows)}", "take some out"))

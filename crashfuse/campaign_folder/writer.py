@@ -136,7 +136,7 @@ def check_ids(ids: Sequence[str], where: str) -> None:
 def write_walls(path: Path, to: Path, walls: Mapping[str, Wall | None]) -> None:
     """Write the forces of barriers to another path; None takes out those that are there already."""
     try:
-        there = pd.read_parquet(path, columns=[*WALL_COLUMNS]) if path.is_file() else None
+        there = pd.read_parquet(path) if path.is_file() else None  # with any further columns
     except pa.ArrowException as error:
         raise DataError(Problem(path.name, *UNSOUND, _REPAIR)) from error
     frames = [] if there is None else [there[~there["id"].isin([*walls])]]
