@@ -139,8 +139,7 @@ def out_of_memory(error: BaseException) -> bool:
 
 
 OUT_OF_MEMORY = (
-    "Memory ran out. Close other programs, or ask for less at once: fewer workers or CAE runs, a shorter record. What "
-    "was finished is in the cache."
+    "Memory ran out. Close other programs, or ask for less at once: fewer workers or CAE runs, a shorter record."
 )
 
 

@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
@@ -178,18 +179,26 @@ def _read_walls(path: Path, problems: list[Problem]) -> dict[str, Wall]:
     return walls
 
 
-def unread_files(folder: Path) -> str:
-    """A sentence on the files of a campaign folder that nothing reads; empty if there are none, and for a zip."""
-    if not folder.is_dir():
+def unread_files(campaign: Path) -> str:
+    """A sentence on the files of a campaign folder, or a zip of one, that nothing reads; empty if there are none."""
+    if campaign.is_dir():
+        folders = [campaign, *(campaign / role for role in _ROLES if (campaign / role).is_dir())]
+        paths = [path.relative_to(campaign).as_posix() + "/" * path.is_dir() for of in folders for path in of.iterdir()]
+    elif campaign.is_file():
+        members = members_of_zip(campaign.name, campaign.read_bytes(), DEFAULT_LIMITS)
+        root = _root(members, campaign.name)
+        inside = [member.path.relative_to(root).parts for member in members if root in member.path.parents]
+        paths = ["/".join(p) if len(p) == 1 or (len(p) == 2 and p[0] in _ROLES) else f"{p[0]}/" for p in inside]
+    else:
         return ""
-    unread = []
-    for path in sorted(folder.iterdir()):
-        if path.name in _ROLES and path.is_dir():
-            unread += [f"{path.name}/{one.name}" for one in sorted(path.iterdir()) if one.suffix not in PULSES]
-        elif path.name not in AT_THE_TOP:
-            unread.append(path.name + "/" * path.is_dir())
+    unread = [name for name in sorted({*paths} - {f"{role}/" for role in _ROLES}) if not _is_read(name)]
     unread = [name for name in unread if not (archive.left_by_the_system(name.rstrip("/")) or _ABOUT.fullmatch(name))]
     return f"Not read, as no file of a campaign is called so: {listed(unread)}." if unread else ""
+
+
+def _is_read(name: str) -> bool:
+    folder, _, file = name.rpartition("/")
+    return PurePosixPath(file).suffix in PULSES if folder and file else name in AT_THE_TOP
 
 
 def _without_unused(
@@ -247,7 +256,8 @@ def _shortened(warnings: list[str], most: int = 5) -> list[str]:
 def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
     """Lay uploads, one zip of a campaign folder or its files, out as a folder in ``into``; numbers are not checked.
 
-    A pulse beside the tables belongs to the one that has its id. A DataError leaves nothing in ``into``.
+    A pulse beside the tables belongs to the one that has its id. What is no file of a campaign is not read, as in a
+    folder: it lies there without its content, to be named. A DataError leaves nothing in ``into``.
     """
     members, name = _opened(uploads, limits)
     root = _root(members, name)
@@ -261,6 +271,11 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
             member.write_to(folder / target, budget)
         _place(folder, [target for target in targets.values() if len(target.parts) == 1], problems)
         _check_rows(folder, limits)
+        for member in members:
+            is_note = _ABOUT.fullmatch(member.path.name) is not None
+            if not is_note and member not in targets and root in member.path.parents:
+                with suppress(OSError):  # a folder of that name, say
+                    _name_alone(folder / member.path.relative_to(root))
         if problems:
             every: list[Problem] = []
             with collecting(every):
@@ -315,11 +330,10 @@ def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Prob
     targets: dict[Member, PurePosixPath] = {}
     for member in members:
         ending = member.path.suffix.lower()
-        if trouble := _strange(member):
-            problems.append(trouble)
-        elif root in member.path.parents and _in_a_campaign(member.path.relative_to(root).with_suffix(ending)):
-            targets[member] = member.path.relative_to(root).with_suffix(ending)
-        elif ending not in _NOTES:
+        inside = member.path.relative_to(root) if root in member.path.parents else None
+        if inside is not None and _in_a_campaign(inside.with_suffix(ending)):
+            targets[member] = inside.with_suffix(ending)
+        elif inside is None and ending not in _NOTES:
             wrong = "a file of one campaign folder", "a file elsewhere", "put pulses into tests/ or cae/"
             problems.append(Problem(member.where, *wrong))
     times = Counter(folded(str(target)) for target in targets.values())
@@ -327,6 +341,11 @@ def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Prob
         problems.append(Problem(member.where, "names that differ by more than capitals", "two alike", "keep one"))
         del targets[member]
     return targets
+
+
+def _name_alone(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
 
 
 def _strange(member: Member) -> Problem | None:
@@ -355,9 +374,11 @@ def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Pro
     unread = [role for role, table in tables.items() if table is None]
     for path in strays:
         homes = [role for role, table in tables.items() if table and path.stem in table.ids] or unread[:1]
-        if len(homes) != 1:
-            expected, found = "a pulse named after an id of one table", "an id of both" if homes else "another name"
-            problems.append(Problem(path.name, expected, found, "zip it in tests/ or cae/"))
+        if not homes:
+            continue  # nobody's, and not read
+        if len(homes) > 1:
+            expected = "a pulse named after an id of one table"
+            problems.append(Problem(path.name, expected, "an id of both", "zip it in tests/ or cae/"))
         elif (home := folder / homes[0] / path.name).exists():
             problems.append(Problem(path.name, "each pulse once", f"one in {homes[0]}/ too", "keep one"))
         else:
