@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
-    certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one, whose verdicts are compared")
+    certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one, held against tests run since")
     _add_settings(certify)
     tried = ("seed", "preset", "tests")
     help_ = "make all again with another seed, the other preset, each test left out"

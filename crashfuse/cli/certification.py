@@ -58,7 +58,7 @@ def certify(arguments: argparse.Namespace) -> None:
         file_store.keep_certification(content, campaign)
     known = say_facts(campaign, display)
     print(counts_table(certification, display.units).to_string(index=False))
-    told = *sentences(certification, "summary"), *sentences(certification, "changes")
+    told = *sentences(certification, "summary"), *sentences(certification, "since")
     print(*map(display.words, [own for own in dict.fromkeys(told) if own not in known]), sep="\n")
     if alone:
         print(f"{alone} --since holds one against them.")
