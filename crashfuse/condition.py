@@ -55,6 +55,9 @@ class Condition:
     def __post_init__(self) -> None:
         for name in ("speed_mps", "front_weight_kg", "rear_weight_kg"):
             require_number(name, getattr(self, name))  # its sign is judged where tables and requests are
+        if not (isinstance(self.factors, tuple) and all(map(_is_factor, self.factors))):
+            found = printable(repr(self.factors), 60)
+            raise UsageError(f'Factors are pairs of name and value, such as (("drive", "FWD"),), not {found}.')
 
     @classmethod
     def of(cls, **given: float | str | None) -> Self:
@@ -84,6 +87,16 @@ class Condition:
         """The condition with this :attr:`vector`, shape (3,), in m/s and kg, that was given in these units."""
         speed_mps, front_kg, rear_kg = map(float, vector)
         return cls(speed_mps=speed_mps, front_weight_kg=front_kg, rear_weight_kg=rear_kg, factors=factors, units=units)
+
+    @classmethod
+    def of_cells(
+        cls, vector: Iterable[float], factors: tuple[tuple[str, str], ...], units: tuple[str, str, str]
+    ) -> Self:
+        """As :meth:`of_vector`, with NaN for a cell of a table that is no number, of which a problem tells."""
+        condition = object.__new__(cls)
+        for name, value in zip(cls.__slots__, (*map(float, vector), factors, units), strict=True):
+            object.__setattr__(condition, name, value)
+        return condition
 
     def _repr_html_(self) -> str:
         kind = "".join(f", {name} {value}" for name, value in self.factors if value)
@@ -168,6 +181,10 @@ class Condition:
         return cls.of_vector([speed_mps, front_kg, rear_kg], factors, (v0, front, rear))
 
 
+def _is_factor(pair: object) -> bool:
+    return isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(text, str) for text in pair)
+
+
 _QUANTITY = re.compile(r"(?P<number>\d{1,12}(\.\d{1,12})?)(?P<unit>[a-z]+)")
 
 
@@ -192,7 +209,7 @@ def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float |
     if len(found) > 1:
         raise UsageError(f"A condition has one {words}; given are {' and '.join(found)}.")
     try:
-        value = float(given[found[0]] or math.nan)
+        value = float(math.nan if isinstance(given[found[0]], bool) else given[found[0]] or math.nan)
     except (TypeError, ValueError):
         value = math.nan
     if not 0 < value < math.inf:

@@ -122,7 +122,7 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
     found_units = [column.rpartition("_")[2] for column in found_columns]
     given = (found_units[0], found_units[1], found_units[2]) if len(found_units) == len(FILE_UNITS) else FILE_UNITS
-    conditions = tuple(Condition.of_vector([v, front, rear], fac, given) for v, front, rear, fac in rows)
+    conditions = tuple(Condition.of_cells([v, front, rear], fac, given) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
     table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, about, units, tuned)
     return table if len(sound) == len(frame) else table.without({*range(len(frame))} - {*sound})

@@ -26,7 +26,7 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, collecting, printable, shortened
+from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, as_path, collecting, printable, shortened
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.files.parquet import ParquetTable
@@ -56,7 +56,7 @@ def load_campaign(path: str | Path, archive: str | Path | None = None) -> Campai
     An ``archive`` of past vehicles (``.cfa``) teaches it, else the folder's ``archive.cfa``, if it has one:
     :meth:`crashfuse.campaign.Campaign.with_archive`.
     """
-    path = Path(path)
+    path = as_path(path, "a campaign folder")
     known = None if archive is None else load_archive(archive)  # before the campaign, which takes longer
     if not (path.is_file() and path.suffix.lower() == ".zip"):
         return read_folder(path, known)
@@ -66,7 +66,7 @@ def load_campaign(path: str | Path, archive: str | Path | None = None) -> Campai
 
 def read_folder(folder: str | Path, archive: VehicleArchive | None = None) -> Campaign:
     """:func:`load_campaign` of a folder alone, with an archive that has been read."""
-    folder = Path(folder)
+    folder = as_path(folder, "a campaign folder")
     if not folder.is_dir():
         found = "a file" if folder.exists() else "no such folder"
         raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, CHECK_PATH))

@@ -9,7 +9,17 @@ from pathlib import Path
 
 from crashfuse.campaign_folder.condition_tables import TABLES, listed
 from crashfuse.campaign_folder.history import taking_turns
-from crashfuse.errors import DataError, Problem, UsageError, printable, require_a, require_number, shortened
+from crashfuse.errors import (
+    DataError,
+    Problem,
+    UsageError,
+    as_path,
+    printable,
+    require_a,
+    require_number,
+    several,
+    shortened,
+)
 from crashfuse.files.atomic import replacing
 from crashfuse.files.csv_text import csv_text, read_rows
 
@@ -60,7 +70,7 @@ class Note:
 
 def read_notes(folder: str | Path) -> tuple[Note, ...]:
     """The notes in a campaign folder, in order; none without a ``notes.csv``; a DataError if that is no such table."""
-    path = Path(folder, FILE)
+    path = as_path(folder, "a campaign folder") / FILE
     return _read(path) if path.exists() else ()
 
 
@@ -74,10 +84,10 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
 
     It is one if the old or new file cannot be read, or the old one has other columns, which would be lost.
     """
-    path = Path(folder, FILE)
+    path = as_path(folder, "a campaign folder") / FILE
     with taking_turns(path.parent):
         notes = change(_read(path, alone=True) if path.exists() else ())
-        for note in notes:
+        for note in several(notes):
             require_a(Note, note, "crashfuse.Note(test, text)")
         if not notes:
             path.unlink(missing_ok=True)

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
-from crashfuse.errors import Cancelled, DataError, UsageError, out_of_memory
+from crashfuse.errors import Cancelled, DataError, UsageError, as_path, out_of_memory
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.atomic import locked, write_atomically
 from crashfuse.version import versions
@@ -70,7 +70,7 @@ class Cache:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self.folder = default_folder() if folder is None else folder
+        self.folder = default_folder() if folder is None else as_path(folder, "the cache")
         self.most_bytes = _most_bytes()
         self.used: set[str] = set()  # names of the entries found or stored through this object
 

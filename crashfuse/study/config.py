@@ -68,6 +68,8 @@ class StudyConfig:
         if not (isinstance(self.seed, Integral) and 0 <= self.seed < 2**32):
             raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {self.seed}.")
         windows = several(self.windows_ms)
+        for window in windows:
+            require_a(str | Real, window, "a window in ms")
         if TO_TTZV in windows:
             object.__setattr__(self, "to_ttzv", True)
             windows = tuple(window for window in windows if window != TO_TTZV) or WINDOWS_MS
@@ -145,8 +147,9 @@ class StudyPlan:
         campaign, config = self.campaign, self.config
         require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
         require_a(StudyConfig, config, "crashfuse.StudyConfig()")
-        campaign.without(self.held_out)
-        object.__setattr__(self, "held_out", tuple(dict.fromkeys(self.held_out or campaign.test_ids)))
+        held_out = several(self.held_out)
+        campaign.without(held_out)
+        object.__setattr__(self, "held_out", tuple(dict.fromkeys(held_out or campaign.test_ids)))
         if len(campaign.tests) < 2:
             raise UsageError("Leaving a test out takes at least 2 tests.")
         config.check()

@@ -178,8 +178,8 @@ def learning_curve(
     and seed; all else is as in :func:`crashfuse.study.running.run_study`.
     """
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
-    if not (isinstance(repeats, Integral) and repeats >= 0):
-        raise UsageError(f"The number of random choices is 0 or more, not {repeats!r}.")
+    if isinstance(repeats, bool) or not (isinstance(repeats, Integral) and repeats >= 0):
+        raise UsageError(f"The number of random choices is 0 (even ones alone) or more, not {repeats!r}.")
     start = time.perf_counter()
     config = replace(config, leave_out="test")
     StudyPlan(campaign, config)  # checks tests, windows and settings

@@ -8,6 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.colors import hex_to_rgb
 
+from crashfuse.errors import require_a
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, CURSOR, GRID, INK, PAPER, WINDOW, WINDOW_INK, in_the_dark
 from crashfuse.signals.pulse import FloatArray
 
@@ -133,6 +134,7 @@ def room_above(figure: go.Figure) -> int:
 
 def darkened(figure: go.Figure) -> go.Figure:
     """The same figure in the colours of a dark page, or notebook; a report, which is meant for print, stays light."""
+    require_a(go.Figure, figure, "campaign.plot(), say")
     drawn = figure.to_plotly_json()
     return go.Figure([_in_the_dark(trace) for trace in drawn["data"]], _in_the_dark(drawn["layout"]))
 
