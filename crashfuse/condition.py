@@ -92,7 +92,7 @@ class Condition:
     def of_cells(
         cls, vector: Iterable[float], factors: tuple[tuple[str, str], ...], units: tuple[str, str, str]
     ) -> Self:
-        """As :meth:`of_vector`, with NaN for a cell of a table that is no number, of which a problem tells."""
+        """As :meth:`of_vector`, with NaN for a cell of a table that is no number."""
         condition = object.__new__(cls)
         for name, value in zip(cls.__slots__, (*map(float, vector), factors, units), strict=True):
             object.__setattr__(condition, name, value)

@@ -15,21 +15,10 @@ NO_FAULTS = (KeyboardInterrupt, GeneratorExit)
 
 
 class Extended(Mapping[str, T]):
-    """Ours by name, then those of other packages that can be used.
+    """Ours by name, then those of other packages, each imported when its name is asked for, or all are listed.
 
-    Another package is imported when its name is asked for, or one after the other as all are listed: one that hangs
-    or breaks is in nobody's way who does not use it.
-
-    Parameters
-    ----------
-    ours : dict
-        Those of crashfuse.
-    group : str
-        Of the entry points: ``crashfuse.approaches``, ``crashfuse.readers``.
-    kind : str
-        What they are, for messages.
-    check : callable
-        Takes name, loaded object and package. Returns what is to be used, or raises a ValueError that says why not.
+    ``kind`` is what they are, for messages. ``check`` takes the name, the object of the entry point and its package; it
+    returns what is to be used, or raises a ValueError that says what is wrong with it.
     """
 
     def __init__(self, ours: dict[str, T], group: str, kind: str, check: Callable[[str, object, str], T]) -> None:
@@ -54,7 +43,7 @@ class Extended(Mapping[str, T]):
         return "" if entry is None else entry.dist.name if entry.dist is not None else entry.value.partition(".")[0]
 
     def broken(self, name: str) -> str:
-        """Why another package's cannot be used; empty if it can, or there is none of this name."""
+        """Why another package's cannot be used; empty if it can."""
         if name not in self.ours and name in self._entries and name not in {**self._loaded, **self._broken}:
             try:
                 self._loaded[name] = self._check(name, self._entries[name].load(), self.package(name))

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crashfuse.cae.model import CaeModel
-from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.units import KPH, LB, MPH
@@ -61,13 +60,8 @@ def test_runs_are_paired_with_tests_of_their_kind(
     def at(v: Condition, drive: str | None) -> Condition:
         return replace(v, factors=() if drive is None else (("drive", drive),))
 
-    test = at(campaign.tests[0].condition, of_test)
-    elsewhere = campaign.cae.conditions[: len(campaign.cae) - len(of_runs) - len(campaign.tests)]
-    cae = CaeLibrary(
-        campaign.cae.ids[: len(of_runs) + len(elsewhere)],
-        (*(at(test, drive) for drive in of_runs), *elsewhere),
-        campaign.cae.accel_mps2[: len(of_runs) + len(elsewhere)],
-    )
+    test, elsewhere = at(campaign.tests[0].condition, of_test), campaign.cae.conditions[:11]
+    cae = replace(campaign.cae, conditions=(*(at(test, drive) for drive in of_runs), *elsewhere, *elsewhere))
     assert cae.paired_run(test) == pair
     source = "emulator" if pair is None else f"run {cae.ids[pair]}"
     assert CaeModel().fit(cae).pulse(test).source == source

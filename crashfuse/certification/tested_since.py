@@ -78,7 +78,7 @@ class TestedSince:
 
     @property
     def with_intervals(self) -> tuple[Trial, ...]:
-        """Those whose intervals count: of tests that the CAE model was tuned to, only what they missed."""
+        """Those whose intervals count: of tuned tests, only what they missed."""
         return tuple(t for t in self.trials if t.wrong or not t.held or t.held_out not in self._tuned)
 
     def held_against(self, criteria: Criteria) -> tuple[Trial, ...]:
@@ -124,7 +124,7 @@ class TestedSince:
         return frozenset(test.id for test in self.campaign.tests if test.cae_tuned)
 
     def _shifts(self, test: str, condition: str) -> dict[str, float]:
-        """How much more a test shows than at its condition, by the emulator at both: what is wrong in it cancels."""
+        """How much more a test shows than at its condition, by the emulator at both."""
         planned, run = dict(self.earlier.matrix.items)[condition], self.campaign.test(test).condition
         if run.is_at(planned) or not len(self.campaign.cae):
             return {}

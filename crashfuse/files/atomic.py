@@ -39,7 +39,7 @@ def write_atomically(path: Path, content: bytes) -> None:
 def replacing(path: Path, like: Path | None = None) -> Iterator[Path]:
     """A temporary path in the same folder to write to; it replaces the file once it is completely on the disk.
 
-    Who could open that file can open the new one; where there is none, who can open ``like``, a file beside it.
+    Who could open that file can open the new one; if it is new, who can open ``like``.
     """
     temporary = _unfinished(path.parent)
     try:

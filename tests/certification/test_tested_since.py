@@ -1,7 +1,7 @@
 """Verdicts that were given before tests were run: right or wrong, what counts, and what nobody gets rid of."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import EarlierVerdict, Word
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_facts import exceptions, facts, sentences
@@ -28,6 +29,7 @@ from crashfuse.reporting.plots.display import DEFAULT
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
+from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, MPH
 from tests.conftest import not_none
@@ -37,7 +39,6 @@ pytestmark = pytest.mark.usefixtures("one_cache")
 
 CRUSH, PEAK = Criterion("crush", "max_crush", at_most=430.0), Criterion("peak", "peak", at_most=25.0)
 GOOD = Criterion("good", "rating", at_least=0.5, window_ms=60.0)
-BOTH = Criteria((CRUSH, PEAK), 0.8)
 MET, MISSED = EarlierVerdict("met", 0.97, 100.0, 425.0), EarlierVerdict("not met", 0.02, 26.0, 27.0)
 OPEN, NARROW = EarlierVerdict("open", 0.6, 10.0, 500.0), EarlierVerdict("open", 0.5, 1.0, 2.0)
 SURE = EarlierVerdict("met", 0.99, 1.0, 2.0)
@@ -88,38 +89,35 @@ def measured(later: Certification, test: str) -> dict[str, float]:
     return {metric.name: metric.value or 0.0 for metric in later.campaign.metrics_of(later.campaign.test(test))}
 
 
+def changed(certification: Certification, change: Callable[[CrashTest], CrashTest], *tests: str) -> Certification:
+    """The same with some tests changed."""
+    campaign = certification.campaign
+    new = tuple(change(one) if one.id in tests else one for one in campaign.tests)
+    return replace(certification, campaign=replace(campaign, tests=new))
+
+
 def moved(certification: Certification, off_kph: float, *tests: str) -> Certification:
     """The same of tests that were run a little faster."""
-    campaign = certification.campaign
-    new = tuple(
-        replace(one, condition=replace(one.condition, speed_mps=one.condition.speed_mps + off_kph * KPH))
-        if one.id in tests
-        else one
-        for one in campaign.tests
-    )
-    return replace(certification, campaign=replace(campaign, tests=new))
+
+    def faster(one: CrashTest) -> CrashTest:
+        return replace(one, condition=replace(one.condition, speed_mps=one.condition.speed_mps + off_kph * KPH))
+
+    return changed(certification, faster, *tests)
 
 
 def louder(certification: Certification, factor: float, *tests: str) -> Certification:
     """The same with other records of these tests."""
-    campaign = certification.campaign
-    new = (
-        replace(one, pulse=replace(one.pulse, accel_mps2=factor * one.pulse.accel_mps2)) if one.id in tests else one
-        for one in campaign.tests
-    )
-    return replace(certification, campaign=replace(campaign, tests=tuple(new)))
+
+    def scaled(one: CrashTest) -> CrashTest:
+        return replace(one, pulse=replace(one.pulse, accel_mps2=factor * one.pulse.accel_mps2))
+
+    return changed(certification, scaled, *tests)
 
 
 def of(later: Certification, campaign: Campaign) -> Certification:
-    """The same verdicts from another campaign, which may lack some tests."""
-    judged, verdicts = (
-        tuple(
-            tuple(replace(v, run={t: shown for t, shown in v.run.items() if t in campaign.test_ids}) for v in row)
-            for row in rows
-        )
-        for rows in (later.judged, later.verdicts)
-    )
-    return replace(later, campaign=campaign, judged=judged, verdicts=verdicts)
+    """The same verdicts, as if no test was at a condition, from a campaign that may lack some."""
+    judged, verdicts = ([[replace(v, run={}) for v in row] for row in rows] for rows in (later.judged, later.verdicts))
+    return replace(later, campaign=campaign, judged=tuple(map(tuple, judged)), verdicts=tuple(map(tuple, verdicts)))
 
 
 def test_all_sentences_are_those_that_were_read(later: Certification) -> None:
@@ -167,14 +165,6 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(later: Certification
     assert "since" not in json.loads(certification_json(later))
 
 
-def test_beside_itself_there_is_no_test_since(later: Certification) -> None:
-    """Read from its own file: every verdict as it is, and no test."""
-    own = not_none(again(later, later).since)
-    verdicts = [verdict for row in own.earlier.verdicts for verdict in row]
-    assert verdicts == [EarlierVerdict(v.word, v.probability, v.lower, v.upper) for _, v in later.cells]
-    assert (own.new, own.gone, own.trials) == ((), (), ())
-
-
 def test_two_limits_or_conditions_alike_are_one_metric_of_a_test(later: Certification) -> None:
     """Or a criterion written twice would make a record; a wrong one counts."""
     first, *others = later.campaign.test_ids
@@ -191,11 +181,10 @@ def test_two_limits_or_conditions_alike_are_one_metric_of_a_test(later: Certific
 def test_a_test_where_none_was_needed_saved_or_missed(later: Certification) -> None:
     """By what it measured; a record that is too short saves nothing, nor does one where a rating is unknown."""
     second, *others = later.campaign.test_ids[1:]
-    whole = later.campaign.test(second)
-    short = replace(whole, pulse=replace(whole.pulse, accel_mps2=np.full(1250, -1.0)))
-    campaign = replace(later.campaign, tests=tuple(short if t.id == second else t for t in later.campaign.tests))
+    short = Pulse(GRID_S, np.full(1250, -1.0))
     criteria = Criteria((CRUSH, replace(PEAK, at_most=30.0)), 0.8)
-    beside = replace(later, campaign=campaign).beside(earlier(later, MET, criteria=criteria))
+    today = changed(later, lambda test: replace(test, pulse=short), second)
+    beside = today.beside(earlier(later, MET, criteria=criteria))
     limits = {test: (measured(later, test)["max_crush"] > 430, measured(later, test)["peak"] > 30) for test in others}
     found = not_none(beside.since).waived
     assert found == {test: any(missed) for test, missed in limits.items()}  # not the short one
@@ -208,11 +197,12 @@ def test_a_test_where_none_was_needed_saved_or_missed(later: Certification) -> N
 
 
 def test_a_record_is_known_by_its_content(later: Certification) -> None:
-    """Under another id it is no new test; another vehicle's file is refused."""
-    campaign, (first, second, *_) = later.campaign, later.campaign.test_ids
+    """Under another id it is no new test, nor is any beside its own file; another vehicle's file is refused."""
+    first, second, *_ = later.campaign.test_ids
     before = earlier(later, OPEN, first, second)
-    others = tuple(replace(test, id="renamed") if test.id == second else test for test in campaign.tests)
-    assert "renamed" not in since(replace(later, campaign=replace(campaign, tests=others)), before).new
+    assert "renamed" not in since(changed(later, lambda test: replace(test, id="renamed"), second), before).new
+    own = not_none(again(later, later).since)
+    assert (own.new, own.gone, own.trials) == ((), (), ())
     with pytest.raises(DataError, match="a certification of this campaign, found one of Tiny"):
         since(later, replace(before, tests={"X1": "of another vehicle"}))
 
@@ -264,9 +254,8 @@ def test_what_a_test_off_its_condition_measured_is_moved_there_as_the_cae_model_
 def test_what_does_not_count(later: Certification) -> None:
     """Right verdicts on tests that the CAE model was tuned to; any on repeats, whose answer had been seen."""
     first, second, *_ = later.campaign.test_ids
-    tuned = tuple(replace(test, cae_tuned=True) for test in later.campaign.tests)
     before = earlier(later, MET)
-    found = since(replace(later, campaign=replace(later.campaign, tests=tuned)), before)
+    found = since(changed(later, lambda test: replace(test, cae_tuned=True), *later.campaign.test_ids), before)
     assert {trial.wrong for trial in found.trials} == {False, True}
     assert found.counted == tuple(trial for trial in since(later, before).counted if trial.wrong)
     seen = since(later, earlier(later, MET, run={f"at {second}": {first: {"crush": 1.0}}}))
@@ -304,7 +293,7 @@ def test_wrong_verdicts_of_then_take_support_from_those_of_today(later: Certific
 
 
 def test_a_certification_in_between_forgets_nothing(later: Certification) -> None:
-    """Its file holds what those before it had said of tests that were run since, one test at a time or at once."""
+    """Its file holds what those before it had said of tests that were run since."""
     between = later.beside(earlier(later, SURE, criteria=TIGHT))
     support, waived = between.record.support(PEAK), not_none(between.since).waived
     assert support != later.record.support(PEAK)
@@ -313,17 +302,6 @@ def test_a_certification_in_between_forgets_nothing(later: Certification) -> Non
         assert not_none(own.since).new == ()
         assert (own.record.support(PEAK), not_none(own.since).waived) == (support, waived)
         assert [one["criterion"] for one in values(own, "since.wrong")] == ["peak"] * 3
-    others = later.campaign.test_ids[1:]
-    kept = earlier(later, NARROW, criteria=BOTH)
-    at_once, rows = since(later, kept), kept.verdicts
-    for number in range(len(others)):
-        some = later.campaign.without(others[number + 1 :])
-        step = parse_earlier(certification_json(of(later, some).beside(kept)))
-        kept = replace(step, run={}, verdicts=rows, criteria=BOTH)
-    assert {(t.held_out, t.verdict.criterion.metric) for t in kept.trials} == {
-        (t.held_out, t.verdict.criterion.metric) for t in at_once.trials
-    }
-    assert TrackRecord(kept.trials).intervals == TrackRecord(at_once.trials).intervals
 
 
 def test_what_one_test_alone_missed_is_no_sign_that_intervals_are_too_narrow(later: Certification) -> None:
