@@ -188,12 +188,16 @@ def unread_files(campaign: Path) -> str:
         members = members_of_zip(campaign.name, campaign.read_bytes(), DEFAULT_LIMITS)
         root = _root(members, campaign.name)
         inside = [member.path.relative_to(root).parts for member in members if root in member.path.parents]
-        paths = ["/".join(p) if len(p) == 1 or (len(p) == 2 and p[0] in _ROLES) else f"{p[0]}/" for p in inside]
+        paths = [_listed(parts, 2 if parts[0] in _ROLES else 1) for parts in inside]
     else:
         return ""
     unread = [name for name in sorted({*paths} - {f"{role}/" for role in _ROLES}) if not _is_read(name)]
     unread = [name for name in unread if not (archive.left_by_the_system(name.rstrip("/")) or _ABOUT.fullmatch(name))]
     return f"Not read, as no file of a campaign is called so: {listed(unread)}." if unread else ""
+
+
+def _listed(parts: Sequence[str], depth: int) -> str:
+    return "/".join(parts[:depth]) + "/" * (len(parts) > depth)
 
 
 def _is_read(name: str) -> bool:
@@ -271,11 +275,10 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
             member.write_to(folder / target, budget)
         _place(folder, [target for target in targets.values() if len(target.parts) == 1], problems)
         _check_rows(folder, limits)
-        for member in members:
-            is_note = _ABOUT.fullmatch(member.path.name) is not None
-            if not is_note and member not in targets and root in member.path.parents:
+        for path in (member.path.relative_to(root) for member in members if root in member.path.parents):
+            if not (_in_a_campaign(path.with_suffix(path.suffix.lower())) or _ABOUT.fullmatch(path.name)):
                 with suppress(OSError):  # a folder of that name, say
-                    _name_alone(folder / member.path.relative_to(root))
+                    _name_alone(folder / path)
         if problems:
             every: list[Problem] = []
             with collecting(every):

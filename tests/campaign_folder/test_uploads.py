@@ -194,12 +194,14 @@ def test_what_does_not_belong_is_not_read_and_named(
     """In a folder, a zip of it and loose files alike: a text, a pulse that is nobody's, a photo among the tests."""
     (campaign_folder / "notes.docx").write_bytes(b"x")
     (campaign_folder / "T9.csv").write_bytes(b"time_ms,acceleration_g\n0,0\n")
-    (campaign_folder / "tests" / "T1.jpg").write_bytes(b"x")
+    (campaign_folder / "tests" / "deep").mkdir()
+    for name in ("T1.jpg", "deep/T8.csv"):
+        (campaign_folder / "tests" / name).write_bytes(b"x")
     assert OPENED[way](campaign_folder, tmp_path).fingerprint == load_campaign(campaign_on_disk).fingerprint
     packed = tmp_path / "auto.zip"
     packed.write_bytes(archive.zipped({f"auto/{name}": data for name, data in content_of(campaign_folder).items()}))
     laid_out = lay_out([("upload.zip", packed.read_bytes())], tmp_path)
-    told = "Not read, as no file of a campaign is called so: T9.csv, notes.docx, tests/T1.jpg."
+    told = "Not read, as no file of a campaign is called so: T9.csv, notes.docx, tests/T1.jpg, tests/deep/."
     assert [unread_files(path) for path in (campaign_folder, packed, laid_out)] == [told] * 3
     assert (laid_out / "notes.docx").read_bytes() == b""  # nothing that nobody reads is unpacked
 
