@@ -10,7 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.condition import SAME_CONDITION, STEP_KG, STEP_MPS, About, Condition
+from crashfuse.errors import UsageError, require_a, require_number
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import LB
 from crashfuse.wording import Sentence, speed, weight
 
 QUALITIES: Mapping[str, str] = {
@@ -56,6 +58,14 @@ class QualityLimits:
     energy_change: float | None = None
     hourglass_share: float | None = None
     added_mass_share: float | None = None
+
+    def __post_init__(self) -> None:
+        require_a(str, self.name, "what the limits are called")
+        for name in QUALITIES:
+            if (limit := getattr(self, name)) is not None:
+                require_number(name, limit)
+                if not 0 < limit <= 1:
+                    raise UsageError(f"{name} is a share from 0 to 1 (5 % is 0.05), not {limit:g}.")
 
     @property
     def limited(self) -> tuple[str, ...]:
@@ -134,12 +144,15 @@ class CaeLibrary:
         return digest.hexdigest()
 
     def paired_run(self, condition: Condition) -> int | None:
-        """Index of the run at this condition (to a relative 2e-3), the nearest of several; None if there is none."""
+        """Index of the run at this condition (to a relative 2e-3), or None; known factors that differ tell runs apart.
+
+        Of several, one that states most of the factors, then the nearest.
+        """
         target = np.abs(condition.vector)
         gap = np.abs(self.vectors - condition.vector)
         away = np.divide(gap, target, out=np.where(gap > 0, np.inf, 0.0), where=target > 0).max(axis=1)
-        nearest = int(away.argmin())
-        return nearest if away[nearest] <= SAME_CONDITION else None
+        alike = [i for i in np.flatnonzero(away <= SAME_CONDITION).tolist() if condition.may_be(self.conditions[i])]
+        return min(alike, key=lambda i: (-condition.shared_factors(self.conditions[i]), away[i]), default=None)
 
     @cached_property
     def range(self) -> tuple[FloatArray, FloatArray]:
@@ -155,5 +168,7 @@ class CaeLibrary:
             tolerance = max(SAME_CONDITION * abs(x), step)  # that of a paired run
             if x < lo - tolerance or x > hi + tolerance:
                 outside = quantity(x), quantity(lo, hi, between=" to ")
-                notes.append(Sentence("Extrapolation: {} {} lies outside the CAE runs' {}.", name, *outside))
+                mistaken = quantity is weight and any(lo <= x * factor <= hi for factor in (LB, 1 / LB))
+                advice = " lb and kg may be exchanged." * mistaken
+                notes.append(Sentence("Extrapolation: {} {} lies outside the CAE runs' {}.{}", name, *outside, advice))
         return tuple(notes)

@@ -12,7 +12,7 @@ from crashfuse import views
 from crashfuse.cae_library import CaeLibrary, QualityLimits
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest, at_the_speed_of
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, require_a, several
 from crashfuse.signals.metrics import Metric, checked_metrics, metric_bases, metric_headings
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray
@@ -220,6 +220,7 @@ class Campaign:
 
     def test(self, test_id: str) -> CrashTest:
         """The test with this id; a UsageError if there is none."""
+        require_a(str, test_id, "the id of a test")
         for test in self.tests:
             if test.id == test_id:
                 return test
@@ -241,11 +242,12 @@ class Campaign:
 
     def without(self, test_ids: Sequence[str]) -> "Campaign":
         """The campaign with these tests held out: the only data available for predicting them."""
-        held_out = {self.test(test_id).id for test_id in test_ids}
+        held_out = {self.test(test_id).id for test_id in several(test_ids)}
         return replace(self, tests=tuple(test for test in self.tests if test.id not in held_out))
 
     def with_archive(self, archive: VehicleArchive) -> "Campaign":
         """The campaign that past vehicles teach; a UsageError if it shares runs or tests with two of them."""
+        require_a(VehicleArchive, archive, "crashfuse.load_archive(path)")
         return replace(self, prior=archive.prior_for(self.name, self.cae.fingerprint, self.tests))
 
     def evenly_over_speed(self, most: int) -> "Campaign":

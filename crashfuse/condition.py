@@ -55,6 +55,9 @@ class Condition:
     def __post_init__(self) -> None:
         for name in ("speed_mps", "front_weight_kg", "rear_weight_kg"):
             require_number(name, getattr(self, name))  # its sign is judged where tables and requests are
+        if not (isinstance(self.factors, tuple) and all(map(_is_factor, self.factors))):
+            found = printable(repr(self.factors), 60)
+            raise UsageError(f'Factors are pairs of name and value, such as (("drive", "FWD"),), not {found}.')
 
     @classmethod
     def of(cls, **given: float | str | None) -> Self:
@@ -85,6 +88,16 @@ class Condition:
         speed_mps, front_kg, rear_kg = map(float, vector)
         return cls(speed_mps=speed_mps, front_weight_kg=front_kg, rear_weight_kg=rear_kg, factors=factors, units=units)
 
+    @classmethod
+    def of_cells(
+        cls, vector: Iterable[float], factors: tuple[tuple[str, str], ...], units: tuple[str, str, str]
+    ) -> Self:
+        """As :meth:`of_vector`, with NaN for a cell of a table that is no number."""
+        condition = object.__new__(cls)
+        for name, value in zip(cls.__slots__, (*map(float, vector), factors, units), strict=True):
+            object.__setattr__(condition, name, value)
+        return condition
+
     def _repr_html_(self) -> str:
         kind = "".join(f", {name} {value}" for name, value in self.factors if value)
         return escape(f"{self}{kind}")
@@ -103,6 +116,10 @@ class Condition:
         """Whether no factor tells this condition from another: each is equal in both, or lacking in one."""
         known = dict(other.factors)
         return all(not value or known.get(name, value) in ("", value) for name, value in self.factors)
+
+    def shared_factors(self, other: "Condition") -> int:
+        """How many factors are known of both and equal."""
+        return len({pair for pair in self.factors if pair[1]} & {*other.factors})
 
     def is_at(self, other: "Condition") -> bool:
         """Whether it is another's, to a relative 2e-3 in speed and weights, and no factor tells them apart."""
@@ -164,6 +181,10 @@ class Condition:
         return cls.of_vector([speed_mps, front_kg, rear_kg], factors, (v0, front, rear))
 
 
+def _is_factor(pair: object) -> bool:
+    return isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(text, str) for text in pair)
+
+
 _QUANTITY = re.compile(r"(?P<number>\d{1,12}(\.\d{1,12})?)(?P<unit>[a-z]+)")
 
 
@@ -188,7 +209,7 @@ def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float |
     if len(found) > 1:
         raise UsageError(f"A condition has one {words}; given are {' and '.join(found)}.")
     try:
-        value = float(given[found[0]] or math.nan)
+        value = float(math.nan if isinstance(given[found[0]], bool) else given[found[0]] or math.nan)
     except (TypeError, ValueError):
         value = math.nan
     if not 0 < value < math.inf:

@@ -1,13 +1,15 @@
 """Exceptions of crashfuse, all derived from :class:`CrashfuseError`."""
 
+import math
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from numbers import Real
+from pathlib import Path
 from types import UnionType
-from typing import TypeVar
+from typing import TypeVar, get_args
 
 T = TypeVar("T")
 
@@ -107,13 +109,21 @@ class UsageError(CrashfuseError):
 def require_a(kind: type | UnionType, given: object, how: str) -> None:
     """Raise a UsageError if this is no such object; ``how`` is how to get one."""
     if not isinstance(given, kind):
-        name = kind.__name__ if isinstance(kind, type) else "path"
+        kinds = [kind] if isinstance(kind, type) else get_args(kind)
+        name = "path" if Path in kinds else kinds[0].__name__
         raise UsageError(f"This takes a {name} ({how}), not {printable(repr(given), 60)}.")
 
 
+def as_path(given: object, what: str) -> Path:
+    """The path that is given, as text or as a path; a UsageError if it is neither. ``what`` lies there."""
+    if not isinstance(given, str | Path):
+        raise UsageError(f"The path of {what} is text or a pathlib.Path, not {printable(repr(given), 60)}.")
+    return Path(given)
+
+
 def require_number(what: str, given: object) -> None:
-    """Raise a UsageError if this is no number: a text, a list, a truth value."""
-    if not isinstance(given, Real) or isinstance(given, bool):
+    """Raise a UsageError if this is no finite number: a text, a list, a truth value, NaN."""
+    if not isinstance(given, Real) or isinstance(given, bool) or not math.isfinite(given):
         raise UsageError(f"{what} is a number, not {printable(repr(given), 60)}.")
 
 
@@ -139,8 +149,7 @@ def out_of_memory(error: BaseException) -> bool:
 
 
 OUT_OF_MEMORY = (
-    "Memory ran out. Close other programs, or ask for less at once: fewer workers or CAE runs, a shorter record. What "
-    "was finished is in the cache."
+    "Memory ran out. Close other programs, or ask for less at once: fewer workers or CAE runs, a shorter record."
 )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import NO_FILE, DataError, Problem, UsageError
+from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, as_path
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.tensors import Arrays, read_tensors, tensor_bytes
 from crashfuse.signals.pulse import FloatArray
@@ -107,7 +107,7 @@ class VehicleArchive:
 
     def save(self, path: str | Path) -> None:
         """Write it to a ``.cfa`` file."""
-        write_atomically(Path(path), self.content)
+        write_atomically(as_path(path, "an archive"), self.content)
 
     @property
     def content(self) -> bytes:
@@ -137,7 +137,7 @@ def record_sentence(record: pd.DataFrame) -> str:
 
 def load_archive(path: str | Path) -> VehicleArchive:
     """Read an archive; a DataError if the file is none."""
-    path = Path(path)
+    path = as_path(path, "an archive")
     if not path.is_file():
         raise DataError(Problem(str(path), "an archive of vehicles", NO_FILE, "make it with crashfuse learn-archive"))
     try:

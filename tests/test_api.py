@@ -3,12 +3,16 @@
 import inspect
 import re
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import crashfuse
 from crashfuse import errors
+from crashfuse.campaign import Campaign
 
 NAMES = """
 
@@ -71,6 +75,14 @@ def test_types_that_public_calls_ask_for_are_public() -> None:
 
 TIME_S = np.arange(1250) * 8e-5
 BRAKING = -680.0 * np.sin(np.pi * TIME_S / 0.07) * (TIME_S < 0.07)  # takes 30.3 m/s away, so it stops a vehicle at 28
+
+
+def prediction() -> crashfuse.Prediction:
+    """A prediction with two draws."""
+    condition = crashfuse.Condition(speed_mps=28.0, front_weight_kg=950.0, rear_weight_kg=700.0)
+    return crashfuse.Prediction(condition, BRAKING, np.array([BRAKING, 0.9 * BRAKING]))
+
+
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "sign": (lambda: crashfuse.SolverCurve("mm-s-t", deceleration_sign="Positive"), "did you mean positive"),  # type: ignore[arg-type]
     "text for a number": (lambda: crashfuse.SolverCurve("mm-s-t", start_s="0.01"), "start_s is a number"),  # type: ignore[arg-type]
@@ -107,6 +119,21 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "mm/s² for m/s²": (lambda: crashfuse.pulse_metrics(BRAKING * 1e3, 28.0), "correct the unit"),
     "not finite": (lambda: crashfuse.pulse_metrics(np.nan * BRAKING, 28.0), "finite"),
     "draws": (lambda: crashfuse.pulse_metrics(BRAKING, 28.0, draws_mps2=np.ones((3, 7))), r"shape \(n_draws, 1250\)"),
+    "per cent for a share": (lambda: prediction().band(95), "between 0 and 1, such as 0.95, not 95"),
+    "a band upside down": (lambda: prediction().band(-0.95), "between 0 and 1"),
+    "two curves at once": (
+        lambda: crashfuse.rate_iso18571(*2 * [np.ones((600, 2))], dt_s=8e-5),
+        "one dimension, found one of 600 × 2",
+    ),
+    "no filter class": (lambda: crashfuse.Choices(channel_filter_class=61), '60, 180, 600, 1000 or "none", not 61'),
+    "nor of a comparison": (lambda: crashfuse.RatingChoices(channel_filter_class=61), "not 61"),
+    "no number": (lambda: crashfuse.Condition(speed_mps=np.nan, front_weight_kg=1.0, rear_weight_kg=1.0), "not nan"),
+    "factors": (
+        lambda: crashfuse.Condition(speed_mps=9.0, front_weight_kg=1.0, rear_weight_kg=1.0, factors={"drive": "AWD"}),  # type: ignore[arg-type]
+        "pairs of name and value",
+    ),
+    "no folder": (lambda: crashfuse.load_campaign(None), "The path of a campaign folder is text"),  # type: ignore[arg-type]
+    "a share in per cent": (lambda: crashfuse.QualityLimits("mine", hourglass_share=5), "5 % is 0.05"),
     "no campaign": (lambda: crashfuse.Fit.of("campaign", "cae"), "takes a Campaign"),  # type: ignore[arg-type]
 }
 
@@ -124,3 +151,73 @@ def test_one_thing_stands_for_a_series_of_it() -> None:
     one = crashfuse.StudyConfig(approaches="cae", windows_ms=60)  # type: ignore[arg-type]
     assert one == crashfuse.StudyConfig(approaches=["cae", "cae"], windows_ms=[60.0])  # type: ignore[arg-type]
     assert hash(one) == hash(crashfuse.StudyConfig(approaches=("cae",), windows_ms=(60.0,)))
+
+
+UNFIT = (None, object(), "x", 0, -1.0, 1e300, np.nan, np.inf, True, ["x"], {"a": 1}, np.zeros((3, 4)))
+CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which is the one that matters
+    **dict.fromkeys(("rate_iso18571", "explain_rating"), ("reference", "comparison", "dt_s", "window_ms")),
+    **dict.fromkeys(("rate_files", "rate_channels", "explain_files"), ("reference", "comparison", "windows_ms")),
+    **dict.fromkeys(("humps_table", "excursions_table", "rating_sentences"), ("explanation",)),
+    **dict.fromkeys(("recommend", "study_report"), ("study",)),
+    **dict.fromkeys(("figure_table", "darkened"), ("figure",)),
+    "rate_pairs": ("table", "windows_ms"),
+    "pulse_metrics": ("accel_mps2", "speed_mps", "dt_s", "draws_mps2", "occupant"),
+    "energy_crush": ("accel_mps2", "speed_mps"),
+    "load_campaign": ("path",),
+    "load_archive": ("path",),
+    "load_model": ("path", "campaign"),
+    "save_model": ("fit", "campaign", "path"),
+    "learn_archive": ("campaigns",),
+    "import_source": ("source", "out"),
+    "preview_source": ("source",),
+    "write_campaign": ("campaign", "folder"),
+    "read_notes": ("folder",),
+    "write_notes": ("folder", "notes"),
+    "predict": ("campaign", "condition", "approach", "config"),
+    "certify": ("campaign", "criteria", "matrix", "approach", "config", "costs"),
+    "run_study": ("campaign", "config", "held_out"),
+    "learning_curve": ("campaign", "config"),
+    "sweep": ("campaign", "condition", "approach", "config"),
+    "next_test": ("campaign", "config"),
+    "worst_test": ("study", "window_ms", "approach"),
+    "prediction_report": ("campaign", "estimates", "config"),
+    "Condition": ("speed_mps", "front_weight_kg", "rear_weight_kg", "factors"),
+    "Pulse": ("time_s", "accel_mps2"),
+    "Matrix": ("ids", "conditions"),
+    "Cache": ("folder",),
+    "Note": ("test", "text", "start_ms"),
+    "QualityLimits": ("name", "hourglass_share"),
+    "ColumnChoice": ("column", "role", "unit"),
+    "PartialCondition": ("speed_mps", "mass_kg"),
+    "Choices": ("channels", "unit", "gap_m", "channel_filter_class"),
+    "RatingChoices": ("channels", "channel_filter_class"),
+    "StudyConfig": ("approaches", "preset", "seed", "windows_ms", "leave_out", "device"),
+}
+
+
+@pytest.mark.usefixtures("one_cache")
+@pytest.mark.parametrize("name", CALLS)
+def test_whatever_is_given_is_taken_or_refused_in_a_sentence(
+    name: str, campaign: Campaign, campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No call has another exception for what a user may give for any argument."""
+    monkeypatch.chdir(tmp_path)
+    condition = campaign.tests[0].condition
+    sound: dict[str, object] = {
+        "accel_mps2": BRAKING, "time_s": TIME_S, "dt_s": 8e-5, "window_ms": 40.0, "windows_ms": (40.0,),
+        "speed_mps": 28.0, "front_weight_kg": 950.0, "rear_weight_kg": 700.0, "campaign": campaign,
+        "condition": condition, "approach": "cae", "config": crashfuse.StudyConfig(("cae",)), "estimates": [],
+        "criteria": [{"metric": "peak", "at_most": 30.0}], "matrix": pd.DataFrame(), "test": "T1", "text": "x",
+        "ids": ("A",), "conditions": (condition,), "column": "a", "role": "time", "name": "x", "notes": [],
+        **dict.fromkeys(("reference", "comparison"), BRAKING), "fit": crashfuse.Fit.of(campaign, "cae"),
+        **dict.fromkeys(("folder", "path", "source", "out", "table"), tmp_path / "none"),
+        "study": crashfuse.run_study(campaign, held_out=["T1"], approaches=["cae"], workers=1),
+    }  # fmt: skip
+    arguments = CALLS[name]
+    given = {argument: sound[argument] for argument in arguments if argument in sound}
+    if name in ("rate_files", "rate_channels", "explain_files"):
+        given |= dict.fromkeys(("reference", "comparison"), campaign_on_disk / "tests" / "T1.csv")
+    for argument in arguments:
+        for unfit in UNFIT:
+            with suppress(crashfuse.CrashfuseError):
+                getattr(crashfuse, name)(**given | {argument: unfit})

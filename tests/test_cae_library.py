@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.units import KPH, LB, MPH
@@ -14,7 +15,7 @@ from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem, said
 
 
 def test_a_run_at_a_tests_condition_is_its_pair(campaign: Campaign) -> None:
-    """The last four runs were made at the tests' conditions, whatever the extra columns say."""
+    """The last four runs were made at the tests' conditions; they say nothing of the drive."""
     pairs = [campaign.cae.paired_run(test.condition) for test in campaign.tests]
     assert pairs == [20, 21, 22, 23]
 
@@ -34,10 +35,36 @@ def test_a_pair_survives_rounding_and_is_the_nearest_of_several(campaign: Campai
     assert rounded != test
     assert campaign.cae.paired_run(rounded) == campaign.cae.paired_run(test)
     assert campaign.cae.paired_run(replace(test, front_weight_kg=1.004 * test.front_weight_kg)) is None
-    beside = replace(test, front_weight_kg=1.0018 * test.front_weight_kg)
+    beside = replace(test, front_weight_kg=1.0018 * test.front_weight_kg, factors=())
     twins = replace(campaign.cae, conditions=(beside, *campaign.cae.conditions[1:]))
     assert twins.paired_run(test) == campaign.cae.paired_run(test)
     assert twins.paired_run(beside) == 0
+
+
+@pytest.mark.parametrize(
+    ("of_test", "of_runs", "pair"),
+    [
+        ("AWD", ["FWD", "AWD"], 1),  # though the first is as near
+        ("AWD", ["FWD", "FWD"], None),
+        ("AWD", ["", "FWD"], 0),  # it may be of either
+        ("AWD", ["", "AWD"], 1),  # known is better than perhaps
+        ("", ["FWD", "AWD"], 0),
+        ("AWD", [None, "FWD"], 0),
+    ],
+)
+def test_runs_are_paired_with_tests_of_their_kind(
+    campaign: Campaign, of_test: str, of_runs: list[str | None], pair: int | None
+) -> None:
+    """A run of another drive is none of a test's; where one does not say, it may be. The CAE pulse is that run's."""
+
+    def at(v: Condition, drive: str | None) -> Condition:
+        return replace(v, factors=() if drive is None else (("drive", drive),))
+
+    test, elsewhere = at(campaign.tests[0].condition, of_test), campaign.cae.conditions[:11]
+    cae = replace(campaign.cae, conditions=(*(at(test, drive) for drive in of_runs), *elsewhere, *elsewhere))
+    assert cae.paired_run(test) == pair
+    source = "emulator" if pair is None else f"run {cae.ids[pair]}"
+    assert CaeModel().fit(cae).pulse(test).source == source
 
 
 def test_a_weight_beyond_the_library_is_flagged(campaign: Campaign) -> None:

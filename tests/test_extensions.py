@@ -206,3 +206,45 @@ def test_a_reader_that_breaks_is_found_out_by_the_contract(shown: dict[str, Any]
     ended = re.findall(r"::TestCareless::test_\w*(?:foreign|nothing_at_all|sound)\S* ([A-Z]+)", shown["tested"])
     assert ended == ["FAILED"] * 4, shown["tested"]
     assert "the reader of the package scaled-cae failed: ZeroDivisionError: division by zero" in shown["tested"]
+
+
+UNUSED = """
+import sys
+from crashfuse import cli
+from crashfuse.approaches.registry import require_approach
+from crashfuse.errors import CrashfuseError
+from crashfuse.readers.formats import FORMATS
+
+folder, place, source = sys.argv[1:]
+few, at = ["--approach", "displacement_domain"], "--speed-mph 20 --front-weight-lb 2000 --rear-weight-lb 1500".split()
+for command in (
+    ["check", folder],
+    ["study", folder, *few, "--workers", "1", "--out", f"{place}/study"],
+    ["predict", folder, *at, *few, "--out", f"{place}/predicted"],
+    ["next-test", folder, "--out", f"{place}/next"],
+    ["import", source, "--format", "csv", "--out", f"{place}/imported"],
+):
+    cli.main(command)
+    assert "slow_to_import" not in sys.modules, command
+assert "slow" in FORMATS.declared
+try:
+    require_approach("slow")
+except CrashfuseError as error:
+    print(error)
+"""
+
+
+def test_what_is_not_used_is_not_imported(tmp_path: Path, campaign_on_disk: Path) -> None:
+    """A package that hangs as it is imported is in the way of those alone who ask for what it adds."""
+    there = tmp_path / "slow_to_import-1.0.dist-info"
+    there.mkdir()
+    (tmp_path / "slow_to_import.py").touch()
+    (there / "METADATA").write_text("Metadata-Version: 2.1\nName: slow-to-import\nVersion: 1.0\n", encoding="utf-8")
+    points = "[crashfuse.approaches]\nslow = slow_to_import:A\n[crashfuse.readers]\nslow = slow_to_import:R\n"
+    (there / "entry_points.txt").write_text(points, encoding="utf-8")
+    path = os.pathsep.join([str(ROOT), str(tmp_path)])
+    command = [sys.executable, "-c", UNUSED, str(campaign_on_disk), str(tmp_path), str(campaign_on_disk / "tests")]
+    environment = {**os.environ, "PYTHONPATH": path}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, encoding="utf-8")
+    assert done.returncode == 0, done.stderr
+    assert "The approach 'slow' of the package slow-to-import cannot be used: AttributeError" in done.stdout

@@ -109,7 +109,7 @@ def printed(*arguments):
 config = StudyConfig(approaches=("cae", "scaled_cae"))
 study = run_study(campaign, config, held_out=["T3"], workers=1)
 shown["approach"] = {
-    "default": StudyConfig().approaches,
+    "default": [*StudyConfig().approaches],
     "label": LABELS["scaled_cae"],
     "colour": COLOURS["scaled_cae"],
     "scores": sorted(set(scores_table(study)["approach"])),

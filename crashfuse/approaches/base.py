@@ -11,7 +11,7 @@ import numpy.typing as npt
 from crashfuse.approaches.settings import Settings
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import NotFittedError
+from crashfuse.errors import NotFittedError, UsageError, require_number
 from crashfuse.execution.cache import Entry
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
@@ -59,7 +59,10 @@ class Prediction:
         return float(np.median(scores)) / (corridor + slope)
 
     def band(self, level: float = 0.95) -> tuple[FloatArray, FloatArray] | None:
-        """Central prediction interval at each time as (lower, upper) in m/s², or None."""
+        """Central prediction interval at each time as (lower, upper) in m/s², or None; ``level`` is its share."""
+        require_number("level", level)
+        if not 0 < level < 1:
+            raise UsageError(f"The level of a band is a share between 0 and 1, such as 0.95, not {level:g}.")
         return None if self.draws_mps2 is None else central_interval(self.draws_mps2, level)
 
     @property

@@ -3,11 +3,12 @@
 Those with networks are listed by an abstract base of their class, so that naming and drawing wait for no PyTorch.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from inspect import isabstract
 from math import inf
+from typing import cast
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.cae import Cae
@@ -17,7 +18,7 @@ from crashfuse.approaches.mixture import AboutFused
 from crashfuse.approaches.settings import PRESETS, Settings
 from crashfuse.approaches.time_domain.config import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
-from crashfuse.extensions import NO_FAULTS, Broken, load, said
+from crashfuse.extensions import NO_FAULTS, Extended, Names, said
 
 _ALL: tuple[type[Approach], ...] = (
     Cae,
@@ -28,36 +29,31 @@ _ALL: tuple[type[Approach], ...] = (
 )
 
 
-def _checked(name: str, loaded: object) -> type[Approach]:
+def _checked(name: str, loaded: object, _: str) -> type[Approach]:
     if not (isinstance(loaded, type) and issubclass(loaded, Approach)):
         raise ValueError("expected a subclass of crashfuse.approaches.base.Approach")
     if getattr(loaded, "name", None) != name:
         raise ValueError(f"its name is {getattr(loaded, 'name', None)!r}, its entry point's {name!r}")
-    if name in (approach.name for approach in _ALL):
-        raise ValueError("crashfuse has an approach of this name")
     kinds = dict.fromkeys(("label", "in_words", "description", "colour"), str) | {"preference": (int, float)}
     if missing := [name for name, kind in kinds.items() if not isinstance(getattr(loaded, name, None), kind)]:
         raise ValueError(f"it does not say its {', '.join(missing)}")
     return loaded
 
 
-_LOADED = tuple(load("crashfuse.approaches", "approach", _checked))
-_BROKEN = {entry.name: entry.sentence for entry in _LOADED if isinstance(entry, Broken)}
-_USABLE = [entry for entry in _LOADED if not isinstance(entry, Broken)]
+CLASSES = Extended({approach.name: approach for approach in _ALL}, "crashfuse.approaches", "approach", _checked)
+"""All approaches by name, in the order of tables and figures: uncorrected CAE first, mixtures, then other packages'."""
 
-CLASSES: dict[str, type[Approach]] = {approach.name: approach for approach in _ALL} | {
-    name: approach for name, approach, _ in _USABLE
-}
-"""All approaches by name; those of other packages come last."""
-
-PACKAGES: dict[str, str] = {name: package for name, _, package in _USABLE}
-"""The package of each approach that is not ours."""
-
-APPROACHES: tuple[str, ...] = tuple(CLASSES)
-"""Names of all approaches in the order of tables and figures: uncorrected CAE first, mixtures last."""
-
-LABELS: dict[str, str] = {name: approach.label for name, approach in CLASSES.items()}
+LABELS: Mapping[str, str] = CLASSES.mapped(lambda approach: approach.label)
 """Labels of the approaches in figures and tables."""
+
+
+def label_of(name: str) -> str:
+    """The label of an approach; any other name as it is."""
+    return LABELS.get(name, name)
+
+
+APPROACHES = cast(tuple[str, ...], Names(CLASSES))  # but for its type, which nothing asks for
+"""Names of all approaches."""
 
 BASELINE: str = Cae.name
 """Name of the baseline that every correction has to beat."""
@@ -70,8 +66,8 @@ def by_preference(names: Iterable[str]) -> list[str]:
 
 def require_approach(name: str) -> type[Approach]:
     """The class of an approach; raises as :func:`create`."""
-    if name in _BROKEN:
-        raise UsageError(_BROKEN[name])
+    if isinstance(name, str) and (reason := CLASSES.broken(name)):
+        raise UsageError(reason)
     return one_of("approach", name, CLASSES)
 
 
@@ -102,7 +98,8 @@ def blamed_on(name: str) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        if name not in PACKAGES or isinstance(error, (CrashfuseError, *NO_FAULTS)):
+        package = CLASSES.package(name)
+        if not package or isinstance(error, (CrashfuseError, *NO_FAULTS)):
             raise
-        text = f"The approach {name!r} of the package {PACKAGES[name]} failed: {said(error)}"
+        text = f"The approach {name!r} of the package {package} failed: {said(error)}"
         raise CrashfuseError(text) from error

@@ -2,7 +2,6 @@
 
 import re
 import unicodedata
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
@@ -123,7 +122,7 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
     found_units = [column.rpartition("_")[2] for column in found_columns]
     given = (found_units[0], found_units[1], found_units[2]) if len(found_units) == len(FILE_UNITS) else FILE_UNITS
-    conditions = tuple(Condition.of_vector([v, front, rear], fac, given) for v, front, rear, fac in rows)
+    conditions = tuple(Condition.of_cells([v, front, rear], fac, given) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
     table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, about, units, tuned)
     return table if len(sound) == len(frame) else table.without({*range(len(frame))} - {*sound})
@@ -223,9 +222,6 @@ def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool
         return None
     if not rows:
         problems.append(Problem(path.name, "a header and at least one row", *EMPTY))
-        return None
-    if twice := [name for name, count in Counter(names).items() if name and count > 1]:
-        problems.append(Problem(path.name, "each column once", f"{listed(twice)} twice", KEEP_ONE))
         return None
     kept = [at for at, name in enumerate(names) if name]
     cells = pd.DataFrame([[row[at] for at in kept] for row in rows], columns=[names[at] for at in kept], index=numbers)

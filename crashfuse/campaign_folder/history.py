@@ -22,7 +22,7 @@ from pathlib import Path
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.execution.cache import default_folder
-from crashfuse.files.atomic import NAME, flush, name_target, sole_writer, write_atomically
+from crashfuse.files.atomic import NAME, flush, name_target, replacing, share, sole_writer
 
 _HOME, _BEGUN, _LIST, _BEFORE, _AFTER = ".undo", "begun.json", "change.json", "before", "after"
 SHIPPED = Path(__file__).parents[2] / "sample_data"
@@ -201,9 +201,16 @@ def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
     content = json.dumps(asdict(Change(int(home.name), what, now, files, author)), indent=1).encode()
     if len(content) > _LARGEST or not all(map(_is_sound, files)):
         raise DataError(Problem(str(folder), "files of a campaign", "too many, or other names", "rename or split them"))
+    table = next((folder / name for name in ("tests.csv", "cae.csv") if (folder / name).is_file()), None)
+    for path in (home.parent, home, *home.rglob("*")):
+        if path.is_dir():
+            share(path, folder)
+    for name in names:  # who shares the folder can read what is new in it, whatever the umask of this process
+        share(home / _AFTER / name, folder / name if table is None or (folder / name).is_file() else table)
     for path in sorted(home.rglob("*"), reverse=True):  # the inner ones first
         flush(path)
-    write_atomically(home / _BEGUN, content)
+    with replacing(home / _BEGUN, table) as list_of_files:
+        list_of_files.write_bytes(content)
     for path in (home, home.parent, folder):
         flush(path)
 
@@ -226,7 +233,9 @@ def _move(source: Path, folder: Path, names: Sequence[str]) -> None:
     for name in names:
         target = folder / name
         if (source / name).exists():
-            target.parent.mkdir(exist_ok=True)
+            if not target.parent.exists():
+                target.parent.mkdir()
+                share(target.parent, folder)
             (source / name).replace(target)
         else:
             target.unlink(missing_ok=True)

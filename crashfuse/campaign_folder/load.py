@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
@@ -25,7 +26,7 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, collecting, printable, shortened
+from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, as_path, collecting, printable, shortened
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.files.parquet import ParquetTable
@@ -55,7 +56,7 @@ def load_campaign(path: str | Path, archive: str | Path | None = None) -> Campai
     An ``archive`` of past vehicles (``.cfa``) teaches it, else the folder's ``archive.cfa``, if it has one:
     :meth:`crashfuse.campaign.Campaign.with_archive`.
     """
-    path = Path(path)
+    path = as_path(path, "a campaign folder")
     known = None if archive is None else load_archive(archive)  # before the campaign, which takes longer
     if not (path.is_file() and path.suffix.lower() == ".zip"):
         return read_folder(path, known)
@@ -65,7 +66,7 @@ def load_campaign(path: str | Path, archive: str | Path | None = None) -> Campai
 
 def read_folder(folder: str | Path, archive: VehicleArchive | None = None) -> Campaign:
     """:func:`load_campaign` of a folder alone, with an archive that has been read."""
-    folder = Path(folder)
+    folder = as_path(folder, "a campaign folder")
     if not folder.is_dir():
         found = "a file" if folder.exists() else "no such folder"
         raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, CHECK_PATH))
@@ -178,18 +179,30 @@ def _read_walls(path: Path, problems: list[Problem]) -> dict[str, Wall]:
     return walls
 
 
-def unread_files(folder: Path) -> str:
-    """A sentence on the files of a campaign folder that nothing reads; empty if there are none, and for a zip."""
-    if not folder.is_dir():
+def unread_files(campaign: Path) -> str:
+    """A sentence on the files of a campaign folder, or a zip of one, that nothing reads; empty if there are none."""
+    if campaign.is_dir():
+        folders = [campaign, *(campaign / role for role in _ROLES if (campaign / role).is_dir())]
+        paths = [path.relative_to(campaign).as_posix() + "/" * path.is_dir() for of in folders for path in of.iterdir()]
+    elif campaign.is_file():
+        members = members_of_zip(campaign.name, campaign.read_bytes(), DEFAULT_LIMITS)
+        root = _root(members, campaign.name)
+        inside = [member.path.relative_to(root).parts for member in members if root in member.path.parents]
+        paths = [_listed(parts, 2 if parts[0] in _ROLES else 1) for parts in inside]
+    else:
         return ""
-    unread = []
-    for path in sorted(folder.iterdir()):
-        if path.name in _ROLES and path.is_dir():
-            unread += [f"{path.name}/{one.name}" for one in sorted(path.iterdir()) if one.suffix not in PULSES]
-        elif path.name not in AT_THE_TOP:
-            unread.append(path.name + "/" * path.is_dir())
+    unread = [name for name in sorted({*paths} - {f"{role}/" for role in _ROLES}) if not _is_read(name)]
     unread = [name for name in unread if not (archive.left_by_the_system(name.rstrip("/")) or _ABOUT.fullmatch(name))]
     return f"Not read, as no file of a campaign is called so: {listed(unread)}." if unread else ""
+
+
+def _listed(parts: Sequence[str], depth: int) -> str:
+    return "/".join(parts[:depth]) + "/" * (len(parts) > depth)
+
+
+def _is_read(name: str) -> bool:
+    folder, _, file = name.rpartition("/")
+    return PurePosixPath(file).suffix in PULSES if folder and file else name in AT_THE_TOP
 
 
 def _without_unused(
@@ -247,7 +260,8 @@ def _shortened(warnings: list[str], most: int = 5) -> list[str]:
 def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
     """Lay uploads, one zip of a campaign folder or its files, out as a folder in ``into``; numbers are not checked.
 
-    A pulse beside the tables belongs to the one that has its id. A DataError leaves nothing in ``into``.
+    A pulse beside the tables belongs to the one that has its id. What is no file of a campaign is not read, as in a
+    folder: it lies there without its content, to be named. A DataError leaves nothing in ``into``.
     """
     members, name = _opened(uploads, limits)
     root = _root(members, name)
@@ -261,6 +275,10 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
             member.write_to(folder / target, budget)
         _place(folder, [target for target in targets.values() if len(target.parts) == 1], problems)
         _check_rows(folder, limits)
+        for path in (member.path.relative_to(root) for member in members if root in member.path.parents):
+            if not (_in_a_campaign(path.with_suffix(path.suffix.lower())) or _ABOUT.fullmatch(path.name)):
+                with suppress(OSError):  # a folder of that name, say
+                    _name_alone(folder / path)
         if problems:
             every: list[Problem] = []
             with collecting(every):
@@ -315,11 +333,10 @@ def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Prob
     targets: dict[Member, PurePosixPath] = {}
     for member in members:
         ending = member.path.suffix.lower()
-        if trouble := _strange(member):
-            problems.append(trouble)
-        elif root in member.path.parents and _in_a_campaign(member.path.relative_to(root).with_suffix(ending)):
-            targets[member] = member.path.relative_to(root).with_suffix(ending)
-        elif ending not in _NOTES:
+        inside = member.path.relative_to(root) if root in member.path.parents else None
+        if inside is not None and _in_a_campaign(inside.with_suffix(ending)):
+            targets[member] = inside.with_suffix(ending)
+        elif inside is None and ending not in _NOTES:
             wrong = "a file of one campaign folder", "a file elsewhere", "put pulses into tests/ or cae/"
             problems.append(Problem(member.where, *wrong))
     times = Counter(folded(str(target)) for target in targets.values())
@@ -327,6 +344,11 @@ def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Prob
         problems.append(Problem(member.where, "names that differ by more than capitals", "two alike", "keep one"))
         del targets[member]
     return targets
+
+
+def _name_alone(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
 
 
 def _strange(member: Member) -> Problem | None:
@@ -355,9 +377,11 @@ def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Pro
     unread = [role for role, table in tables.items() if table is None]
     for path in strays:
         homes = [role for role, table in tables.items() if table and path.stem in table.ids] or unread[:1]
-        if len(homes) != 1:
-            expected, found = "a pulse named after an id of one table", "an id of both" if homes else "another name"
-            problems.append(Problem(path.name, expected, found, "zip it in tests/ or cae/"))
+        if not homes:
+            continue  # nobody's, and not read
+        if len(homes) > 1:
+            expected = "a pulse named after an id of one table"
+            problems.append(Problem(path.name, expected, "an id of both", "zip it in tests/ or cae/"))
         elif (home := folder / homes[0] / path.name).exists():
             problems.append(Problem(path.name, "each pulse once", f"one in {homes[0]}/ too", "keep one"))
         else:

@@ -7,9 +7,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from crashfuse.campaign_folder.condition_tables import listed
+from crashfuse.campaign_folder.condition_tables import TABLES, listed
 from crashfuse.campaign_folder.history import taking_turns
-from crashfuse.errors import DataError, Problem, UsageError, printable, require_a, require_number, shortened
+from crashfuse.errors import (
+    DataError,
+    Problem,
+    UsageError,
+    as_path,
+    printable,
+    require_a,
+    require_number,
+    several,
+    shortened,
+)
 from crashfuse.files.atomic import replacing
 from crashfuse.files.csv_text import csv_text, read_rows
 
@@ -60,7 +70,7 @@ class Note:
 
 def read_notes(folder: str | Path) -> tuple[Note, ...]:
     """The notes in a campaign folder, in order; none without a ``notes.csv``; a DataError if that is no such table."""
-    path = Path(folder, FILE)
+    path = as_path(folder, "a campaign folder") / FILE
     return _read(path) if path.exists() else ()
 
 
@@ -74,17 +84,17 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
 
     It is one if the old or new file cannot be read, or the old one has other columns, which would be lost.
     """
-    path = Path(folder, FILE)
+    path = as_path(folder, "a campaign folder") / FILE
     with taking_turns(path.parent):
         notes = change(_read(path, alone=True) if path.exists() else ())
-        for note in notes:
+        for note in several(notes):
             require_a(Note, note, "crashfuse.Note(test, text)")
         if not notes:
             path.unlink(missing_ok=True)
             return
         ends = [["" if end is None else float(f"{end:.6g}") for end in (note.start_ms, note.end_ms)] for note in notes]
         rows = [(note.test, *times, note.text) for note, times in zip(notes, ends, strict=True)]
-        with replacing(path) as temporary:
+        with replacing(path, path.with_name(TABLES[0])) as temporary:
             temporary.write_bytes(csv_text([COLUMNS, *rows]).encode())
             _read(temporary)
 
@@ -95,7 +105,7 @@ def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
     expected = f"the columns {', '.join(COLUMNS)}"
     if missing := [name for name in COLUMNS if name not in names]:
         raise DataError(Problem(FILE, expected, f"none named {missing[0]}", _ADVICE))
-    if alone and (others := [name for name in names if name not in COLUMNS]):
+    if alone and (others := [name or "one without a name" for name in names if name not in COLUMNS]):
         raise DataError(Problem(FILE, f"{expected} alone", f"{listed(others)}, which would be lost", "take them out"))
     if len(rows) > MOST:
         raise DataError(Problem(FILE, f"at most {MOST} notes", f"{len(rows)}", "take some out"))

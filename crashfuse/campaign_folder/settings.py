@@ -9,6 +9,7 @@ from typing import Any, TypeGuard, TypeVar
 from crashfuse.cae_library import NAMED_LIMITS, QUALITIES, QualityLimits, RunQuality
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.toml_text import read_toml, shown
+from crashfuse.signals.filters import CLASSES
 from crashfuse.signals.occupant import OCCUPANT_RANGES, USUAL_OCCUPANT, OccupantModel, likely_m
 from crashfuse.units import MS
 
@@ -75,12 +76,13 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
         value = _pop(values, key, default, lambda v: isinstance(v, str) and len(v) <= most, expected, problems)
         return printable(" ".join(value.split("\n")), most)
 
-    def filter_class(key: str) -> float | None:
-        expected = 'a channel filter class such as 60 or 180, or "none"'
-        cfc = _pop(values, key, "none", lambda v: v == "none" or _is_number(v, 1, 1000), expected, problems)
+    def filter_class(key: str, is_class: Callable[[object], bool]) -> float | None:
+        expected = 'a channel filter class (60, 180, 600 or 1000), or "none"'
+        cfc = _pop(values, key, "none", lambda v: v == "none" or is_class(v), expected, problems)
         return None if cfc == "none" else float(cfc)
 
-    cfc, already = filter_class("channel_filter_class"), filter_class("filtered_with")
+    cfc = filter_class("channel_filter_class", lambda v: _is_number(v, 1, 1000) and v in CLASSES)
+    already = filter_class("filtered_with", lambda v: _is_number(v, 1, 1000))  # elsewhere, by whatever filter
     if cfc is not None and already is not None:
         both = "channel_filter_class and filtered_with"
         problems.append(Problem(_FILE, "one of the two", both, "leave out the first, or pulses are filtered twice"))

@@ -21,7 +21,7 @@ from crashfuse.campaign_folder.condition_tables import id_trouble
 from crashfuse.campaign_folder.load import WALL_COLUMNS, WALLS, read_folder
 from crashfuse.campaign_folder.settings import QualitySettings, occupant_lines
 from crashfuse.condition import About, Condition
-from crashfuse.errors import DataError, Problem, require_a
+from crashfuse.errors import DataError, Problem, as_path, require_a
 from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_text import csv_bytes, csv_text, original, write_rows
 from crashfuse.files.parquet import UNSOUND, check_size
@@ -51,7 +51,7 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
     (the folder is not empty, an id is no file name) or an OSError leaves nothing behind.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
-    folder = Path(folder)
+    folder = as_path(folder, "the new campaign folder")
     check_ids([*campaign.test_ids, *campaign.cae.ids], folder.name)
     with new_folder(folder) as home:
         for role in ("tests", "cae"):
@@ -136,7 +136,7 @@ def check_ids(ids: Sequence[str], where: str) -> None:
 def write_walls(path: Path, to: Path, walls: Mapping[str, Wall | None]) -> None:
     """Write the forces of barriers to another path; None takes out those that are there already."""
     try:
-        there = pd.read_parquet(path, columns=[*WALL_COLUMNS]) if path.is_file() else None
+        there = pd.read_parquet(path) if path.is_file() else None  # with any further columns
     except pa.ArrowException as error:
         raise DataError(Problem(path.name, *UNSOUND, _REPAIR)) from error
     frames = [] if there is None else [there[~there["id"].isin([*walls])]]

@@ -78,7 +78,7 @@ class Certification:
         """The same held against an earlier one, too; a DataError if that is another vehicle's."""
         earlier.require_of(self.campaign)
         since = TestedSince(earlier, self.campaign)
-        record = replace(self.record, since=since.trials(self.criteria))
+        record = replace(self.record, since=since.held_against(self.criteria))
         verdicts = hold(self.judged, self.campaign, self.criteria, record, since.gone_runs)
         return replace(self, verdicts=verdicts, record=record, since=since)
 

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -27,8 +27,6 @@ FILE = seal.FILE
 _SHORT = 12  # characters of the fingerprint of the CAE runs among the settings
 Shown = Mapping[str, float | None]
 """What a test showed, by quantity or criterion; None if its record is too short."""
-Outcomes = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
-"""By test, the criteria that it missed, and those of which its record is too short to tell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +44,6 @@ class Earlier:
     """An earlier certification, by its own account."""
 
     digest: str  # SHA-256 of its file
-    before: tuple[str, ...]  # that of certifications before it, the latest first
     date: str
     settings: Mapping[str, str]  # what decides verdicts besides tests, criteria and matrix, by names that readers know
     tests: Mapping[str, str]  # those that it learned from: digests by id
@@ -54,12 +51,11 @@ class Earlier:
     matrix: Matrix
     occupant: OccupantModel
     trials: tuple[Trial, ...]  # verdicts of certifications before it on tests that were run since
-    waived_before: Mapping[str, Outcomes]  # what tests showed where those before it needed none
+    waived_before: Mapping[str, bool]  # tests run where those before it needed none: whether each missed a criterion
     gone: tuple[RemovedTest, ...]  # of certifications before it, not used any more
     run: Mapping[str, Mapping[str, Shown]]  # what tests at its conditions showed: by condition, test and criterion
     verdicts: tuple[tuple[EarlierVerdict, ...], ...]  # by condition of its matrix, then by criterion
     waived: tuple[str, ...]  # conditions that needed no test, and had none
-    sealed: str = ""  # the key that sealed it, if one did
 
     def __repr__(self) -> str:
         return f"<Earlier certification of {len(self.matrix.ids)} conditions from {len(self.tests)} tests>"
@@ -124,21 +120,20 @@ _WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, Re
 def read_earlier(path: Path) -> Earlier:
     """Read ``certification.json``, or the one in this folder; raises a DataError if it is not such a file."""
     path = path / FILE if path.is_dir() else path
-    content = seal.read(path, "the record of a certification")
-    return parse_earlier(content, path, seal.sealed_by(path.parent) if path.name == FILE else "")
+    return parse_earlier(seal.read(path, "the record of a certification"), path)
 
 
-def parse_earlier(content: bytes, path: Path = Path(FILE), sealed: str = "") -> Earlier:
-    """The same of a file's content, sealed by this key if by any; ``path`` is named where it is wrong."""
+def parse_earlier(content: bytes, path: Path = Path(FILE)) -> Earlier:
+    """The same of a file's content; ``path`` is named where it is wrong."""
     try:
-        return _of(json.loads(content), hashlib.sha256(content).hexdigest(), sealed)
+        return _of(json.loads(content), hashlib.sha256(content).hexdigest())
     except _WRONG:
         found = "another file, or a damaged one" if content.strip() else "an empty file"
         advice = f"give the {FILE} that crashfuse certify writes"
         raise DataError(Problem(path.name, "the record of a certification", found, advice)) from None
 
 
-def _of(values: dict[str, Any], digest: str, sealed: str) -> Earlier:
+def _of(values: dict[str, Any], digest: str) -> Earlier:
     rows, cells, before = [dict(row) for row in values["matrix"]], values["cells"], values.get("since", {})
     asked = values["criteria"]
     declared = None if asked.get("confidence_by_costs") else asked["confidence"]
@@ -147,21 +142,18 @@ def _of(values: dict[str, Any], digest: str, sealed: str) -> Earlier:
     _require(not any(map(is_beyond, matrix.conditions)))
     return Earlier(
         digest,
-        tuple(map(_text, filter(None, (before.get("sha256"), *before.get("before", ()))))),
         f"{datetime.fromisoformat(values['date']).astimezone(UTC):%Y-%m-%d %H:%M} UTC",
         {"campaign": "another vehicle", **{name: _text(value) for name, value in values["settings"].items()}},
         dict(zip(_ids(values["tests_sha256"]), map(_text, values["tests_sha256"].values()), strict=True)),
         criteria,
         matrix,
         _occupant(values),
-        # what a file says of others' seals is believed if it is sealed itself
-        tuple(_trial(trial, believed=bool(sealed)) for trial in before.get("verdicts", ())),
-        {_text(name): _outcomes(tests) for name, tests in before.get("waived_and_tested", {}).items()},
+        tuple(map(_trial, before.get("verdicts", ()))),
+        dict(zip(_ids(before.get("waived", {})), map(_truth, before.get("waived", {}).values()), strict=True)),
         tuple(_removed(**test) for test in before.get("gone", ())),
         {i: _shown(tests) for i, tests in values["run"].items() if i in matrix.ids},
         tuple(tuple(_verdict(*cells[i][criterion.name]) for criterion in criteria.items) for i in matrix.ids),
         tuple(i for i in matrix.ids if i in values["waived"]),
-        sealed,
     )
 
 
@@ -172,6 +164,11 @@ def _in_their_units(limits: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def _require(fine: bool) -> None:
     if not fine:
         raise ValueError("not as it was written")  # whoever reads the file says that it is damaged
+
+
+def _truth(value: object) -> bool:
+    _require(isinstance(value, bool))
+    return bool(value)
 
 
 def _text(value: object) -> str:
@@ -185,17 +182,11 @@ def _ids(ids: Iterable[str]) -> tuple[str, ...]:
     return checked
 
 
-def _trial(trial: dict[str, Any], *, believed: bool) -> Trial:
+def _trial(trial: dict[str, Any]) -> Trial:
     (limit,) = criteria_of(_in_their_units([trial["criterion"]])).items
     numbers, test = (trial["measured"], trial.get("shift", 0.0)), trial["test"]
     _require(all(map(is_number, numbers)) and not id_trouble(test))
-    planned = trial_of(test, Condition.parse(trial["condition"]), limit, _verdict(*trial["said"]), *map(float, numbers))
-    return replace(planned, given=(_text(trial.get("date", "")), _text(trial.get("sealed", "")) if believed else ""))
-
-
-def _outcomes(tests: dict[str, dict[str, list[str]]]) -> Outcomes:
-    each = [(tuple(map(_text, test["missed"])), tuple(map(_text, test["unknown"]))) for test in tests.values()]
-    return dict(zip(_ids(tests), each, strict=True))
+    return trial_of(test, Condition.parse(trial["condition"]), limit, _verdict(*trial["said"]), *map(float, numbers))
 
 
 def _removed(test: str, sha256: str, condition: str, measured: dict[str, float | None]) -> RemovedTest:

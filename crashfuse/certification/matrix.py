@@ -12,7 +12,7 @@ import pandas as pd
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.campaign_folder.writer import in_memory
 from crashfuse.condition import FILE_UNITS, Condition
-from crashfuse.errors import DataError, Problem, UsageError, require_a, shortened
+from crashfuse.errors import DataError, Problem, UsageError, require_a, several, shortened
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.estimate import BOUNDS, is_beyond
@@ -33,6 +33,10 @@ class Matrix:
     conditions: tuple[Condition, ...]
 
     def __post_init__(self) -> None:
+        for i in several(self.ids):
+            require_a(str, i, "the id of a condition")
+        for condition in several(self.conditions):
+            require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
         if not 0 < len(self.ids) <= _MOST:
             raise UsageError(f"A matrix has 1 to {_MOST:,} conditions, not {len(self.ids):,}.")
 

@@ -138,14 +138,6 @@ class Sealed(NamedTuple):
     rests_on: Mapping[str, str]
 
 
-def sealed_by(folder: Path) -> str:
-    """The key that sealed the certification in a folder; empty if none did, or it was changed since."""
-    try:
-        return verify(folder).key
-    except (DataError, UsageError):
-        return ""
-
-
 def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = None) -> Sealed:
     """Hold a certification against its seal, by a trusted key or its own; a DataError has every changed file."""
     key, signature = _signed(folder / SEAL)

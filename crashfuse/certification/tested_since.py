@@ -1,9 +1,7 @@
-"""Tests beside an earlier certification: those that were run since, and those that it knew and that are gone."""
+"""Tests beside an earlier certification: verdicts given before they were run, and tests that are gone."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import date, datetime
 from functools import cached_property
 
 import numpy as np
@@ -54,110 +52,55 @@ class TestedSince:
 
     @cached_property
     def made_for(self) -> dict[str, str]:
-        """The condition then that a new test was made for, by test."""
+        """The condition then that a new test was made for, by test; where it knew a test there, it is a repeat."""
         return self.earlier.matrix.made_for((test, self.campaign.test(test).condition) for test in self.new)
 
-    @property
-    def at(self) -> dict[str, str]:
-        """The same of tests that tell whether verdicts came true."""
-        return {test: i for test, i in self.made_for.items() if i not in self.earlier.run}
-
-    @property
-    def repeats(self) -> dict[str, str]:
-        """The same of tests that repeat one that it knew."""
-        return {test: i for test, i in self.made_for.items() if i in self.earlier.run}
-
-    @property
-    def elsewhere(self) -> tuple[str, ...]:
-        """New tests at none of its conditions."""
-        return tuple(test for test in self.new if test not in self.made_for)
-
-    def is_off(self, test_id: str) -> bool:
-        """Whether a test was made for a condition, but not quite there."""
-        planned = dict(self.earlier.matrix.items)[self.made_for[test_id]]
-        return not self.campaign.test(test_id).condition.is_at(planned)
-
     @cached_property
-    def shown(self) -> dict[str, dict[str, float | None]]:
-        """Metrics of each test that tells, by the occupant model of then, without shifts."""
-        then = replace(self.campaign, occupant=self.earlier.occupant)
-        return {
-            test: {
-                metric.name: None if metric.value is None else metric.value - self.shift(test, metric.name)
-                for metric in then.metrics_of(then.test(test))
-            }
-            for test in self.at
-        }
+    def trials(self) -> tuple[Trial, ...]:
+        """Verdicts on metrics of tests that were run later, by the occupant model of then.
 
-    def shift(self, test_id: str, metric: str) -> float:
-        """How much more a test shows than at its condition, by the CAE model; 0 if it is there."""
-        return self._shifts.get(test_id, {}).get(metric, 0.0)
-
-    @cached_property
-    def _shifts(self) -> dict[str, dict[str, float]]:
-        # by the emulator at both conditions, so that what is wrong in it is wrong in both
-        off, planned = [test for test in self.at if self.is_off(test)], dict(self.earlier.matrix.items)
-        if not off or not len(self.campaign.cae):
-            return {}
-        emulator = CaeModel(cache=Cache()).fit(self.campaign.cae).emulator_
-        found = {}
-        for test in off:
-            there, here = (
-                metric_values(emulator.predict(condition), condition.speed_mps, occupant=self.earlier.occupant)
-                for condition in (self.campaign.test(test).condition, planned[self.at[test]])
-            )
-            shifts = {metric: float(there[metric] - here[metric]) for metric in SHIFTED}
-            found[test] = {metric: shift for metric, shift in shifts.items() if np.isfinite(shift)}
-        return found
-
-    @cached_property
-    def latest(self) -> tuple[Trial, ...]:
-        """The earlier verdicts on metrics of tests that tell."""
-        conditions, rows = dict(self.earlier.matrix.items), self.earlier.rows
-        given = self.earlier.date, self.earlier.sealed
-        return tuple(
-            replace(
-                trial_of(test, conditions[i], criterion, said, value, self.shift(test, criterion.metric)), given=given
-            )
-            for test, i in self.at.items()
-            for criterion, said in zip(self.earlier.criteria.items, rows[i], strict=True)
-            if (value := self.shown[test].get(criterion.metric)) is not None
-        )
-
-    @cached_property
-    def is_older(self) -> dict[str, bool | None]:
-        """Whether its verdict is older than each test, by the dates of both; None if one has none."""
-        dates = {test.id: dict(test.about).get("about_date", "") for test in self.campaign.tests}
-        older: dict[str, bool | None] = {}
-        for trial in self.all_trials:
-            older[trial.held_out] = None
-            with suppress(ValueError):
-                verdict, test = trial.given[0][:10], dates.get(trial.held_out, "")
-                older[trial.held_out] = date.fromisoformat(verdict) < datetime.fromisoformat(test).date()
-        return older
+        First those of certifications before it: certifying twice forgets nothing that was wrong once.
+        """
+        then, found = replace(self.campaign, occupant=self.earlier.occupant), list(self.earlier.trials)
+        for test, condition in self._at.items():
+            shown = {metric.name: metric.value for metric in then.metrics_of(then.test(test))}
+            shifts = self._shifts(test, condition)
+            for criterion, said in zip(self.earlier.criteria.items, self.earlier.rows[condition], strict=True):
+                if (value := shown.get(criterion.metric)) is not None:  # none of a rating
+                    shift, planned = shifts.get(criterion.metric, 0.0), dict(self.earlier.matrix.items)[condition]
+                    found.append(trial_of(test, planned, criterion, said, value - shift, shift))
+        return tuple(found)
 
     @property
-    def all_trials(self) -> tuple[Trial, ...]:
-        """The same after those of certifications before it: certifying twice forgets nothing that was wrong once."""
-        return *self.earlier.trials, *self.latest
+    def counted(self) -> tuple[Trial, ...]:
+        """Those that count: of tests that the CAE model was tuned to, only what was wrong."""
+        return tuple(trial for trial in self.trials if trial.wrong or trial.held_out not in self._tuned)
 
-    def trials(self, criteria: Criteria) -> tuple[Trial, ...]:
+    @property
+    def with_intervals(self) -> tuple[Trial, ...]:
+        """Those whose intervals count: of tuned tests, only what they missed."""
+        return tuple(t for t in self.trials if t.wrong or not t.held or t.held_out not in self._tuned)
+
+    def held_against(self, criteria: Criteria) -> tuple[Trial, ...]:
         """Those on metrics of these criteria; open if given with less confidence than is asked for today."""
         metrics = {criterion.metric for criterion in criteria.items}
         return tuple(
             replace(trial, verdict=_as_of_today(trial.verdict, criteria.confidence))
-            for trial in self.without_tuned(self.all_trials)
+            for trial in self.counted
             if trial.verdict.criterion.metric in metrics
         )
 
-    def without_tuned(self, trials: Sequence[Trial]) -> tuple[Trial, ...]:
-        """Those that count: of tests that the CAE model was tuned to, only what was wrong."""
-        return tuple(trial for trial in trials if trial.wrong or trial.held_out not in self.tuned)
-
-    @cached_property
-    def tuned(self) -> frozenset[str]:
-        """Tests that the CAE model was tuned to."""
-        return frozenset(test.id for test in self.campaign.tests if test.cae_tuned)
+    @property
+    def waived(self) -> dict[str, bool]:
+        """Tests run where none was needed, and whether each missed a criterion; without those that cannot tell."""
+        found = dict(self.earlier.waived_before)
+        for test, condition in self._at.items():
+            if condition in self.earlier.waived:
+                own = [trial for trial in self.trials[len(self.earlier.trials) :] if trial.held_out == test]
+                missed, are_all = any(trial.wrong for trial in own), len(own) == len(self.earlier.criteria.items)
+                if missed or (are_all and test not in self._tuned):
+                    found[test] = missed
+        return found
 
     @cached_property
     def gone_runs(self) -> tuple[RemovedTest, ...]:
@@ -171,6 +114,26 @@ class TestedSince:
             for test in self.earlier.records
             if test.digest not in used and test.test not in changed
         )
+
+    @property
+    def _at(self) -> dict[str, str]:
+        return {test: condition for test, condition in self.made_for.items() if condition not in self.earlier.run}
+
+    @cached_property
+    def _tuned(self) -> frozenset[str]:
+        return frozenset(test.id for test in self.campaign.tests if test.cae_tuned)
+
+    def _shifts(self, test: str, condition: str) -> dict[str, float]:
+        """How much more a test shows than at its condition, by the emulator at both."""
+        planned, run = dict(self.earlier.matrix.items)[condition], self.campaign.test(test).condition
+        if run.is_at(planned) or not len(self.campaign.cae):
+            return {}
+        emulator = CaeModel(cache=Cache()).fit(self.campaign.cae).emulator_
+        there, here = (
+            metric_values(emulator.predict(at), at.speed_mps, occupant=self.earlier.occupant) for at in (run, planned)
+        )
+        shifts = {metric: float(there[metric] - here[metric]) for metric in SHIFTED}
+        return {metric: shift for metric, shift in shifts.items() if np.isfinite(shift)}
 
 
 def _as_of_today(verdict: Verdict, confidence: float) -> Verdict:

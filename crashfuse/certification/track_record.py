@@ -142,7 +142,6 @@ class Trial:
     measured: float
     cae_probability: float | None  # by the raw CAE model, with its error in the other tests as band; None for ratings
     shift: float = 0.0  # what it showed beyond ``measured`` as it was not quite at the condition, by the CAE model
-    given: tuple[str, str] = ("", "")  # when it was given if planned, and the key that sealed it, as far as known
 
     @property
     def met(self) -> bool:

@@ -60,11 +60,6 @@ class EarlierVerdict(NamedTuple):
     lower: float | None
     upper: float | None
 
-    @property
-    def decided(self) -> bool:
-        """Whether no test was needed to tell."""
-        return self.word in ("met", "not met")
-
 
 class AllMet(NamedTuple):
     """Probability that a test meets several criteria at once, and the ends that those of the single ones leave it."""

@@ -60,7 +60,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say(f"crashfuse: {OUT_OF_MEMORY}")
         return WRONG_DATA
     except KeyboardInterrupt:
-        _say("Stopped. What was finished is in the cache: the same command (a study with --resume) continues there.")
+        from crashfuse.execution.cache import resume
+
+        _say(f"Stopped. {resume('the same command (a study with --resume) continues there')}.")
         return INTERRUPTED
     return DONE
 

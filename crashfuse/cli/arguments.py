@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from crashfuse.cli.conditions import ACCELERATION_UNITS, AXES, add_axes, filter_class, in_si, number, whole
-from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.vocabulary import TRAVELS
 from crashfuse.units import LB, MS
 from crashfuse.version import __version__
@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
-    certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one, whose verdicts are compared")
+    certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one, held against tests run since")
     _add_settings(certify)
     certify.add_argument("--robustness", action="store_true", help="judge without each test, too")
     _add_units(certify)
@@ -173,7 +173,7 @@ def _add_edit_options(parser: argparse.ArgumentParser) -> None:
 def _add_import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, folder or archive")
     parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
-    parser.add_argument("--format", choices=(*FORMATS, *BROKEN_FORMATS), help="default: by the files' names")
+    parser.add_argument("--format", choices=FORMATS.declared, help="default: by the files' names")
     parser.add_argument("--as", dest="role", choices=("tests", "cae"), help="default: tests, asked if it is doubtful")
     parser.add_argument("--cae", nargs="+", default=(), metavar="NAME", help="CAE runs among them, by file or id")
     parser.add_argument("--cae-tuned", choices=("yes", "no"), help="was the CAE model tuned to these tests?")
@@ -306,7 +306,7 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 class _Approaches:
-    """Names of all approaches, looked up for the help alone: that imports SciPy."""
+    """Names of all approaches, looked up for the help alone: that imports SciPy and other packages."""
 
     def __iter__(self) -> Iterator[str]:
         from crashfuse.approaches.registry import APPROACHES

@@ -62,7 +62,7 @@ def certify(arguments: argparse.Namespace) -> None:
     known = say_facts(campaign, display)
     _print_planned(certification, display)
     print(counts_table(certification, display.units).to_string(index=False))
-    told = *sentences(certification, "summary"), *sentences(certification, "changes")
+    told = *sentences(certification, "summary"), *sentences(certification, "since")
     print(*map(display.words, [own for own in dict.fromkeys(told) if own not in known]), sep="\n")
     if alone:
         print(f"{alone} --since holds one against them.")

@@ -4,7 +4,7 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import read_candidates
 from crashfuse.campaign_folder.load import load_campaign
@@ -111,7 +111,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
         factors = tuple(factor(text, campaign.factors) for text in arguments.factor)
         over = ConditionRange(replace(over.low, factors=factors), replace(over.high, factors=factors))
     candidates = read_candidates(arguments.candidates) if arguments.candidates else None
-    config = settings(arguments)
+    config = settings(arguments, StudyConfig(approaches=("displacement_domain",)))  # by which tests are ranked
     with watching() as watch:
         ranking = next_test(campaign, over.low, over.high, candidates=candidates, config=config, watch=watch)
     ranking.write(arguments.out, display=display)
@@ -129,7 +129,7 @@ def _fits(arguments: argparse.Namespace, campaign: Campaign) -> list[Fit]:
             return [Fit.of(campaign, name, config, watch=watch) for name in config.approaches]
     if any(value is not None for value in (arguments.preset, arguments.seed, arguments.device)):
         raise UsageError("Saved models have preset and seed in them; leave out --preset, --seed and --device.")
-    saved = tuple(name for name in APPROACHES if (arguments.models / model_file(name)).is_file())
+    saved = tuple(name for name in CLASSES.declared if (arguments.models / model_file(name)).is_file())
     if not saved:
         raise UsageError(f"There is no saved model in {arguments.models}; make some with crashfuse train.")
     names = dict.fromkeys(arguments.approach or saved)

@@ -13,6 +13,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.execution.cache import resume
 from crashfuse.files.atomic import sole_writer, written_together
 from crashfuse.reporting import figure_files
 from crashfuse.reporting.outgoing_pulses import PulseExport
@@ -81,7 +82,7 @@ def writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
         with written_together(folder, last=last) as staging:
             yield staging
     except OSError as error:
-        cause, advice = error.strerror or error, "What was computed is in the cache: the same command continues there"
+        cause, advice = error.strerror or error, resume("the same command continues there")
         raise CrashfuseError(f"Nothing was written to {folder}: {cause}. {advice}.") from error
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import label_of
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import read_notes
@@ -159,11 +159,11 @@ def _summary(tables: Sequence[pd.DataFrame]) -> str:
     table = table[(table["window_ms"] == table["window_ms"].max()) & (table["left_out"] == table["left_out"].iloc[0])]
     means = table.groupby(["campaign", "preset", "approach"], sort=False)["mean"]
     ranges = means.agg(lambda x: f"{x.min():.3f}" if x.min() == x.max() else f"{x.min():.3f}–{x.max():.3f}")
-    return str(ranges.unstack(sort=False).rename(columns=LABELS).to_string())
+    return str(ranges.unstack(sort=False).rename(columns=label_of).to_string())
 
 
 def _print_means(study: Study) -> None:
-    means = mean_values(study).drop(index=REPEAT, errors="ignore").rename(index=LABELS)
+    means = mean_values(study).drop(index=REPEAT, errors="ignore").rename(index=label_of)
     print(means.to_string(float_format="{:.3f}".format))
 
 

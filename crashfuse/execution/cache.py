@@ -5,6 +5,7 @@ import io
 import json
 import logging
 import os
+import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -17,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
-from crashfuse.errors import Cancelled, DataError, UsageError, out_of_memory
+from crashfuse.errors import Cancelled, DataError, UsageError, as_path, out_of_memory
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.atomic import locked, write_atomically
 from crashfuse.version import versions
@@ -32,13 +33,33 @@ _WAITING = "Waiting for another process that computes the same"
 _MOST_GIB = "10"
 _IN_USE_S = 3600.0  # since its last use; whoever needs it longer computes it again
 _SWEEP_SHARE = 1 / 32  # of the limit: how much is written between two looks at the size of all entries
+_TRIED = 1 << 20  # bytes written to see whether anything can be kept
 _written: dict[Path, float] = {}  # since the last look, by folder
-_unwritable: set[Path] = set()  # folders of which that was told
+_lost: dict[Path, str] = {}  # why something could not be kept, by folder
 
 
 def default_folder() -> Path:
     """``$CRASHFUSE_CACHE``, else the platform's cache folder for crashfuse."""
     return Path(os.environ.get("CRASHFUSE_CACHE") or platformdirs.user_cache_dir("crashfuse", appauthor=False))
+
+
+def not_kept() -> str:
+    """Why something could not be kept in the :func:`default_folder`, or cannot be; empty if all is."""
+    folder = default_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(_TRIED))
+    except OSError as error:
+        _lost[folder] = error.strerror or str(error)
+    return f"{folder} cannot be written ({_lost[folder]})" if folder in _lost else ""
+
+
+def resume(how: str) -> str:
+    """What became of what was finished before a computation ended, and how to go on with it."""
+    if reason := not_kept():
+        return f"What was finished is lost: {reason}; free some space, or name another folder by CRASHFUSE_CACHE"
+    return f"What was finished is in the cache: {how}"
 
 
 class Cache:
@@ -49,7 +70,7 @@ class Cache:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self.folder = default_folder() if folder is None else folder
+        self.folder = default_folder() if folder is None else as_path(folder, "the cache")
         self.most_bytes = _most_bytes()
         self.used: set[str] = set()  # names of the entries found or stored through this object
 
@@ -188,9 +209,9 @@ class Cache:
         try:
             write_atomically(path, content)
         except OSError as error:  # a full disk must not lose the computed result
-            level = logging.DEBUG if self.folder in _unwritable else logging.WARNING  # once is enough
-            _unwritable.add(self.folder)
-            log.log(level, "Results cannot be kept in %s: %s", self.folder, error.strerror or error)
+            level = logging.DEBUG if self.folder in _lost else logging.WARNING  # once is enough
+            _lost[self.folder] = error.strerror or str(error)
+            log.log(level, "Results cannot be kept in %s: %s", self.folder, _lost[self.folder])
         else:
             self.used.add(self._name(path))
 

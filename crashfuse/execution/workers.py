@@ -29,7 +29,7 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from crashfuse.campaign import Campaign
 from crashfuse.errors import CrashfuseError, UsageError
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.cache import Cache, resume
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.process import give_back, share_one_heap
 from crashfuse.execution.progress import SILENT, Watch
@@ -43,7 +43,7 @@ R = TypeVar("R")
 Work = Callable[[Campaign, T, Cache, Watch], list[R]]
 """Computes one task of a campaign; importable in another process, as its tasks can be pickled."""
 
-_RESUME = "What was finished is in the cache: the same command with --resume continues there"
+_RESUME = "the same command with --resume continues there"
 _LIVES = 3  # deaths of workers in a row, with nothing finished, before giving up
 _GLANCE_S = 0.1  # interval at which pending tasks are polled
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -99,7 +99,7 @@ class Workers(ABC):
                 lives -= 1
                 if not lives:
                     found = f"Workers died {_LIVES} times in a row, perhaps because memory ran out"
-                    raise CrashfuseError(f"{found}. {_RESUME}; fewer --workers need less.") from error
+                    raise CrashfuseError(f"{found}. {resume(_RESUME)}; fewer --workers need less.") from error
                 log.warning("A worker died (%s); its task is computed again.", type(error).__name__)
 
 
@@ -227,7 +227,7 @@ class Cluster(Workers):
             yield futures
         except KilledWorker as error:
             found = "A task ended every Dask worker that took it up, perhaps because memory ran out"
-            raise CrashfuseError(f"{found}. {_RESUME}.") from error
+            raise CrashfuseError(f"{found}. {resume(_RESUME)}.") from error
         finally:
             for future in futures.values():
                 future.cancel()
@@ -237,11 +237,11 @@ class Cluster(Workers):
         while self.client.status == "connecting":
             time.sleep(_GLANCE_S)
         if self.client.status != "running":
-            raise CrashfuseError(f"The Dask scheduler at {self.scheduler} is gone. {_RESUME}.")
+            raise CrashfuseError(f"The Dask scheduler at {self.scheduler} is gone. {resume(_RESUME)}.")
         try:
             self.client.wait_for_workers(1, timeout=_WORKER_S)
         except TimeoutError as error:
-            raise CrashfuseError(f"The Dask cluster at {self.scheduler} has no worker. {_RESUME}.") from error
+            raise CrashfuseError(f"The Dask cluster at {self.scheduler} has no worker. {resume(_RESUME)}.") from error
 
 
 def versions_here() -> dict[str, str]:

@@ -7,6 +7,7 @@ import os
 import platform
 import re
 import shutil
+import stat
 import sys
 import time
 import uuid
@@ -35,17 +36,30 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path in the same folder to write to; it replaces the file once it is completely on the disk."""
+def replacing(path: Path, like: Path | None = None) -> Iterator[Path]:
+    """A temporary path in the same folder to write to; it replaces the file once it is completely on the disk.
+
+    Who could open that file can open the new one; if it is new, who can open ``like``.
+    """
     temporary = _unfinished(path.parent)
     try:
         yield temporary
         flush(temporary)
+        share(temporary, path if like is None or path.exists() else like)
         temporary.replace(path)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
         name_target(error, temporary, path)
         raise
+
+
+def share(path: Path, like: Path) -> None:
+    """Give a file or folder the mode of another and, where that is allowed, its group, whatever the umask is."""
+    if sys.platform != "win32" and like.exists():
+        with suppress(OSError):
+            os.chown(path, -1, like.stat().st_gid)
+        with suppress(OSError):  # somebody else's
+            path.chmod(stat.S_IMODE(like.stat().st_mode))
 
 
 def flush(path: Path) -> None:
@@ -74,6 +88,7 @@ def written_together(folder: Path, last: str) -> Iterator[Path]:
         for path in sorted((p for p in staging.rglob("*") if p.is_file()), key=lambda p: p.name == last):
             target = folder / path.relative_to(staging)
             target.parent.mkdir(parents=True, exist_ok=True)
+            share(path, target)
             path.replace(target)
     finally:
         shutil.rmtree(staging, ignore_errors=True)

@@ -171,6 +171,8 @@ def read_rows(
         reader = csv.reader(chain([first], lines), skipinitialspace=True, strict=True, delimiter=between)
         try:
             names = _header_names(next(reader, []), where)
+            if twice := sorted({printable(name, 40) for name in names if name and names.count(name) > 1}):
+                raise DataError(Problem(where, "each column once", f"{', '.join(twice[:12])} twice", KEEP_ONE))
             most = min(most_rows, _MOST_CELLS // len(names))
             for number, cells in enumerate(reader, start=2):
                 is_blank = not any(map(str.strip, cells))

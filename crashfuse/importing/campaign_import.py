@@ -16,7 +16,7 @@ from crashfuse.campaign_folder.copies import sensors_of_one_crash
 from crashfuse.campaign_folder.editing import Added, Addition, add_to_campaign
 from crashfuse.campaign_folder.settings import sound_settings
 from crashfuse.crash_test import TUNED
-from crashfuse.errors import DataError, Problem, UsageError, one_of, require_a
+from crashfuse.errors import DataError, Problem, UsageError, as_path, one_of, require_a
 from crashfuse.files.archive import refuse
 from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
 from crashfuse.importing.pulse_conversion import Lacking, Settled, joint_problems, missing_values, settle
@@ -137,7 +137,8 @@ def import_source(
     cae_tuned : bool, optional
         Whether the CAE model was tuned to the tests; by default what a column ``cae_tuned`` says.
     """
-    source, out, conditions = Path(source), Path(out), None if conditions is None else Path(conditions)
+    source, out = as_path(source, "the source"), as_path(out, "the campaign folder")
+    conditions = None if conditions is None else Path(conditions)
     require_a(Choices, choices, "crashfuse.Choices()")
     cfc = sound_settings(out).channel_filter_class
     if cfc is not None and choices.channel_filter_class not in (None, cfc):

@@ -10,7 +10,7 @@ from crashfuse.campaign_folder.plausibility import CREEP_MPS, LEAST_M, STOPS, ga
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, require_number, several
 from crashfuse.readers.record import AxleWeights, Channels, PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, USUAL_UNITS, acceleration_unit, speed
-from crashfuse.signals.filters import CFC60_NOISE, free_travel_s, noise_share, onset
+from crashfuse.signals.filters import CFC60_NOISE, CLASSES, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, signed, time_text
@@ -64,7 +64,7 @@ class Choices:
         if self.deceleration_sign is not None:
             one_of("sign of a deceleration", self.deceleration_sign, dict.fromkeys(("negative", "positive")))
         cfc = self.channel_filter_class
-        if cfc not in (None, "none") and not (isinstance(cfc, int | float) and 1 <= cfc <= 1000):
+        if not (cfc is None or (isinstance(cfc, str | int | float) and cfc in ("none", *CLASSES))):
             raise UsageError(f'A channel filter class is 60, 180, 600, 1000 or "none", not {printable(repr(cfc), 20)}.')
         require_a(PartialCondition, self.condition, "crashfuse.PartialCondition()")
         for name in ("time_zero_s", "gap_m", "front_share"):

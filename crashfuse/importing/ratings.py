@@ -12,13 +12,23 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 import pandas as pd
 
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError, one_of, printable, require_a, several
+from crashfuse.errors import (
+    CrashfuseError,
+    DataError,
+    Problem,
+    UsageError,
+    as_path,
+    one_of,
+    printable,
+    require_a,
+    several,
+)
 from crashfuse.files.csv_text import read_rows
 from crashfuse.files.parquet import opened_table
 from crashfuse.importing.channels import agreeing_channels, average, missing_choices, resample_evenly
@@ -101,7 +111,8 @@ def rate_files(
     A DataError refuses a file that cannot be read as one pulse, or ends within a window; a UsageError a channel or unit
     that does not exist.
     """
-    return _pair_table(Path(reference), Path(comparison), windows_ms, choices, _curve)
+    one, other = as_path(reference, "the reference"), as_path(comparison, "the comparison")
+    return _pair_table(one, other, windows_ms, choices, _curve)
 
 
 def explain_files(
@@ -112,8 +123,10 @@ def explain_files(
     choices: RatingChoices = RatingChoices(),
 ) -> list[RatingExplanation]:
     """As :func:`rate_files`, what each rating is made of."""
-    one, other = _curves(Path(reference), Path(comparison), choices, _curve)
-    return [explain_rating(one.pulse, other.pulse, window_ms) for window_ms in windows_ms]
+    paths = as_path(reference, "the reference"), as_path(comparison, "the comparison")
+    one, other = _curves(*paths, choices, _curve)
+    windows = cast(tuple[float, ...], several(windows_ms))
+    return [explain_rating(one.pulse, other.pulse, window_ms) for window_ms in windows]
 
 
 def rate_pairs(
@@ -125,7 +138,7 @@ def rate_pairs(
     ``reference_channel`` and ``comparison_channel``, several channels to be averaged separated by semicolons.
     A pair that cannot be rated has one row, with a note; a DataError says that it is no such table.
     """
-    path = Path(table)
+    path = as_path(table, "the table of pairs")
     if not path.is_file():
         raise DataError(Problem(str(path), "a table of pairs", "no such file", "check the path"))
     names, rows, numbers = read_rows(path, path.name)
@@ -283,7 +296,7 @@ def rate_channels(
     """
     if choices != RatingChoices(also=choices.also, as_given=choices.as_given):
         raise UsageError("Channels are rated as they are: choose nothing.")
-    reference, comparison = Path(reference), Path(comparison)
+    reference, comparison = as_path(reference, "the reference"), as_path(comparison, "the comparison")
     sides = [_channels(path) for path in (reference, comparison)]
     if not set(sides[0]) & set(sides[1]):
         found = "codes that occur in one of them only"

@@ -17,7 +17,7 @@ from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, collect
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, ENDINGS, Budget, Limits, Member
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral, read_tables
-from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS, TABLES, all_formats, formats_of
+from crashfuse.readers.formats import FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
 from crashfuse.readers.radioss import is_time_history_csv
 from crashfuse.readers.record import Record
@@ -95,7 +95,7 @@ def format_of(source: Path) -> str:
     if found == [TABLES] and any(map(is_time_history_csv, tables_of(source))):
         return "radioss"
     if not found:
-        broken = "".join(f"; {sentence.rstrip('.')}" for sentence in BROKEN_FORMATS.values())
+        broken = "".join(f"; {why.rstrip('.')}" for name in FORMATS.declared if (why := FORMATS.broken(name)))
         raise DataError(Problem(source.name, all_formats(), "none of these", f"choose another source{broken}"))
     if len(set(found) - {TABLES}) > 1:
         advice = "import one after the other (--format)"
@@ -124,8 +124,8 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     """Yield the records of a source one by one; append problems to ``problems``."""
     source = reading.source
     fmt = reading.fmt or format_of(source)
-    if fmt in BROKEN_FORMATS:
-        raise UsageError(BROKEN_FORMATS[fmt])
+    if reason := FORMATS.broken(fmt):
+        raise UsageError(reason)
     one_of("format", fmt, FORMATS)
     if fmt != TABLES and reading.columns and reading.conditions is None:
         raise UsageError("Only tables have columns to map.")

@@ -10,7 +10,7 @@ from typing import get_args
 import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import listed
-from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable
+from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable, require_a
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_headers import ColumnRole, likelihood
 from crashfuse.readers.table_mapping import Mapping, apply_conditions, apply_mapping, mapping_steps, propose
@@ -30,6 +30,8 @@ class ColumnChoice:
     unit: str | None = None
 
     def __post_init__(self) -> None:
+        require_a(str, self.column, "the name of a column")
+        require_a(str | None, self.unit, "a unit, or None")
         one_of("role of a column", self.role, dict.fromkeys(get_args(ColumnRole)))
 
     @classmethod

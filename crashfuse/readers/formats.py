@@ -1,6 +1,6 @@
 """The foreign formats: file names, label and reader of each.
 
-A new format needs a module with a function that reads a path into records, and one line in :data:`FORMATS`; detection,
+A new format needs a module with a function that reads a path into records, and one line in :data:`_OURS`; detection,
 ``crashfuse import --format``, the messages and the page use that line. Formats of other packages are imported with it.
 """
 
@@ -9,14 +9,14 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import PurePath
 
-from crashfuse.extensions import Broken, load
+from crashfuse.extensions import Extended
 from crashfuse.readers.format import Format
 
 _HERE = "crashfuse.readers"
 
 TABLES = "csv"  # the format whose files may accompany those of any other format
 
-FORMATS = {
+_OURS = {
     "nhtsa": Format("NHTSA", ".EV5", r".*\.ev5", f"{_HERE}.nhtsa:read_nhtsa", one_a_file=True),
     "isomme": Format("ISO-MME", ".mme", r".*\.mme", f"{_HERE}.isomme:read_isomme_record", one_a_file=True),
     "lsdyna": Format(
@@ -37,25 +37,18 @@ FORMATS = {
     ),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
     TABLES: Format("tables", ".csv, .txt, .lvm, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|lvm|xls[xm]?)", axes=True),
-}  # the formats by their command-line names; those that other packages add (``crashfuse.readers``) come last
+}
 
 
-def _checked(name: str, found: object) -> Format:
+def _checked(_: str, found: object, package: str) -> Format:
     if not isinstance(found, Format):
         raise ValueError("expected a crashfuse.readers.format.Format")
-    if name in FORMATS:
-        raise ValueError("crashfuse has a format of this name")
     re.compile(found.names)
-    return found
+    return replace(found, package=package)
 
 
-BROKEN_FORMATS: dict[str, str] = {}  # formats of other packages that cannot be used: whose fault that is, and why
-
-for _loaded in load("crashfuse.readers", "reader", _checked):
-    if isinstance(_loaded, Broken):
-        BROKEN_FORMATS[_loaded.name] = _loaded.sentence
-    else:
-        FORMATS[_loaded[0]] = replace(_loaded[1], package=_loaded[2])
+FORMATS = Extended(_OURS, "crashfuse.readers", "reader", _checked)
+"""All formats by their command-line names; those that other packages add come last."""
 
 
 def formats_of(paths: Iterable[PurePath]) -> list[str]:

@@ -9,7 +9,6 @@ from typing import Literal, NamedTuple
 import pandas as pd
 
 from crashfuse.certification.certify import Answer, Certification
-from crashfuse.certification.changes import Changes
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
@@ -21,7 +20,7 @@ from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fa
 from crashfuse.study.outliers import departures_near
 from crashfuse.wording import Sentence, counted, joined, number, read_out
 
-Place = Literal["answer", "costs", "summary", "matrix", "record", "domain", "changes"]
+Place = Literal["answer", "costs", "summary", "matrix", "record", "domain", "since"]
 SUBJECTS = {
     "test.stands_apart": "Tests that stand apart",
     "since.wrong": "Verdicts that tests run since contradict",
@@ -40,7 +39,6 @@ SUBJECTS = {
     "condition.outside": "Conditions outside the validated domain",
     "condition.too_short": "Open, as recordings end too early",
     "criterion.occupant": "Criteria by another occupant model",
-    "since.moved": "Verdicts on tests run since that depend on their place",
     "since.too_narrow": "Intervals that tests run since contradict",
     "record.too_narrow": "Intervals that left-out tests contradict",
     "record.bin": "Probabilities that left-out tests contradict",
@@ -55,7 +53,7 @@ _ANSWER = ("matrix.saved",)
 _COSTS = ("costs.confidence", "costs.saving")
 _MATRIX = ("matrix.every", "matrix.none_needed", "matrix.run_first")
 _RECORD = ("record.waived", "since.waived", "record.decided")
-_SINCE = ("since.dated", "since.outcomes", "since.intervals", "since.too_narrow", "since.waived_outcome", "since.moved")
+_SINCE = ("since.outcomes", "since.intervals", "since.too_narrow")
 _CONDITIONS = ("test.not_used", "condition.no_factor", "condition.new_together")
 _CRITERIA = ("criterion.unsupported", "criterion.untouched", "criterion.few")
 PLACES: Mapping[Place, tuple[str, ...]] = {
@@ -66,7 +64,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *(*_CONDITIONS, *_CRITERIA, "record.none", "tests.cae_tuned"),
     ),
     "matrix": (
-        *("test.stands_apart", *_ANSWER, *_COSTS, *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved"),
+        *("test.stands_apart", *_ANSWER, *_COSTS, *_MATRIX, *_RECORD[:2], "since.wrong"),
         *("since.too_narrow", "test.not_used", "criterion.unsupported"),
     ),
     "record": (
@@ -74,10 +72,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("record.none", "tests.cae_tuned"),
     ),
     "domain": ("domain.checked",),
-    "changes": (
-        *("since.beside", "since.settings", "since.tested", *_SINCE, "since.wrong", "since.compared"),
-        *("since.turned", "since.newly_waived", "since.withdrawn"),
-    ),
+    "since": ("since.beside", *_SINCE, "since.wrong"),
 }
 """The codes that are shown at each place, the most important one first: at the head of terminal, report and slides,
 below the page's answer, and in tabs of the page and sections of the report."""
@@ -95,7 +90,7 @@ def facts(certification: Certification) -> tuple[Fact, ...]:
         _conditions(certification),
         _not_used(certification),
         evidence_facts.criterion_facts(certification),
-        () if certification.since is None else evidence_facts.change_facts(Changes.of(certification)),
+        () if certification.since is None else evidence_facts.since_facts(certification.since),
     )
     return tuple(replace(own, label=SUBJECTS.get(own.code, "")) for own in found)
 

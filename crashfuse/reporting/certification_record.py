@@ -4,11 +4,12 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.track_record import WrongShare, trial_bounds
+from crashfuse.certification.tested_since import TestedSince
+from crashfuse.certification.track_record import TrackRecord, WrongShare, trial_bounds
 from crashfuse.reporting.certification_facts import exceptions, sentences, shown
 from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, share_columns
+from crashfuse.reporting.evidence_facts import outcomes, saved_and_missed
 from crashfuse.reporting.exports import json_bytes
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
 from crashfuse.units import LB, MPH
@@ -18,30 +19,22 @@ def certification_json(certification: Certification) -> bytes:
     """The file, with what became of an earlier certification if it is beside one."""
     record = certification_record(certification)
     if certification.since is not None:
-        record["since"] = _since(Changes.of(certification))
+        record["since"] = _since(certification, certification.since)
     return json_bytes(record)
 
 
-def _since(changes: Changes) -> dict[str, object]:
-    (inside, intervals), decided, tests = changes.record.intervals, *changes.outcomes.values()
-    since = changes.since
+def _since(certification: Certification, since: TestedSince) -> dict[str, object]:
+    (inside, intervals), bounds = TrackRecord(since.with_intervals).intervals, outcomes(since)
     return {
-        "sha256": changes.earlier.digest,
-        "before": changes.earlier.before,
-        "date": changes.earlier.date,
+        "sha256": since.earlier.digest,
+        "date": since.earlier.date,
         "new_tests": since.new,
         "changed_tests": since.changed,
         "gone_tests": since.gone,
-        "tested": changes.tested,
-        "repeats": since.repeats,
-        "elsewhere": since.elsewhere,
-        "decided": {"metrics": decided.n, "tests": tests.n, **share_columns(decided), "tests_wrong": tests.wrong},
-        "bounds": {unit: share.at_most for unit, share in changes.outcomes.items()},
+        "decided": {**share_columns(bounds["verdicts"]), "tests": bounds["tests"].n},
+        "bounds": {unit: share.at_most for unit, share in bounds.items()},
         "intervals": {"n": intervals, "inside": inside},
-        "waived_and_tested": {
-            i: {test: {"missed": missed, "unknown": unknown} for test, (missed, unknown) in outcomes.items()}
-            for i, outcomes in changes.waived_outcomes.items()
-        },
+        "waived": since.waived,
         "verdicts": [
             {
                 "test": trial.held_out,
@@ -50,18 +43,14 @@ def _since(changes: Changes) -> dict[str, object]:
                 "said": tuple(getattr(trial.verdict, name) for name in ("word", "probability", "lower", "upper")),
                 "measured": trial.measured,
                 "shift": trial.shift,
-                "date": trial.given[0],
-                "sealed": trial.given[1],
             }
-            for trial in since.all_trials
+            for trial in since.trials
         ],
         "gone": [
             {"test": own.test, "sha256": own.digest, "condition": own.condition.text, "measured": dict(own.measured)}
             for own in since.gone_runs
         ],
-        "newly_waived": changes.newly_waived,
-        "withdrawn": list(changes.withdrawn),
-        "sentences": sentences(changes.later, "changes"),
+        "sentences": sentences(certification, "since"),
     }
 
 

@@ -8,11 +8,10 @@ import pandas as pd
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification, Variant
-from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.track_record import TrackRecord, WrongShare
-from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, all_met
+from crashfuse.certification.track_record import TrackRecord, Trial, WrongShare
+from crashfuse.certification.verdict import WORDS, Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.evidence_facts import measured_text, support_text
@@ -72,30 +71,6 @@ def track_record_table(certification: Certification) -> pd.DataFrame:
     return _numbers_of(rows, _TRIAL_COLUMNS)
 
 
-def changes_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts beside those of the earlier one, one row a condition, criterion and new test there."""
-    changes = Changes.of(certification)
-    matrices = changes.earlier.matrix, changes.later.matrix
-    factors = tuple(dict.fromkeys(name for matrix in matrices for name in factors_of(matrix)))
-    return _numbers_of(
-        {
-            **condition_columns(cell.later_id or "", cell.condition, factors, changes.later.matrix.conditions[0]),
-            "earlier_id": cell.earlier_id or "",
-            **_limit_columns(cell.criterion),
-            "earlier_probability": None if cell.before is None else cell.before.probability,
-            "earlier_verdict": "" if cell.before is None else cell.before.word,
-            "probability": None if cell.now is None else cell.now.probability,
-            "verdict": "" if cell.now is None else cell.now.word,
-            "test": test,
-            "measured": measured,
-            "shift": changes.since.shift(test, cell.criterion.metric),
-            "came_true": cell.came_true.get(test, ""),
-        }
-        for cell in changes.cells
-        for test, measured in (cell.measured or {"": None}).items()
-    )
-
-
 def matrix_table(matrix: Matrix) -> pd.DataFrame:
     """The conditions, in the form of ``matrix.csv``."""
     factors = factors_of(matrix)
@@ -133,7 +108,7 @@ def _limit_columns(criterion: Criterion) -> dict[str, object]:
 
 def _numbers_of(rows: Iterable[object], columns: Sequence[str] | None = None) -> pd.DataFrame:
     table = pd.DataFrame(list(rows), columns=columns)
-    return table.astype({name: float for name in table if str(name).removeprefix("earlier_") in _NUMBERS})
+    return table.astype({name: float for name in table if name in _NUMBERS})
 
 
 def _bases(campaign: Campaign) -> dict[str, str]:
@@ -201,48 +176,16 @@ def _cells(certification: Certification, verdict: Verdict, display: Display, *wi
     return {name: cell for name, cell in cells.items() if name not in without}
 
 
-def _trials(certification: Certification, display: Display) -> pd.DataFrame:
+def _trials(certification: Certification, display: Display, trials: Sequence[Trial]) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "Test": trial.held_out,
-            "Left out": "alone" if trial.left_out == "test" else "speed group",
+            "Left out": {"test": "alone", "planned": "before it was run"}.get(trial.left_out, trial.left_out),
             **_cells(certification, trial.verdict, display, "Limit", "Reason"),
-            "Measured": unbroken(display.words(trial.verdict.criterion.shown(trial.measured))),
+            "Measured": unbroken(display.words(measured_text(trial.verdict.criterion, trial.measured, trial.shift))),
             "The test": ("met it" if trial.met else "missed it") + ", wrong" * trial.wrong,
         }
-        for trial in certification.record.counted
-    )
-
-
-def _changes(certification: Certification, display: Display) -> pd.DataFrame:
-    changes = Changes.of(certification)
-    confidences = changes.earlier.criteria.confidence, changes.later.criteria.confidence
-    shown = [
-        cell
-        for cell in changes.cells
-        if cell.measured or cell.before is None or cell.now is None or cell.before.word != cell.now.word
-    ]
-
-    def cells(verdict: EarlierVerdict | Verdict | None, when: str, confidence: float) -> dict[str, str]:
-        word, probability = ("not asked", None) if verdict is None else (verdict.word, verdict.probability)
-        return {when.capitalize(): word, f"Probability {when}": probability_text(probability, confidence)}
-
-    return pd.DataFrame(
-        {
-            "Condition": cell.name,
-            "Criterion": cell.criterion.name,
-            "Limit": display.words(cell.criterion.limits),
-            **cells(cell.before, "then", confidences[0]),
-            **cells(cell.now, "now", confidences[1]),
-            "Measured since": "; ".join(
-                display.words(Sentence("{} {}", test, measured_text(cell.criterion, value, shift)))
-                for test, value in cell.measured.items()
-                for shift in [changes.since.shift(test, cell.criterion.metric)]
-            )
-            or "–",
-            "Came true": "; ".join(f"{test} {'yes' if true else 'NO'}" for test, true in cell.came_true.items()) or "–",
-        }
-        for cell in sorted(shown, key=lambda cell: (all(cell.came_true.values()), not cell.measured))
+        for trial in trials
     )
 
 
@@ -281,7 +224,7 @@ SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
         {"Condition": i, **_cells(own, verdict, display)} for i, verdict in own.cells
     ),
     "record": _record,
-    "trials": _trials,
-    "changes": _changes,
+    "trials": lambda own, display: _trials(own, display, own.record.counted),
+    "since": lambda own, display: _trials(own, display, own.since.trials if own.since else ()),
 }
-"""Tables for readers, by name; that of changes if it is beside an earlier certification."""
+"""Tables for readers, by name; the last has verdicts that were given before their tests were run."""

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
+from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import (
     MOST_OF_A_TEST,
     TrackRecord,
@@ -15,11 +15,12 @@ from crashfuse.certification.track_record import (
     at_most,
     counted_wrong,
     largest_share,
+    strictest_per_metric,
+    trial_bounds,
 )
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
-from crashfuse.reporting.provenance import certification_settings
 from crashfuse.study.facts import Fact
 from crashfuse.wording import Quantity, Sentence, counted, joined, probability_text, speed, weight
 
@@ -146,13 +147,15 @@ def domain_facts(domain: Domain) -> Iterator[Fact]:
     )  # fmt: skip
 
 
-def change_facts(changes: Changes) -> Iterator[Fact]:
-    """Whether what an earlier certification said came true, and what is said otherwise today."""
-    earlier, later, since = changes.earlier, changes.later, changes.since
+def since_facts(since: TestedSince) -> Iterator[Fact]:
+    """What an earlier certification had said of tests that were run since, and whether it was right."""
+    earlier = since.earlier
+    repeats = [test for test, condition in since.made_for.items() if condition in earlier.run]
     tests = [
         f"{told}: {listed(some)}"
         for told, some in (
             ("tests that it did not know", since.new),
+            ("of these repeats, which do not count", repeats),
             ("tests whose record or filter class is another since", since.changed),
             ("no longer used", since.gone),
         )
@@ -165,92 +168,33 @@ def change_facts(changes: Changes) -> Iterator[Fact]:
         f"{earlier.digest[:_DIGEST]}…); {'; '.join(tests) or 'it knew every test'}.",
         new=since.new, changed=since.changed, gone=since.gone,
     )  # fmt: skip
-    now = certification_settings(later.campaign, later.config, later.criteria.confidence)
-    pairs = [(name, value, earlier.settings.get(name, "unknown")) for name, value in now.items()]
-    pairs.append(("costs", str(later.criteria.costs or "none"), str(earlier.criteria.costs or "none")))
-    if differ := [f"{name} {value} (then {then})" for name, value, then in pairs if value != then]:
-        yield fact("since.settings", f"Made otherwise: {'; '.join(differ)}.")
-    yield from _tested(changes)
-    for told, bounds in (
-        ("Tests run since, ratings aside", changes.outcomes),
-        ("Certifications before it", changes.outcomes_before),
-    ):
-        (wrong, n), (_, n_tests) = bounds["verdicts"], bounds["tests"]
-        if n:
-            of = f"verdicts met or not met on {counted(n, 'metric')} of {counted(n_tests, 'test')}"
-            yield fact("since.outcomes", f"{told}: {of}, {bounds_text(bounds)}.", n=n, wrong=wrong, tests=n_tests)
-    narrow = ": they were too narrow" * changes.too_narrow
-    told = f"tests run since measured, made to hold 95 %{narrow}"
-    yield from _intervals("since", changes.record, told, changes.too_narrow)
-    for name, outcomes in changes.waived_outcomes.items():
-        for test, (missed, unknown) in outcomes.items():
-            told = f"missed {', '.join(missed) or 'none'}, unknown {', '.join(unknown) or 'none'}"
-            sentence = f"{name} needed no test by an earlier certification; {test} {told}."
-            yield fact("since.waived_outcome", sentence, condition=name, test=test, missed=missed, unknown=unknown)
-    for trial in since.all_trials:
+    bounds = outcomes(since)
+    (wrong, n), (_, n_tests) = bounds["verdicts"], bounds["tests"]
+    if n:
+        of = f"verdicts met or not met on {counted(n, 'metric')} of {counted(n_tests, 'test')}"
+        told = f"Tests run since, ratings aside: {of}, {bounds_text(bounds)}."
+        yield fact("since.outcomes", told, n=n, wrong=wrong, tests=n_tests)
+    record = TrackRecord(since.with_intervals)
+    missed = {own.held_out for own in record.missed_intervals if own.verdict.word != "outside"}
+    narrow = record.too_narrow and len(missed) > 1  # the metrics of one test hang together
+    told = f"tests run since measured, made to hold 95 %{': they were too narrow' * narrow}"
+    yield from _intervals("since", record, told, narrow)
+    for trial in since.trials:
         if trial.wrong:
             yield _wrong("since.wrong", trial, "before it was run", earlier.criteria.confidence)
-    yield from _compared(changes)
 
 
-def _tested(changes: Changes) -> Iterator[Fact]:
-    since, campaign = changes.since, changes.since.campaign
-    there = {test: campaign.test(test).condition for test in since.made_for}
-    off = {test: Sentence(", at {}", there[test]) if since.is_off(test) else "" for test in there}
-    tested = [(name, test) for name, tests in changes.tested.items() for test in tests]
-    for told, some in (
-        ("Tested since", [Sentence("{} (test {}{})", name, test, off[test]) for name, test in tested]),
-        ("Repeats, which are not counted", [f"{i} (test {t})" for t, i in since.repeats.items()]),
-        ("Run at none of its conditions", since.elsewhere),
-    ):
-        if some:
-            yield fact("since.tested", Sentence("{}: {}.", told, listed(some)), tests=[str(own) for own in some])
-    given = {trial.held_out: trial.given for trial in since.all_trials}
-    ages = {True: "dated before their test", False: "not dated before it", None: "on tests without a date (about_date)"}
-    for is_older, told in ages.items():
-        if tests := [test for test, older in since.is_older.items() if older is is_older]:
-            stated = [f"{t} ({given[t][0]}{', sealed' if given[t][1] else ''})" if given[t][0] else t for t in tests]
-            yield fact("since.dated", f"Verdicts {told}: {listed(stated)}.", tests=tests, older=is_older)
-    for trial in since.all_trials:
-        criterion = trial.verdict.criterion
-        if trial.verdict.decided and criterion.is_met_by(trial.measured + trial.shift) is not trial.met:
-            told = "Where {} was run decides whether its verdict came true: {} ({}), said to be {}, {}, counts as {}."
-            measured = measured_text(criterion, trial.measured, trial.shift)
-            said = (trial.verdict.word, measured, "wrong" if trial.wrong else "right")
-            names = (trial.held_out, criterion.name, criterion.limits, *said)
-            yield fact("since.moved", Sentence(told, *names), test=trial.held_out, wrong=trial.wrong, shift=trial.shift)
+def outcomes(since: TestedSince) -> dict[str, WrongShare]:
+    """:func:`trial_bounds` of the verdicts on tests run since, each metric once."""
+    return trial_bounds(strictest_per_metric(since.counted))
 
 
-def _compared(changes: Changes) -> Iterator[Fact]:
-    pairs = changes.compared
-    same = sum(before.word == now.word for _, before, now in pairs)
-    gained = sum(now.decided and not before.decided for _, before, now in pairs)
-    lost = sum(before.decided and not now.decided for _, before, now in pairs)
-    gone, added = sum(cell.now is None for cell in changes.cells), sum(cell.before is None for cell in changes.cells)
-    yield fact(
-        "since.compared",
-        f"Of {counted(len(pairs), 'verdict')} that both have, as they were: {same}; decided since: {gained}; no longer "
-        f"decided: {lost}. Not compared (other condition or limit): {gone} of then, {added} of now.",
-        both=len(pairs), same=same, gained=gained, lost=lost, gone=gone, added=added,
-    )  # fmt: skip
-    turned = {
-        f"{cell.name} ({cell.criterion.name})": ""
-        for cell, before, now in pairs
-        if before.decided and now.decided and before.word != now.word
-    }
-    withdrawn = {
-        i: ", ".join(f"{verdict.criterion.name} {verdict.word}" for verdict in rest)
-        or "each met, all at once uncertain"
-        for i, rest in changes.withdrawn.items()
-    }
-    for code, told, answers in (
-        ("since.turned", "Turned round", turned),
-        ("since.newly_waived", "Need not be run any more", dict.fromkeys(changes.newly_waived, "")),
-        ("since.withdrawn", "Said then to need no test, and not now", withdrawn),
-    ):
-        if answers:
-            listing = listed_conditions(answers)
-            yield fact(code, f"{told}: {listing}.", conditions=answers)
+def saved_and_missed(certification: Certification) -> tuple[int, int]:
+    """As :meth:`TrackRecord.waived`, with tests that earlier certifications waived and that were run since."""
+    saved = {test: any(own.values()) for test, own in certification.record.saved(certification.criteria).items()}
+    for test, missed in ({} if certification.since is None else certification.since.waived).items():
+        saved[test] = saved.get(test, False) or missed
+    return len(saved), sum(saved.values())
 
 
 def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
@@ -291,8 +235,3 @@ def listed(names: Sequence[str]) -> str:
     """The first names, and how many there are more."""
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return Sentence("{}{}", joined(names[:_NAMED], ", "), more)
-
-
-def listed_conditions(answers: Mapping[str, str]) -> str:
-    """The first conditions, each with its answer in brackets if there is one, and how many there are more."""
-    return listed([Sentence("{} ({})", i, answer) if answer else i for i, answer in answers.items()])

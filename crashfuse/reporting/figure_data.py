@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
+from crashfuse.errors import UsageError, require_a
 from crashfuse.signals.pulse import FloatArray
 
 _TAG = re.compile(r"<[^>]*>")
@@ -44,7 +45,10 @@ def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] 
     hidden : collection of int
         Places of traces that the reader has hidden.
     """
+    require_a(go.Figure | Mapping, figure, "campaign.plot(), say")
     drawn = figure.to_plotly_json() if isinstance(figure, go.Figure) else figure
+    if not {"data", "layout"} <= {*drawn}:
+        raise UsageError("A figure has data and a layout; this mapping lacks one of them.")
     layout, traces = drawn["layout"], drawn["data"]
     shown = [
         trace

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.approaches.registry import APPROACHES, LABELS, label_of
 from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import read_csv_table
@@ -42,7 +42,7 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
     """Mean ratings of both studies by approach, as a table for readers; of a single test its ratings alone."""
     table = pd.DataFrame(
         {
-            "Approach": LABELS.get(row["approach"], row["approach"]),
+            "Approach": label_of(row["approach"]),
             "Tests": f"{row['tests']}",
             "First": f"{row['first']:.3f}",
             "Second": f"{row['second']:.3f}",

@@ -165,7 +165,7 @@ def next_test(
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     usual = planning.ConditionRange.of(campaign.tests)
-    low, high = low or usual.low, high or usual.high
+    low, high = usual.low if low is None else low, usual.high if high is None else high
     planned = cast(tuple[Condition, ...], several(planned))
     candidates = None if candidates is None else cast(tuple[Condition, ...], several(candidates))
     for condition in (low, high, *planned, *(candidates or ())):

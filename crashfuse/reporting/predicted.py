@@ -207,6 +207,8 @@ def predict(
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     asked = (approach,) if isinstance(approach, Fit) else several(approach)
+    for one in asked:
+        require_a(str | Fit, one, "the name of an approach, or crashfuse.Fit.of(campaign, approach)")
     names = tuple(dict.fromkeys(name for name in asked if not isinstance(name, Fit)))
     if names and len(names) == len(set(asked)):  # what is predicted is cached, too
         replace(config, approaches=names).check()
@@ -221,6 +223,8 @@ def fits_of(
     campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, cache: Cache | None, watch: Watch
 ) -> list[Fit]:
     """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
+    for one in approaches:
+        require_a(str | Fit, one, "the name of an approach, or crashfuse.Fit.of(campaign, approach)")
     asked = dict.fromkeys(approaches)
     if not asked:
         raise UsageError("A prediction takes an approach at least, such as fused.")

@@ -9,7 +9,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.campaign_folder.condition_tables import Role
-from crashfuse.errors import Problem, one_of, require_a
+from crashfuse.errors import Problem, as_path, one_of, require_a
 from crashfuse.importing import ColumnChoice, Reading, Settled, read_records, settle_each
 from crashfuse.importing.detection import Choices
 from crashfuse.readers.record import Record
@@ -71,7 +71,7 @@ def preview_source(
     require_a(Choices, choices, "crashfuse.Choices()")
     together = record_id is not None or bool(choices.channels)
     table = None if conditions is None else Path(conditions)
-    reading = Reading(Path(source), fmt, tuple(columns), together, table, record_id, travel)
+    reading = Reading(as_path(source, "the source"), fmt, tuple(columns), together, table, record_id, travel)
     previews = []
     for record in read_records(reading):
         problems: list[Problem] = []

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from importlib import metadata
 
 from crashfuse.approaches.neighbours import nearest_sentences
-from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.approaches.registry import APPROACHES, label_of
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.certification.certify import Certification
@@ -94,7 +94,7 @@ def certification_settings(campaign: Campaign, config: StudyConfig, confidence: 
     return {
         "campaign": campaign.name,
         "version": __version__,
-        "approach": LABELS.get(approach, approach),
+        "approach": label_of(approach),
         **({"preset": config.preset} if config.under_preset else {}),
         "seed": str(config.seed),
         "confidence": f"{confidence:g}",

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import LABELS, label_of
+from crashfuse.errors import require_a
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.rating import graded
 from crashfuse.signals.rating_explanation import RatingExplanation, rating_sentences
@@ -17,6 +18,7 @@ from crashfuse.wording import difference, number, signed
 
 def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> pd.DataFrame:
     """One row a hump of the test: its time, that in the prediction, and its share in what the scores lost."""
+    require_a(RatingExplanation, explanation, "crashfuse.explain_rating(reference, comparison)")
     scale = abs(display.accel_scale)
     return pd.DataFrame(
         {
@@ -36,6 +38,7 @@ def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> p
 
 def excursions_table(explanation: RatingExplanation, display: Display = DEFAULT) -> pd.DataFrame:
     """One row a stretch of time outside the inner corridor, in order of time, with what it costs of the rating."""
+    require_a(RatingExplanation, explanation, "crashfuse.explain_rating(reference, comparison)")
     columns = [
         "Outside from (ms)", "to (ms)", f"Prediction minus test, largest ({display.unit})", "Beyond the outer corridor",
         "Costs of the overall rating",
@@ -153,7 +156,7 @@ def mean_values(study: Study) -> pd.DataFrame:
 
 def mean_ratings(study: Study) -> pd.DataFrame:
     """Mean ratings with their grades, as text, by approach and window."""
-    means = mean_values(study).rename(index=LABELS).rename_axis("Approach")
+    means = mean_values(study).rename(index=label_of).rename_axis("Approach")
     return means.map(lambda mean: "–" if np.isnan(mean) else graded(mean)).reset_index()
 
 

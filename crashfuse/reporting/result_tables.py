@@ -213,7 +213,7 @@ def curve_table(curve: LearningCurve, display: Display = DEFAULT) -> pd.DataFram
     half_width, known = table["half_width_g"] * display.units.factor("g"), table["half_width_g"].notna()
     return pd.DataFrame(
         {
-            "Approach": table["approach"].map(LABELS),
+            "Approach": table["approach"].map(LABELS.__getitem__),
             "Tests": table["n_tests"],
             "Chosen": table["choice"].map({"even": "evenly", "random": "at random"}),
             "Predictions": table["predictions"],

@@ -102,9 +102,6 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
     "certification": {  # of the certification, the display and notes
         "certification.csv": lambda certification, *_: tables.csv_as_given(tables.certification_table(certification)),
         "track_record.csv": lambda certification, *_: csv_bytes(tables.track_record_table(certification)),
-        "changes.csv": lambda certification, *_: (
-            certification.since and tables.csv_as_given(tables.changes_table(certification))
-        ),
         "credibility.csv": lambda certification, *_: csv_bytes(credibility_table(certification)),
         "report.html": lambda *result: certification_report(*result).encode(),
         "certification.json": lambda certification, *_: certification_json(certification),

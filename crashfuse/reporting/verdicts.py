@@ -15,7 +15,7 @@ from crashfuse.certification.certify import APPROACH, Certification, certify_mat
 from crashfuse.certification.criteria import COSTS, CriteriaGiven, criteria_given, with_costs
 from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import MatrixGiven, matrix_given
-from crashfuse.errors import one_of, require_a
+from crashfuse.errors import UsageError, one_of, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting import certification_tables as tables
@@ -57,8 +57,8 @@ class Verdicts:
         return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
 
     def since(self, earlier: str | Path) -> pd.DataFrame:
-        """What became of an earlier certification, as ``changes.csv``."""
-        return tables.changes_table(self.beside(earlier).certification)
+        """Verdicts that were given before their tests were run, as in ``track_record.csv``."""
+        return self.beside(earlier).track_record.query("left_out == 'planned'")
 
     def write(
         self,
@@ -151,6 +151,8 @@ def certify(
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     require_a(bool, robustness, "robustness=True judges without each test, too")
     conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
+    if costs is not None and len(several(costs)) != len(COSTS):
+        raise UsageError("Costs are that of a test and that of a wrong answer, such as (60_000, 1_200_000).")
     limits = limits if costs is None else with_costs(limits, dict(zip(COSTS, costs, strict=True)))
     config = replace(config, approaches=(approach,))
     computing: dict[str, Any] = {"cache": cache, "watch": watch, "workers": workers, "scheduler": scheduler}

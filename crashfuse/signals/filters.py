@@ -11,6 +11,8 @@ from crashfuse.units import G
 
 _CORNER = 2.0775  # corner frequency of one pass in Hz per unit of class (SAE J211-1, Appendix C)
 _PADDING_S = 0.01
+CLASSES = (60, 180, 600, 1000)
+"""Channel filter classes of SAE J211-1 and ISO 6487."""
 _ABOVE_HZ = 400.0
 CFC60_NOISE = 1e-3
 """Limit of :func:`noise_share` for what went through CFC 60."""
@@ -77,7 +79,7 @@ def noise_share(accel: FloatArray, *, dt_s: float) -> float:
 
 def _check(accel: FloatArray, cfc: float, dt_s: float, padding: int) -> None:
     require_number("A channel filter class", cfc)
-    if not cfc > 0:
+    if cfc not in CLASSES:
         raise UsageError(f"There is no channel filter class {cfc:g}; take 60, 180, 600 or 1000.")
     if 1 / dt_s < 10 * cfc * (1 - 1e-9):
         expected = f"at least {10 * cfc:g} samples a second for CFC {cfc:g}"

@@ -10,12 +10,12 @@ The overall rating is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. No i
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem, UsageError, printable, require_number
+from crashfuse.errors import DataError, Problem, UsageError, printable, require_number, several
 from crashfuse.signals.pulse import FloatArray, Pulse, numbers, require_step
 
 STANDARD = "ISO/TS 18571:2024"
@@ -154,7 +154,10 @@ class Ratings(dict[float, Rating]):
 
 def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float]) -> Ratings:
     """Rate two pulses, on any time grids, over the windows [0, w); raises as :func:`rate_iso18571`."""
-    return Ratings({float(end_ms): rate_iso18571(reference, comparison, window_ms=end_ms) for end_ms in windows_ms})
+    windows = cast(tuple[float, ...], several(windows_ms))
+    for end_ms in windows:
+        require_number("A window in ms", end_ms)
+    return Ratings({float(end_ms): rate_iso18571(reference, comparison, window_ms=end_ms) for end_ms in windows})
 
 
 def rated_curves(reference: Pulse, comparison: Pulse, window_ms: float) -> tuple[FloatArray, FloatArray]:
@@ -172,7 +175,10 @@ def rated_curves(reference: Pulse, comparison: Pulse, window_ms: float) -> tuple
 
 
 def _check(reference: FloatArray, comparisons: FloatArray, dt_s: float) -> None:
-    if reference.ndim != 1 or comparisons.ndim != 2 or comparisons.shape[-1] != reference.size:
+    if reference.ndim != 1:
+        found = f"one of {' × '.join(map(str, reference.shape))} numbers" if reference.ndim else "a single number"
+        raise DataError(Problem("reference", "a curve, an array of one dimension", found, "choose one channel"))
+    if comparisons.ndim != 2 or comparisons.shape[-1] != reference.size:
         expected = f"the reference's {' × '.join(map(str, reference.shape))} samples"
         found = " × ".join(map(str, comparisons.shape[1:])) or "a single number"
         raise DataError(Problem("comparison", expected, found, "cut both curves to the same window"))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crashfuse.errors import require_a
 from crashfuse.signals import rating as iso18571
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import RATING_DT_S, WEIGHTS, Rating
@@ -229,6 +230,7 @@ def rating_sentences(explanation: RatingExplanation, comparison: str = "predicti
 
     ``comparison`` is what the curve that is compared with the test is called, in a word.
     """
+    require_a(RatingExplanation, explanation, "crashfuse.explain_rating(reference, comparison)")
     rating, losses = explanation.rating, explanation.losses
     reasons = {name: reason_of(explanation, comparison) for name, reason_of in _REASONS.items()}
     overall = rating_headline(explanation)

@@ -33,7 +33,7 @@ from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError, require_a
+from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache, Entry, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.process import one_thread_throughout
@@ -318,8 +318,9 @@ def learn_archive(
 
 
 def _checked(campaigns: Sequence[Campaign]) -> list[Campaign]:
-    for campaign in campaigns:
+    for campaign in several(campaigns):
         require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+    for campaign in campaigns:
         if len(campaign.tests) < _LEAST_TESTS:
             found = f"{campaign.name} has {len(campaign.tests)}"
             raise UsageError(f"An archive learns from vehicles with {_LEAST_TESTS} tests or more; {found}.")

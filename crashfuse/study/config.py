@@ -54,19 +54,22 @@ class StudyConfig:
     also: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        approaches, way = several(self.approaches), self.leave_out
+        way = self.leave_out
         object.__setattr__(self, "leave_out", re.sub("[-_]", " ", way) if isinstance(way, str) else way)
-        if not approaches:
-            raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
-        for name in approaches:
-            require_approach(name)
-        object.__setattr__(self, "approaches", tuple(dict.fromkeys(approaches)))
+        if self.approaches is not APPROACHES:  # which are not listed before they are asked for
+            if not (approaches := several(self.approaches)):
+                raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
+            for name in approaches:
+                require_approach(name)
+            object.__setattr__(self, "approaches", tuple(dict.fromkeys(approaches)))
         one_of("preset", self.preset, dict.fromkeys(PRESETS))
         one_of("way to leave tests out", self.leave_out, dict.fromkeys(get_args(LeaveOut)))
         one_of("device", self.device, dict.fromkeys(DEVICES))
         if not (isinstance(self.seed, Integral) and 0 <= self.seed < 2**32):
             raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {self.seed}.")
         windows = several(self.windows_ms)
+        for window in windows:
+            require_a(str | Real, window, "a window in ms")
         if TO_TTZV in windows:
             object.__setattr__(self, "to_ttzv", True)
             windows = tuple(window for window in windows if window != TO_TTZV) or WINDOWS_MS
@@ -159,8 +162,9 @@ class StudyPlan:
         campaign, config = self.campaign, self.config
         require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
         require_a(StudyConfig, config, "crashfuse.StudyConfig()")
-        campaign.without(self.held_out)
-        object.__setattr__(self, "held_out", tuple(dict.fromkeys(self.held_out or campaign.test_ids)))
+        held_out = several(self.held_out)
+        campaign.without(held_out)
+        object.__setattr__(self, "held_out", tuple(dict.fromkeys(held_out or campaign.test_ids)))
         if len(campaign.tests) < 2:
             raise UsageError("Leaving a test out takes at least 2 tests.")
         config.check()

@@ -109,6 +109,7 @@ class Fit:
         """
         require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
         require_a(StudyConfig, config, "crashfuse.StudyConfig()")
+        require_a(str, approach, "the name of an approach")
         cache = cache or Cache()
         with blamed_on(approach):
             learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)

@@ -23,7 +23,7 @@ from crashfuse import views
 from crashfuse.approaches.base import MOST_TESTS
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
-from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, require_a
@@ -178,8 +178,8 @@ def learning_curve(
     and seed; all else is as in :func:`crashfuse.study.running.run_study`.
     """
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
-    if not (isinstance(repeats, Integral) and repeats >= 0):
-        raise UsageError(f"The number of random choices is 0 or more, not {repeats!r}.")
+    if isinstance(repeats, bool) or not (isinstance(repeats, Integral) and repeats >= 0):
+        raise UsageError(f"The number of random choices is 0 (even ones alone) or more, not {repeats!r}.")
     start = time.perf_counter()
     config = replace(config, leave_out="test")
     StudyPlan(campaign, config)  # checks tests, windows and settings
@@ -224,7 +224,7 @@ def _predicted(
         estimates = [estimate for estimate in studied if estimate is not None] if as_in_studies else []
         if len(estimates) < len(config.approaches):
             # mixtures come last, so that they find the fits of the others in the cache
-            names = sorted(config.approaches, key=APPROACHES.index)
+            names = sorted(config.approaches, key=CLASSES.declared.index)
             fits = [Fit.of(training, name, config, cache=cache, watch=watch) for name in names]
             estimates = [estimate for test in held_out for estimate in estimates_at(fits, test.condition)]
             for estimate in estimates if as_in_studies else ():

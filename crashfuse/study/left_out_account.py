@@ -8,7 +8,7 @@ from crashfuse.approaches.registry import CLASSES
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import one_of, require_a
+from crashfuse.errors import one_of, require_a, require_number
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows
@@ -135,6 +135,7 @@ def worst_test(
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
     window = max(study.config.windows_ms) if window_ms is None else window_ms
+    require_number("window_ms", window)
     approach = recommend(study).approach if approach is None else approach
     one_of("approach of this study", approach, dict.fromkeys(study.config.approaches))
     known = _worst.setdefault(study, {})  # requested by files, report, and terminal or page

@@ -16,7 +16,7 @@ from functools import partial
 from numbers import Integral
 
 from crashfuse.approaches.fit_cache import FITS
-from crashfuse.approaches.registry import APPROACHES, CLASSES
+from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError, printable, several
 from crashfuse.execution.cache import Cache
@@ -160,7 +160,7 @@ def _computed(
     estimates: list[tuple[Wanted, Estimate]] = []
     with one_thread_throughout():
         # mixtures come last, so that they find the fits of the others in the cache
-        names = sorted({one.approach for one in task.wanted}, key=APPROACHES.index)
+        names = sorted({one.approach for one in task.wanted}, key=CLASSES.declared.index)
         fits = {name: Fit.of(training, name, config, cache=cache, watch=watch) for name in names}
         for test in dict.fromkeys(one.test for one in task.wanted):
             wanted = [one for one in task.wanted if one.test == test]

@@ -13,7 +13,7 @@ from crashfuse.approaches.base import Approach, FittedState
 from crashfuse.approaches.metric_calibration import metric_errors
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
-from crashfuse.errors import DataError, Problem, UsageError, require_a
+from crashfuse.errors import DataError, Problem, UsageError, as_path, require_a
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.tensors import read_tensors, tensor_bytes
@@ -30,7 +30,7 @@ def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     if fit.campaign.fingerprint != campaign.fingerprint:
         raise UsageError(f"The fit of {fit.approach.name} learned from other data than {campaign.name} holds.")
-    write_atomically(Path(path), model_bytes(fit, campaign))
+    write_atomically(as_path(path, "a saved model"), model_bytes(fit, campaign))
 
 
 def model_file(approach: str) -> str:
@@ -63,7 +63,7 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
     A DataError if the file is no model, is altered, has the name of another approach, learned from other data, or was
     made with other versions of crashfuse, Python or the packages that compute.
     """
-    path = Path(path)
+    path = as_path(path, "a saved model")
     record, arrays = _read(path)
     try:
         _check(path, record, campaign)
@@ -81,7 +81,7 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
 
 def _check(path: Path, record: dict[str, Any], campaign: Campaign) -> None:
     approach = record["approach"]
-    if approach in CLASSES and path.stem != approach and path.name in map(model_file, CLASSES):
+    if approach in CLASSES and path.stem != approach and path.name in map(model_file, CLASSES.declared):
         raise DataError(Problem(str(path), f"a model of {path.stem}", f"one of {approach}", "give it its name back"))
     made, here = record["versions"], versions()
     if differing := [name for name in here if made.get(name) != here[name]]:

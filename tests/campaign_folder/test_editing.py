@@ -5,6 +5,7 @@ import os
 import re
 import shlex
 import shutil
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from crashfuse import cli
 from crashfuse.campaign_folder import editing, history
 from crashfuse.campaign_folder.history import changes, sample_folder, undo
 from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.campaign_folder.notes import Note, write_notes
 from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
@@ -467,6 +469,26 @@ def test_tuning_is_said_in_the_table_and_taken_back(folder: Path, ending: str, c
     undo(folder)
     undo(folder)
     assert table.read_bytes() == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="rights are no bits there")
+@pytest.mark.parametrize(("mode", "of_folder"), [(0o664, 0o775), (0o640, 0o750), (0o600, 0o700)])
+def test_who_shares_a_folder_can_read_what_an_edit_wrote(folder: Path, mode: int, of_folder: int) -> None:
+    """Files that were replaced, new ones and what an undo needs: whatever the mask of who edits."""
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(of_folder if path.is_dir() else mode)
+    mask = os.umask(0o077 if mode > 0o600 else 0)
+    try:
+        editing.say_tuned(folder, ["T1"], tuned=True)
+        editing.leave_out(folder, ["T2"], "cold")
+        editing.add_to_campaign(folder, {"tests": [addition()]})
+        write_notes(folder, [Note("T1", "cold")])
+    finally:
+        os.umask(mask)
+    assert {"campaign.toml", "notes.csv", "tests/New.csv", ".undo/000003/change.json"} <= {*content_of(folder)}
+    found = {path.is_dir(): path.stat().st_mode & 0o777 for path in folder.rglob("*")}
+    assert found == {True: of_folder, False: mode}
+    assert len({path.stat().st_mode for path in folder.rglob("*")}) == 2
 
 
 def test_hard_links_are_not_needed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

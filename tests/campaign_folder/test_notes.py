@@ -120,6 +120,16 @@ def test_damaged_notes_stop_the_command_before_anything_is_computed(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_column_that_is_there_twice_is_not_lost(tmp_path: Path) -> None:
+    """Neither is read in place of both, and no note that is added takes one away."""
+    content = "test,start_ms,end_ms,text,text\nT1,,,Cold,Anna says warm\n"
+    (tmp_path / FILE).write_text(content)
+    for use in (read_notes, lambda folder: change_notes(folder, lambda notes: [*notes, Note("T2", "Warm")])):
+        with pytest.raises(DataError, match="each column once, found text twice"):
+            use(tmp_path)
+    assert (tmp_path / FILE).read_text() == content
+
+
 def test_columns_of_somebody_else_are_not_lost(tmp_path: Path) -> None:
     """They are read past, but no note is added to such a file."""
     content = "test,start_ms,end_ms,text,who\nT1,,,Cold,Anna\n"

@@ -16,7 +16,7 @@ import platformdirs
 import pytest
 
 from crashfuse.errors import Cancelled, UsageError
-from crashfuse.execution.cache import Cache, finite, numbers
+from crashfuse.execution.cache import Cache, finite, numbers, resume
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.version import versions
 
@@ -192,6 +192,11 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
     assert found is not None
     assert float(found["a"]) == 1.0
     assert len(list((tmp_path / "kind").iterdir())) == 1
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
+    lost = f"What was finished is lost: {tmp_path} cannot be written (No space left on device)"
+    assert resume("it continues").startswith(lost)
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path / "other"))
+    assert resume("it continues") == "What was finished is in the cache: it continues"
 
 
 def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

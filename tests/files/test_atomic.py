@@ -113,7 +113,7 @@ def test_a_disk_that_is_full_at_the_end_of_a_study_costs_nothing_but_time(
     monkeypatch.setattr("crashfuse.reporting.results.write_atomically", full)
     assert cli.main(command) == cli.WRONG_DATA
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert said.startswith(f"crashfuse: Nothing was written to {out}: No space left on device. What was computed")
+    assert said.startswith(f"crashfuse: Nothing was written to {out}: No space left on device. What was finished")
     assert list(contents(out)) == ["study.json"]
     assert b'"finished": false' in (out / "study.json").read_bytes()
     monkeypatch.undo()

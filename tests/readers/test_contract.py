@@ -140,7 +140,7 @@ def polar_records(path: Path) -> tuple[object, ...]:
 def polar(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A file of a new format, which has its one line in the table."""
     line = Format("Polar", ".polar", r".*\.polar", "tests.readers.test_contract:polar_records")
-    monkeypatch.setitem(FORMATS, "polar", line)
+    monkeypatch.setitem(FORMATS.ours, "polar", line)
     time_s = clock()
     return written(tmp_path, {"P1.polar": np.column_stack([time_s, half_sine_g(time_s)]).tobytes()}) / "P1.polar"
 

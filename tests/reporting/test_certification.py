@@ -39,7 +39,7 @@ from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, MPH
 from crashfuse.wording import KPH_KG
-from tests.certification.test_changes import values
+from tests.certification.test_tested_since import values
 from tests.golden import assert_golden
 
 pytestmark = pytest.mark.usefixtures("one_cache")

@@ -312,7 +312,7 @@ def nan_at(index: int) -> FloatArray:
         (lambda: rate_iso18571(bell(250), bell(250), dt_s=DT_S, window_ms=80), "reference: .* 0–80 ms, found 0–60 ms"),
         (lambda: rate_iso18571(bell(250), bell(250, 599), dt_s=DT_S), "comparison: .* 600 samples, found 599"),
         (lambda: rate_iso18571(bell(250), np.ones((2, 600)), dt_s=DT_S), "comparison: .* found 2 × 600"),
-        (lambda: rate_iso18571(np.array(1.0), np.array(1.0), dt_s=DT_S), "comparison: .* found a single number"),
+        (lambda: rate_iso18571(np.array(1.0), np.array(1.0), dt_s=DT_S), "reference: .* found a single number"),
         (lambda: windows(120), "reference: expected a record over 0–120 ms, found 0–100 ms"),
         (lambda: windows(60, begin_s=0.01), "comparison: expected a record over 0–60 ms, found 10–110 ms"),
         (lambda: windows(5), "window: expected at least 10 ms, found 5 ms"),

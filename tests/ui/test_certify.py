@@ -407,50 +407,28 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
 
 
 def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_link(asking: Path, visit: Visit) -> None:
-    """Its file is uploaded once; another session sees what became of it, and so do report and table."""
+    """Uploaded, or chosen from those kept; another session sees what became of it, and none is cleared."""
     session = tab(certified(visit("certify", **LINK)), "Track record")
     assert "against earlier verdicts" in session.words
-    record = json.loads(certification_json(of_library(asking).certification))
-    record["cells"]["M1"] = {"crush": ("open", 0.5, 1.0, 2.0), "rating": ("open", 0.5, 0.0, 1.0)}
-    last, _ = record["tests_sha256"].popitem()
-    for content, told in (
-        (b"{}", "expected the record of a certification"),
-        (json.dumps(record).encode(), f"tests that it did not know: {last}."),
-    ):
-        session.app.file_uploader[-1].set_value([("certification.json", content, "application/json")])
-        session.run()
-        assert told in session.words
-    assert "Of 6 verdicts that both have" in session.words
-    assert session.tables[-1]["Condition"].tolist()[0] == "M1"
-    session.run()
-    link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Track record"}
-    elsewhere = certified(visit("certify", **link))
-    assert "Of 6 verdicts that both have" in elsewhere.words
-    assert sorted(elsewhere.press("Export").downloads) == sorted([*FILES, "changes.csv"])
-
-
-def test_verdicts_that_were_kept_are_chosen_from_a_list(asking: Path, visit: Visit) -> None:
-    """Those of the page, those of the command and uploaded ones; none is chosen any more once the list is cleared."""
-    session = tab(certified(visit("certify", **LINK)), "Track record")
     before = len(kept(session).options)
     session.press("Keep today’s verdicts")
     assert len(kept(session).options) > before  # another process may keep some, too
     record = json.loads(certification_json(of_library(asking).certification))
-    record["tests_sha256"].popitem()
-    session.app.file_uploader[-1].set_value([("certification.json", json.dumps(record).encode(), "application/json")])
-    session.run()
-    assert len(kept(session).options) > before + 1
+    last, _ = record["tests_sha256"].popitem()
+    told = f"tests that it did not know: {last}."
+    for content, words in ((b"{}", "expected the record of a certification"), (json.dumps(record).encode(), told)):
+        session.app.file_uploader[-1].set_value([("certification.json", content, "application/json")])
+        session.run()
+        assert words in session.words
     assert kept(session).value == session.app.session_state["earlier"]
+    link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Track record"}
+    assert told in certified(visit("certify", **link)).words
     kept(session).set_value(None)
     session.run()
     assert session.app.session_state["earlier"] is None
-    session.app.file_uploader[-1].set_value([("certification.json", b"{}", "application/json")])
-    session.run()
-    assert "expected the record of a certification" in session.words
     kept(session).select_index(0)
     session.run()
-    assert "expected the record of a certification" not in session.words
-    assert "verdicts that both have" in session.words
+    assert "Beside the earlier certification of" in session.words
 
 
 def kept(session: Session) -> "Selectbox[str]":

@@ -143,7 +143,7 @@ def test_a_link_made_after_opening_is_followed_by_no_read_and_no_write(
 def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not those of one that runs, nor what is of somebody else."""
+    """Those without a lock, too; not those of one that runs, nor what is of somebody else."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     running = uploads._scratch()
     killed, other = tmp_path / "crashfuse-uploads-x", tmp_path / "crashfuse-y"
@@ -152,6 +152,8 @@ def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(
         folder.with_suffix(".lock").touch()
     for folder in (running, killed, other):
         os.utime(folder.with_suffix(".lock"), (0, 0))
+    (unlocked := tmp_path / "crashfuse-uploads-z").mkdir()
+    os.utime(unlocked, (0, 0))
     uploads.sweep_uploads()
     assert running.is_dir()
     assert other.is_dir()

@@ -8,7 +8,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.colors import hex_to_rgb
 
-from crashfuse.reporting.plots.palette import AXIS, COLOURS, CURSOR, GRID, IN_THE_DARK, INK, PAPER, WINDOW, WINDOW_INK
+from crashfuse.errors import require_a
+from crashfuse.reporting.plots.palette import AXIS, COLOURS, CURSOR, GRID, INK, PAPER, WINDOW, WINDOW_INK, in_the_dark
 from crashfuse.signals.pulse import FloatArray
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
@@ -133,6 +134,7 @@ def room_above(figure: go.Figure) -> int:
 
 def darkened(figure: go.Figure) -> go.Figure:
     """The same figure in the colours of a dark page, or notebook; a report, which is meant for print, stays light."""
+    require_a(go.Figure, figure, "campaign.plot(), say")
     drawn = figure.to_plotly_json()
     return go.Figure([_in_the_dark(trace) for trace in drawn["data"]], _in_the_dark(drawn["layout"]))
 
@@ -230,4 +232,4 @@ def _dark(colour: str) -> str:
         red, green, blue = (int(_dark(solid)[i : i + 2], 16) for i in (1, 3, 5))
         alpha = float(sheer[4])
         return f"rgba({red}, {green}, {blue}, {_BAND_ALPHA_IN_THE_DARK if alpha == _BAND_ALPHA else alpha:g})"
-    return IN_THE_DARK.get(colour, colour)
+    return in_the_dark().get(colour, colour)

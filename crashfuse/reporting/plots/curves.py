@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from crashfuse.approaches.registry import LABELS, by_preference
+from crashfuse.approaches.registry import CLASSES, by_preference, label_of
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, add_line
@@ -57,7 +57,9 @@ def draw_curves(
     """
     lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
     filled = with_filled_band(curves, filled)
-    beside = [name for name, curve in curves.items() if curve.band is not None and name not in (filled, *COLOURS)]
+    beside = [
+        name for name, curve in curves.items() if curve.band is not None and name != filled and name not in COLOURS
+    ]
     alike = (filled, *beside) if len(beside) == 1 else (filled,)
     for name, curve in curves.items():
         colour: str = lines[name]["color"]
@@ -71,7 +73,7 @@ def draw_curves(
             key = {"name": WHOLE, "legendgroup": f"whole of {name}", "whose": f"{labels[name]}, {WHOLE}", **listed}
             dashed = {"width": 1.5, "dash": "dash", "color": colour}
             add_band(figure, *curve.whole, colour=colour, filled=False, line=dashed, yaxis=yaxis, **key)
-    ranks = {name: rank for rank, name in enumerate((TEST, *LABELS))}
+    ranks = {name: rank for rank, name in enumerate((TEST, *CLASSES.declared))}
     for number, (name, curve) in enumerate(curves.items()):
         add_line(
             figure, curve.x, curve.y, line=lines[name], name=labels[name], legendgroup=name,
@@ -122,7 +124,7 @@ def by_speed(
 
 
 def _label(name: str, curve: Curve) -> str:
-    label = "Test" if name == TEST else LABELS.get(name, name)
+    label = "Test" if name == TEST else label_of(name)
     return f"{label}{curve.remark}"
 
 

@@ -14,10 +14,10 @@ GRID, AXIS, CURSOR = "#E3E6EA", "#868D98", "#5B6270"
 WINDOW, WINDOW_INK = "#FFF4CC", "#6B5900"
 CORRIDOR = "#7A5AB5"  # of the rating
 MEASURED_COLOUR = "#000000"
-COLOURS: Mapping[str, str] = {name: approach.colour for name, approach in CLASSES.items()}
+COLOURS: Mapping[str, str] = CLASSES.mapped(lambda approach: approach.colour)
 """Of each approach, from Okabe & Ito's palette, which colour-blind readers can tell apart."""
 
-DASHES: Mapping[str, str] = {name: approach.dash for name, approach in CLASSES.items()}
+DASHES: Mapping[str, str] = CLASSES.mapped(lambda approach: approach.dash)
 """Of each approach's curves: what has not seen a test is not drawn solid."""
 
 FURTHER_COLOURS = ("#5B16B8", "#7D0A24", "#8F80FF", "#0A1A6B", "#B0006E")
@@ -64,11 +64,16 @@ IN_THE_DARK: Mapping[str, str] = {
     MEASURED_COLOUR: "#F5F7FA",
     CORRIDOR: "#B79CF0",
     **_FILLS_IN_THE_DARK,
-    **{approach.colour: approach.dark_colour for approach in CLASSES.values() if approach.dark_colour},
+    **{approach.colour: approach.dark_colour for approach in CLASSES.ours.values() if approach.dark_colour},
     **dict(zip(FURTHER_COLOURS, _FURTHER_IN_THE_DARK, strict=True)),
     **dict(zip(_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK, strict=True)),
 }
 """Counterparts on a dark page; colours that are not listed can be read on both."""
+
+
+def in_the_dark() -> dict[str, str]:
+    """:data:`IN_THE_DARK`, with those of approaches of other packages that are used."""
+    return {**{own.colour: own.dark_colour for own in CLASSES.imported if own.dark_colour}, **IN_THE_DARK}
 
 
 def further_line(number: int) -> dict[str, Any]:

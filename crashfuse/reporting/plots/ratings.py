@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import CLASSES, LABELS, label_of
 from crashfuse.reporting.plots import canvas
 from crashfuse.reporting.plots.canvas import add_line, figure_over_tests, new_figure, points_figure, tick_name
 from crashfuse.reporting.plots.curves import TEST, curve_line, curve_lines
@@ -80,7 +80,7 @@ def rating_spread(
             customdata=[(repeat.value, repeat.lower, repeat.upper) for _, repeat in known],
             hovertemplate="%{customdata[0]:.3f}, %{customdata[1]:.3f} to %{customdata[2]:.3f}",
         )
-    approaches = [name for name in LABELS if any(name in own for own in ratings.values())]
+    approaches = [name for name in CLASSES.declared if any(name in own for own in ratings.values())]
     for place, name in enumerate(approaches):
         own = [(i, *ratings[test][name]) for i, test in enumerate(tests) if name in ratings[test]]
         number, overall, lower, upper = np.array(own).T
@@ -234,7 +234,7 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
             y=[*gains, mean["difference"]],
             error_y={"array": error, "width": 0, "thickness": 1.5},
             mode="markers",
-            name=LABELS.get(name, name),
+            name=label_of(name),
             marker={"color": colour, "size": 8, "symbol": ["circle"] * gains.size + ["diamond"]},
             hovertemplate=[difference(second, first, 3) for second, first in pairs],
         )

@@ -22,7 +22,7 @@ _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # in a figure at the height it has on
 _CRITERIA_A_FIGURE = 2
 _MOST_FIGURES = 20
 _SHEET = ["Activity", "Factor", "Question", "What the data say", "Source"]
-_FILES = {"trials": "track_record.csv", "changes": "changes.csv"}  # that have all rows; else certification.csv
+_FILES = {"trials": "track_record.csv", "since": "track_record.csv"}  # that have all rows; else certification.csv
 
 
 def certification_report(certification: Certification, display: Display = DEFAULT, notes: Sequence[Note] = ()) -> str:
@@ -33,7 +33,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
     tables = {
         name: {"rows": table.head(_MOST_ROWS), "left": [f"{left:,} more rows are in {file}."] if left > 0 else []}
         for name, make in {"conditions": planned_table, **SHOWN}.items()
-        if name != "changes" or since is not None
+        if name != "since" or since is not None
         for table, file in [(make(certification, display), _FILES.get(name, "certification.csv"))]
         for left in [len(table) - _MOST_ROWS]
     }

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.errors import one_of
+from crashfuse.errors import one_of, require_a, several
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse, by_one, cautions, side_by_side
@@ -38,6 +38,10 @@ def prediction_report(
     form: ReportForm = "whole",
 ) -> str:
     """HTML report of a prediction, from one estimate per approach; others by the same approaches ``beside`` it."""
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
+    for estimate in several(estimates):
+        require_a(Estimate, estimate, "crashfuse.Fit.of(campaign, approach).estimate(condition)")
     condition = estimates[0].prediction.condition
     prediction = PredictedPulse(campaign, tuple(estimates), config)
     advice = recommend_for(estimates, campaign, condition)

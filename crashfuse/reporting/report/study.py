@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import LABELS, label_of
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
 from crashfuse.reporting import rating_tables
@@ -109,7 +109,7 @@ def _result(study: Study, display: Display) -> dict[str, object]:
 
 
 def _by_approach(ratings: pd.DataFrame) -> pd.DataFrame:
-    return _shown(ratings.rename(index=LABELS).rename_axis("Approach"))
+    return _shown(ratings.rename(index=label_of).rename_axis("Approach"))
 
 
 def _shown(ratings: pd.DataFrame) -> pd.DataFrame:
@@ -203,7 +203,7 @@ def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> 
         origin={
             "Command": f"crashfuse compare {first.id} {second.id} --report FILE",
             "Campaign fingerprints (SHA-256)": " ".join(dict.fromkeys([first.fingerprint, second.fingerprint])),
-            "Approaches": ", ".join(LABELS.get(name, name) for name in compared.ratings["approach"].unique()),
+            "Approaches": ", ".join(label_of(name) for name in compared.ratings["approach"].unique()),
             "crashfuse": __version__,
             "Python, platform": f"{platform.python_version()}, {platform.platform()}",
         },

@@ -8,11 +8,11 @@ import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification, Variant
-from crashfuse.certification.changes import saved_and_missed
 from crashfuse.certification.criteria import Criteria, varied
 from crashfuse.certification.track_record import at_most
 from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, headline, planned, sentences
 from crashfuse.reporting.certification_tables import changed_text
+from crashfuse.reporting.evidence_facts import saved_and_missed
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts

@@ -90,7 +90,7 @@ def choose_criteria(view: View) -> Criteria | None:
                 help="In any currency. Both say from which confidence skipping a test pays, and what it saves.",
             )  # fmt: skip
         st.selectbox(
-            "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach",
+            "Approach that is judged", tuple(APPROACHES), format_func=LABELS.__getitem__, key="approach",
             persist_state="session", width=210,
         )  # fmt: skip
         another = _text({"metric": RATING if any(RATING in text for text in state["criteria"]) else MAIN_METRICS[0]})

@@ -18,9 +18,8 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_facts import Place, sentences
 from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.certification_tables import SHOWN, changes_table, csv_as_given, matrix_table
+from crashfuse.reporting.certification_tables import SHOWN, csv_as_given, matrix_table
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.verdicts import Verdicts, certify
 from crashfuse.ui.certify.criteria import criteria_asked
@@ -32,7 +31,7 @@ from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Request, said_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
-from crashfuse.ui.kit.results import fill, show_table
+from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.wording import counted
 
@@ -127,12 +126,9 @@ def show_record(judgement: Judgement) -> None:
         if certification.since is None:
             st.caption("Tests run since are held against earlier verdicts.")
             return
-        judgement.show_sentences("changes")
-        table = SHOWN["changes"](certification, judgement.display)
-        if not table.empty:
-            styles = {word: fill(colour) for word, colour in VERDICT_COLOURS.items()}
-            styler = table.style.map(lambda word: styles.get(word, ""), subset=["Then", "Now"])
-            show_table(styler.hide(axis="index"), key="earlier verdicts")
+        judgement.show_sentences("since")
+        if certification.since.trials:
+            show_table(SHOWN["since"](certification, judgement.display), "earlier verdicts")
 
 
 def beside_earlier(verdicts: Verdicts, key: Hashable) -> Verdicts:
@@ -217,8 +213,6 @@ def show_files(judgement: Judgement) -> None:
         download_bytes("certification.csv", lambda: csv_as_given(verdicts.table), of)
         download_table("track_record.csv", lambda: verdicts.track_record, of)
         download_table("credibility.csv", lambda: verdicts.credibility, of)
-        if certification.since is not None:
-            download_bytes("changes.csv", lambda: csv_as_given(changes_table(certification)), of)
         download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode(), of)
         download_bytes("matrix.csv", lambda: csv_as_given(matrix_table(certification.matrix)), of)
         download_bytes("certification.json", lambda: certification_json(certification), of)

@@ -32,6 +32,7 @@ _ANY = "…"  # in a key: a factor of the campaign
 NOT_FOUND = "not found"  # session key: what the link asked for and was not found
 ASKED = "campaign asked for"  # session key: the campaign of a link, while it is not open
 REFUSED = "refused"  # session key: what is wrong with the campaign last tried
+_APPROACHES = tuple(APPROACHES)
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ CHOICES: dict[str, Choice] = {
     "held_out": Choice(tuple, None, pages=("train",), of_campaign=True),
     # how it is predicted
     "leave_out": Choice(str, "test", ("test", "speed group"), ("train", "compare")),
-    "approaches": Choice(tuple, APPROACHES, APPROACHES),
+    "approaches": Choice(tuple, _APPROACHES, _APPROACHES),
     "preset": Choice(str, "fast", PRESETS),
     "seed": Choice(int, 0, range(2**32)),
     "device": Choice(str, "auto", DEVICES),
@@ -96,9 +97,9 @@ CHOICES: dict[str, Choice] = {
     "opening": Choice(str, None, ("add", "open"), ("data",), of_campaign=True),
     "corridors": Choice(bool, False, pages=("compare",)),
     "cost": Choice(float, pages=("study",)),
-    "compare_curves": Choice(tuple, None, (TEST, *APPROACHES), ("compare",)),
-    "predict_approach": Choice(options=APPROACHES, pages=("predict",)),
-    "predict_curves": Choice(tuple, None, (*APPROACHES, "representative"), ("predict",)),
+    "compare_curves": Choice(tuple, None, (TEST, *_APPROACHES), ("compare",)),
+    "predict_approach": Choice(options=_APPROACHES, pages=("predict",)),
+    "predict_curves": Choice(tuple, None, (*_APPROACHES, "representative"), ("predict",)),
     **{f"{page}_also": Choice(tuple, (), pages=(page,), of_campaign=True) for page in ("compare", "predict")},
     **{f"{page}_nearest": Choice(bool, False, pages=(page,)) for page in ("compare", "predict")},
     "pins": Choice(tuple, (), pages=("compare", "predict")),
@@ -267,7 +268,7 @@ def chosen_config(approach: str | None = None) -> StudyConfig:
     seed = int(state.get("seed", 0))
     windows = {*WINDOWS_MS, float(state.get("window", WINDOWS_MS[-1]))}
     return StudyConfig(
-        approaches=tuple(name for name in APPROACHES if name in chosen),
+        approaches=tuple(name for name in _APPROACHES if name in chosen),
         preset=state.get("preset", "fast"),
         seed=seed if seed in CHOICES["seed"].options else 0,
         windows_ms=tuple(sorted(windows)),

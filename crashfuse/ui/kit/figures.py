@@ -15,14 +15,13 @@ from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table, unpacked
 from crashfuse.reporting.figures import Further
 from crashfuse.reporting.plots.canvas import AXIS_TITLE, darkened, room_above, without_links
-from crashfuse.reporting.plots.palette import IN_THE_DARK
+from crashfuse.reporting.plots.palette import in_the_dark
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.files import Caption, caption, export_button
 from crashfuse.ui.kit.navigation import component
 
 _DIGITS = 5  # of the largest value of a curve, on a screen of thousands of pixels
-_LIGHT = json.dumps({dark: light for light, dark in IN_THE_DARK.items()})
 _CACHED = 200  # figures of up to half a megabyte
 _TOOLS: dict[str, Any] = {"displaylogo": False, "showSendToCloud": False}  # none of those left sends a figure anywhere
 _STREAMLITS = Path(st.__file__).parent / "static" / "static" / "js"
@@ -80,7 +79,8 @@ def offer_files(figure: go.Figure, caption: Caption, key: str) -> None:
     if asked:
         table = figure_table(figure, [int(place) for place in asked["hidden"]])
         data |= {"at": asked["at"], "csv": csv_bytes(table).decode()}
-    tools = component("figure_tools", css="buttons.css", LIGHT=_LIGHT)
+    light = json.dumps({dark: light for light, dark in in_the_dark().items()})
+    tools = component("figure_tools", css="buttons.css", LIGHT=light)
     tools(data=data, key=key, on_csv_change=lambda: None)
 
 

@@ -40,7 +40,6 @@ _HOLDS = {
     "certification.csv": "Every verdict.",
     "track_record.csv": "Verdicts on left-out tests, and what they measured.",
     "credibility.csv": "The factors of ASME V&V 40, with what the data say.",
-    "changes.csv": "Earlier verdicts, and tests run since.",
     "criteria.toml": "The criteria, for the campaign folder.",
     "matrix.csv": "The planned tests, for the campaign folder.",
     "certification.json": "All of it, to hold a later one against it.",

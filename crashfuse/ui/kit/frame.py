@@ -1,6 +1,5 @@
 """Frame of every page: set-up, the sidebar, the settings, and the line above."""
 
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
@@ -17,7 +16,7 @@ from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.execution.cache import default_folder
+from crashfuse.execution.cache import not_kept
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, telling_test
 from crashfuse.study.facts import campaign_facts
@@ -41,7 +40,7 @@ _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 def choose_settings() -> tuple[StudyConfig, str]:
     """Ask for the settings; second is what is wrong with them, if anything."""
     chosen = st.pills(
-        "Approaches", APPROACHES, selection_mode="multi", format_func=LABELS.__getitem__,
+        "Approaches", tuple(APPROACHES), selection_mode="multi", format_func=LABELS.__getitem__,
         key="approaches", persist_state="session",
     )  # fmt: skip
     st.caption(f"{LF} {TIME_DOMAIN}")
@@ -361,16 +360,9 @@ def _open_with(page: str, chosen: Mapping[str, str]) -> None:
 
 @st.cache_data(ttl=60, show_spinner=False)
 def _not_kept() -> str:
-    folder = default_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return ""
-    except OSError as error:
-        return (
-            f"Results are lost when the server ends: {folder} cannot be written ({error.strerror or error}). Name "
-            "another by CRASHFUSE_CACHE."
-        )
+    """A sentence if nothing can be kept in the cache folder; empty if it can."""
+    reason = not_kept()
+    return reason and f"Results are lost when the server ends: {reason}. Name another by CRASHFUSE_CACHE."
 
 
 def offer_sample() -> None:

@@ -10,7 +10,7 @@ import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import LABELS, label_of
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
@@ -181,7 +181,7 @@ def ratings_table(
     """Ratings by prediction and window, parts and draws over one window; last, a repeat."""
     table = pd.DataFrame(
         {
-            "Approach": LABELS.get(name, name),
+            "Approach": label_of(name),
             **{window_label(w): graded(rating.overall) for w, rating in by_window.items()},
             **({TTZV_COLUMN: graded(to_ttzv[name])} if name in to_ttzv else {}),
             **{part.capitalize(): f"{getattr(by_window[window_ms], part):.3f}" for part in WEIGHTS},

@@ -41,6 +41,7 @@ _MOST_FILES = 20_000
 T = TypeVar("T")
 _SCRATCH, _LOCK = "crashfuse-uploads-", ".lock"  # of the folder, and beside it
 _STARTING_S = 10  # between making a lock file and locking it
+_UNLOCKED_S = 86400.0  # a folder without its lock file may be of a server whose lock a cleaner of old files took
 _MOST_BYTES = 8 << 30
 _IN_USE_S = 4 * 3600.0  # since somebody looked at it; a session may pause over noon
 
@@ -200,6 +201,7 @@ def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
 
 def _keep(lay_out_in: Callable[[Path], T]) -> T:
     try:
+        sweep_uploads()  # of servers that were killed too shortly before this one started
         _make_room()
         folder = Path(tempfile.mkdtemp(dir=_scratch()))
         try:
@@ -251,12 +253,14 @@ def _scratch() -> Path:
 
 def sweep_uploads() -> None:
     """Delete the uploads of servers that were killed: the system has freed their locks."""
-    for file in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*{_LOCK}"):
+    for folder in {path.with_suffix("") for path in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*")}:
+        file = folder.with_suffix(_LOCK)
         with suppress(OSError, Timeout):  # another user's, or of a server that runs
-            if time.time() - file.stat().st_mtime > _STARTING_S:
+            age_s = time.time() - (file if file.exists() else folder).stat().st_mtime
+            if age_s > (_STARTING_S if file.exists() else _UNLOCKED_S):
                 lock = FileLock(file, thread_local=False)
                 lock.acquire(timeout=0)
-                _remove(file.with_suffix(""), lock)
+                _remove(folder, lock)
 
 
 def _remove(folder: Path, lock: FileLock) -> None:
