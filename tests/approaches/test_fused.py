@@ -52,7 +52,6 @@ def test_the_band_is_checked_around_the_mixture(fused: Fused) -> None:
 
 
 def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Campaign, fused: Fused) -> None:
-    """In the acceleration; so are velocity and displacement, which are linear in it."""
     condition = campaign.test("T3").condition
     components = [
         fused.time_domain_.predict(condition).accel_mps2,
@@ -115,7 +114,6 @@ def test_a_cae_model_that_is_right_keeps_its_component(campaign: Campaign) -> No
 
 @pytest.mark.slow
 def test_a_single_test_is_enough(campaign: Campaign) -> None:
-    """Then nothing is learned about the weights, and the sentence says so."""
     fused = Fused().fit(campaign.without(["T1", "T3", "T4"]))
     test, condition = campaign.test("T2"), campaign.test("T4").condition  # at 25 and 35 mph
     prediction = fused.predict(condition)
@@ -190,7 +188,6 @@ def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch:
 
 @pytest.mark.slow
 def test_what_components_learned_is_taken_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A study has fitted both already."""
     from crashfuse.study.estimate import Fit
 
     rest = campaign.without(["T3"])

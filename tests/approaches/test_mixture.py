@@ -12,7 +12,6 @@ EVEN = np.zeros((2, 3))
 
 
 def test_the_distance_between_draws_is_the_mean_over_all_pairs() -> None:
-    """Written out pair by pair, for two components and for one with itself."""
     rng = np.random.default_rng(0)
     a, b = rng.standard_normal((7, 3)), rng.standard_normal((5, 3)) + 1
     between = Scores.of(np.zeros(3), [a, b]).apart

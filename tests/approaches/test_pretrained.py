@@ -62,7 +62,6 @@ def test_the_motion_is_that_of_the_pulse() -> None:
 
 
 def test_a_pulse_that_is_not_known_changes_no_forecast() -> None:
-    """Neither its own nor another's, whatever was measured there."""
     measured, cae, vectors = _arrays(0, 1, 2, 3)
     known = (True, True, False, False)
     before = _forecast((measured, cae, vectors), *known)
@@ -82,7 +81,6 @@ def test_what_is_predicted_together_is_what_is_predicted_alone() -> None:
 
 
 def test_a_parked_vehicle_has_a_finite_forecast() -> None:
-    """At no speed nothing is divided by it."""
     measured, cae, vectors = _arrays(0, 1)
     vectors[0, 1, 0], cae[0, 1] = 0.0, 0.0
     forecast = _forecast((measured, cae, vectors), True, False)
@@ -114,7 +112,6 @@ def sample() -> Campaign:
 
 @pytest.fixture(scope="module")
 def emulated(tmp_path_factory: pytest.TempPathFactory) -> Cache:
-    """Where its CAE emulator is kept."""
     return Cache(tmp_path_factory.mktemp("cache"))
 
 

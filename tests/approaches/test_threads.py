@@ -20,7 +20,6 @@ def two_threads() -> Iterator[None]:
 
 
 def in_a_new_thread() -> int:
-    """The number that a thread begins with."""
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(torch.get_num_threads).result()
 
@@ -44,7 +43,6 @@ def test_who_leaves_first_does_not_end_it_for_others(order: tuple[int, int]) -> 
 
 
 def test_one_within_another_and_an_error_end_it() -> None:
-    """The inner one changes nothing for the outer."""
     with single_thread():
         with pytest.raises(ZeroDivisionError), single_thread():
             _ = 1 // 0

@@ -22,7 +22,6 @@ from crashfuse.version import versions
 
 
 def test_what_was_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
-    """Arrays of any kind survive, text too."""
     cache = Cache(tmp_path)
     entry = {"a": np.random.default_rng(0).normal(size=(3, 4)).astype(np.float32), "text": np.array("äöü")}
     cache.put("kind", {"x": 1}, entry)
@@ -72,7 +71,6 @@ def test_a_cache_knows_what_it_was_used_for(tmp_path: Path) -> None:
 
 
 def test_one_thread_waits_for_another_that_computes_the_same(tmp_path: Path) -> None:
-    """It says so until it is its turn; afterwards no lock stays."""
     begun, go_on, too_long = (threading.Event() for _ in range(3))
 
     def compute() -> None:
@@ -101,7 +99,6 @@ def test_one_thread_waits_for_another_that_computes_the_same(tmp_path: Path) -> 
 
 
 def test_the_cache_lies_where_the_platform_keeps_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """In a folder of our name, unless another is named."""
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
     assert Cache().folder == tmp_path
     monkeypatch.delenv("CRASHFUSE_CACHE")
@@ -157,7 +154,6 @@ def test_what_was_not_used_for_longest_makes_room(tmp_path: Path, monkeypatch: p
 
 @pytest.mark.parametrize("wrong", ["0", "-1", "nan", "much"])
 def test_a_limit_that_is_none_is_wrong_usage(wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Said before anything is computed."""
     monkeypatch.setenv("CRASHFUSE_CACHE_GIB", wrong)
     with pytest.raises(UsageError, match="CRASHFUSE_CACHE_GIB"):
         Cache()
@@ -165,7 +161,6 @@ def test_a_limit_that_is_none_is_wrong_usage(wrong: str, monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("position", [0, 100, -1])
 def test_a_flipped_byte_is_noticed_and_removed(tmp_path: Path, position: int) -> None:
-    """A damaged entry is no entry, and half of one is none either."""
     cache = Cache(tmp_path)
     cache.put("kind", {"x": 1}, {"a": np.arange(50)})
     path = cache.path("kind", {"x": 1})
@@ -239,7 +234,6 @@ def test_a_whole_entry_with_wrong_content_is_computed_again(tmp_path: Path, wron
 
 
 def test_what_cannot_be_computed_leaves_nothing(tmp_path: Path) -> None:
-    """The error is the caller's; the next one to ask computes."""
     cache = Cache(tmp_path)
 
     def fail() -> tuple[float, dict[str, float]]:
@@ -324,7 +318,6 @@ def test_what_is_packed_can_be_unpacked_elsewhere(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("wrong", [np.ones(3), np.ones((2, 3)), np.array("text"), np.ones((3, 2), int), np.float64(1)])
 def test_numbers_of_another_form_are_no_entry(wrong: npt.NDArray[np.float64]) -> None:
-    """Nor are those without a value, where each has one."""
     with pytest.raises(ValueError, match="rated"):
         numbers({"rated": wrong}, "rated", None, 2)
     assert numbers({"rated": np.full((5, 2), np.nan)}, "rated", None, 2).shape == (5, 2)

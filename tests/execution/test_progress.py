@@ -56,7 +56,6 @@ def test_a_log_gets_a_few_plain_lines_a_step(capsys: Capture) -> None:
 
 
 def test_a_terminal_gets_a_bar(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A line for each step, drawn again and again."""
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     show(10)
     said = capsys.readouterr().err

@@ -56,7 +56,6 @@ def test_a_table_goes_into_a_spreadsheet_with_a_number_in_each_cell() -> None:
 
 
 def test_an_interval_that_a_record_leaves_open_has_the_ends_that_are_known() -> None:
-    """Each in its column; what is open is empty."""
     cells = ["3.6 [≤ 4.3]", "3.5 [≥ 3.1]", "3.4 [open]", "≤ 15.3 (95 %, record too short)", "3.5 [3.1, 3.9]", "–"]
     lines = spreadsheet_text(pd.DataFrame({"OLC": cells})).split("\n")
     assert lines[0] == "OLC\tOLC lower\tOLC upper"

@@ -122,7 +122,6 @@ def test_curves_with_positions_of_their_own_stand_below_each_other(
 
 
 def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
-    """Tests by name, ratings as numbers."""
     spread = table(rating_spread({"T1": {"cae": (0.7, 0.6, 0.75)}, "T2": {"cae": (0.8, 0.75, 0.9)}}))
     assert spread.iloc[:, :2].to_numpy().tolist() == [["CAE", "T1"], ["CAE", "T2"]]
     np.testing.assert_allclose(spread.iloc[1, 2:].to_numpy(float), [0.8, 0.75, 0.9], rtol=1e-6)
@@ -133,7 +132,6 @@ def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
 
 
 def test_a_name_is_no_formula() -> None:
-    """A test may be called anything."""
     figure = go.Figure(go.Scatter(x=[0.0, 1.0], y=[2.0, 3.0], name="=cmd|x"))
     figure.update_layout(xaxis_title="Time (ms)", yaxis_title="Acceleration (g)")
     assert csv_bytes(figure_table(figure)).startswith(b"Time (ms),'=cmd|x: Acceleration (g)\n")

@@ -24,7 +24,6 @@ def drawn(name: str, height: int) -> go.Figure:
 
 
 def page(*parts: str) -> str:
-    """A report: title, notice, and what stands below."""
     notices = "<p class=notice data-label='T9 stands apart'>It is odd.</p>"
     notices += "<p class=notice data-label='Made up'>Made <b>up</b> &amp; small.</p>"
     return f"<h1>Tiny: a study</h1>{notices}{''.join(parts)}"
@@ -43,7 +42,6 @@ REPORT = page(
 
 
 def test_figures_are_read_from_a_report_with_their_headings() -> None:
-    """Each with the headings above it; nothing of the page is run."""
     report = figures_of(REPORT)
     assert (report.title, report.labels) == ("Tiny: a study", ("T9 stands apart", "Made up"))
     assert report.notices == ("It is odd.", "Made up & small.")
@@ -65,7 +63,6 @@ def test_figures_are_read_from_a_report_with_their_headings() -> None:
     ],
 )
 def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes | None, found: str) -> None:
-    """Empty, another page, not text, damaged, nested without end, not there."""
     if content is not None:
         (tmp_path / "report.html").write_bytes(content)
     with pytest.raises(DataError, match=found):

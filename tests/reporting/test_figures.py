@@ -45,7 +45,6 @@ def elsewhere(study: Study) -> PredictedPulse:
 
 
 def names(figure: go.Figure) -> list[str]:
-    """What the legend lists beside bands."""
     return [t.name for t in figure.data if t.showlegend is not False and t.name not in (POINTWISE, WHOLE)]
 
 
@@ -64,20 +63,17 @@ def test_every_figure_of_a_test_is_one_call(study: Study, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["ratings", "draws", "calibration"])
 def test_every_figure_of_a_study_is_one_call(study: Study, name: str) -> None:
-    """Of all held-out tests; of one approach alone too."""
     assert len(figure_table(study.plot(figure=name))) > 0
     assert len(figure_table(study.plot(figure=name, approaches=["fused"]))) > 0
 
 
 @pytest.mark.parametrize("name", ["tests", "conditions", "cae", "bias", "cae events"])
 def test_every_figure_of_a_campaign_is_one_call(campaign: Campaign, name: str) -> None:
-    """One test of it may be marked."""
     assert len(figure_table(campaign.plot(name, held_out="T2", units="kph-kg"))) > 0
 
 
 @pytest.mark.parametrize("name", ["motion", "acceleration", "displacement", "energy", "integration"])
 def test_every_figure_of_a_prediction_is_one_call(elsewhere: PredictedPulse, name: str) -> None:
-    """Without a test; one may be put beside it."""
     drawn = elsewhere.plot(name, also=["T3"])
     representative = ["Representative pulse"] if name in ("motion", "acceleration") else []
     assert names(drawn) == ["Fused", *representative, "T3 · 26.0 mph"]
@@ -130,7 +126,6 @@ def test_a_prediction_with_other_settings_is_named_by_what_differs_and_drawn_as_
 
 
 def test_a_campaign_shows_some_tests_and_what_is_put_beside_them(campaign: Campaign, elsewhere: PredictedPulse) -> None:
-    """By their ids, and a prediction; a filter draws each test twice."""
     beside = campaign.plot(tests=["T2"], also=["C05", elsewhere], held_out="T2")
     assert names(beside)[0] == "T2 · 25.0 mph (held out)"
     assert any(name.startswith("Fused at 30.0 mph") for name in names(beside))
@@ -177,7 +172,6 @@ def test_the_parts_of_a_bias_do_not_change_with_the_held_out_pulse(study: Study)
     ],
 )
 def test_what_there_is_not_is_one_sentence(study: Study, options: dict[str, object], sentence: str) -> None:
-    """With the nearest name, where there is one."""
     with pytest.raises(UsageError) as caught:
         study.plot(**options)  # type: ignore[arg-type]
     assert str(caught.value).startswith(sentence)

@@ -60,7 +60,6 @@ def test_the_table_of_coverage_says_percent_and_counts() -> None:
 
 
 def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
-    """One row each."""
     table = fit_table(STATE).set_index("Hyperparameter")
     assert table.loc["shared, standard deviation"].tolist() == ["0.712", "1.50", "no"]
     assert table.loc["noise, standard deviation", "At its bound"] == "yes"

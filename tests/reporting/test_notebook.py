@@ -47,7 +47,6 @@ def test_every_object_says_in_a_line_what_it_is(campaign: Campaign, study: Study
 
 
 def test_a_study_shows_grades_and_what_a_repeat_would_rate(study: Study) -> None:
-    """By approach and window."""
     rating = study.fold("T3").ratings["cae"][60.0]
     (table,) = pd.read_html(io.StringIO(study._repr_html_()))
     assert table["Approach"].tolist() == ["CAE", "A repeat"]

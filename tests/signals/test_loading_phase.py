@@ -35,7 +35,6 @@ def test_displacement_at_a_share_of_the_speed_follows_energy() -> None:
 
 @pytest.mark.parametrize("speed", [0.4, 3.0, 10.0, 13.0])
 def test_displacement_only_grows(speed: float) -> None:
-    """Displacement is strictly increasing, so acceleration is a function of it."""
     phase = loading_phase(-300 * np.sin(np.pi * GRID_S / 0.07), speed)
     assert (np.diff(phase.displacement_m) > 0).all()
     assert phase.velocity_mps[-1] == 0

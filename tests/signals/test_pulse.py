@@ -149,7 +149,6 @@ def test_crashes_cut_anywhere_stop_within_what_they_are_given(campaign: Campaign
 
 @pytest.mark.parametrize("stride", [10, 20])
 def test_it_is_the_cubic_spline_through_the_samples(stride: int) -> None:
-    """For one pulse and for many."""
     sequences = np.random.default_rng(0).normal(size=(3, len(GRID_S[::stride])))
     expected = CubicSpline(GRID_S[::stride], sequences, axis=1)(GRID_S)
     np.testing.assert_allclose(in_full(sequences, stride), expected, atol=1e-12)

@@ -23,7 +23,6 @@ def study(overall: dict[str, float], **changes: object) -> PastResult:
 
 
 def raw(overall: dict[str, float], **changes: object) -> PastResult:
-    """A study of the raw CAE model alone."""
     return study({}, ratings={test: {"cae": {60.0: rating}} for test, rating in overall.items()}, **changes)
 
 
@@ -78,7 +77,6 @@ def test_studies_of_two_vehicles_are_refused() -> None:
 
 
 def test_two_without_anything_in_common_are_refused() -> None:
-    """No test, or no approach."""
     for other in (study({"T9": 0.5}), study({}, ratings={"T1": {"time_domain": {60.0: 0.5}}})):
         with pytest.raises(UsageError, match="no rating in common"):
             StudyComparison(study(FIRST), other)

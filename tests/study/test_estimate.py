@@ -70,7 +70,6 @@ def test_a_prediction_says_whose_sensor_failed(campaign: Campaign) -> None:
 def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
     campaign: Campaign, fitting_is_an_error: Callable[[], None], tmp_path: Path
 ) -> None:
-    """The second fit learns nothing; with one test less it has to."""
     condition = campaign.tests[1].condition
     config, cache = StudyConfig(approaches=("displacement_domain",)), Cache(tmp_path)  # where no other test fitted
     first = Fit.of(campaign, "displacement_domain", config, cache=cache).estimate(condition)
@@ -113,7 +112,6 @@ def test_several_approaches_say_together_what_each_says_alone(
 
 @pytest.mark.slow
 def test_parts_with_other_settings_are_not_shared(campaign: Campaign) -> None:
-    """A time domain with another seed is not what fused is made of."""
     condition = campaign.tests[1].condition
     fused = Fit.of(campaign, "fused")
     other = Fit.of(campaign, "time_domain", StudyConfig(seed=1))
@@ -139,7 +137,6 @@ def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign
 
 @pytest.mark.slow
 def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is kept is kept by the settings, not by the preset's name."""
     condition = campaign.tests[0].condition
     estimate_at(campaign, condition, "displacement_domain")
     few = replace(DisplacementConfig.fast(), n_draws=20)

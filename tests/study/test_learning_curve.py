@@ -82,7 +82,6 @@ def test_random_choices_are_those_of_the_seed(campaign: Campaign) -> None:
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Cache:
-    """The cache that the curve was computed with."""
     return Cache(tmp_path_factory.mktemp("curve"))
 
 
@@ -94,7 +93,6 @@ def curve(campaign: Campaign, cache: Cache) -> LearningCurve:
 
 @pytest.mark.slow
 def test_each_part_predicts_all_other_tests_with_every_approach_over_every_window(curve: LearningCurve) -> None:
-    """One row each, the contract's columns first."""
     table = curve.table
     assert list(table) == [*COLUMNS, "basis"]
     for (chosen, _, n_tests), part in table.groupby(["chosen", "choice", "n_tests"]):
@@ -125,7 +123,6 @@ def test_a_row_is_the_prediction_of_a_fit_to_its_part(curve: LearningCurve) -> N
 
 @pytest.mark.slow
 def test_the_raw_cae_model_has_no_band_and_needs_no_test(curve: LearningCurve) -> None:
-    """Its rating of a test is the same whatever was chosen."""
     cae = curve.table[curve.table["approach"] == "cae"]
     assert cae[["inside", "half_width_g"]].isna().all(axis=None)
     assert (cae.groupby(["held_out", "window_ms"])["overall"].nunique() == 1).all()
@@ -171,7 +168,6 @@ def test_what_was_computed_is_not_computed_again(
 
 @pytest.mark.slow
 def test_workers_do_not_change_the_numbers(curve: LearningCurve) -> None:
-    """Two processes give what one gives, in the same order."""
     assert learning_curve(curve.campaign, CONFIG, repeats=1, workers=2).table.equals(curve.table)
 
 
@@ -189,7 +185,6 @@ def test_the_ratings_by_test_are_means_over_the_even_choices(curve: LearningCurv
 
 
 def test_it_can_be_stopped(campaign: Campaign) -> None:
-    """At the next report."""
     cancel = threading.Event()
 
     def stop(progress: Progress) -> None:

@@ -37,7 +37,6 @@ SPEEDS_MPS = np.array([15.0, 20.0, 30.0]) * MPH
 
 @pytest.fixture(scope="module")
 def fits(campaign: Campaign) -> list[Fit]:
-    """The raw CAE, and an approach with a band."""
     return [Fit.of(campaign, name) for name in ("cae", "displacement_domain")]
 
 
@@ -73,7 +72,6 @@ def test_a_speed_that_is_none_is_refused(campaign: Campaign, fits: list[Fit]) ->
 
 
 def test_a_sweep_tells_how_far_it_is_and_can_be_cancelled(campaign: Campaign, fits: list[Fit]) -> None:
-    """It ends before the next speed."""
     reports: list[Progress] = []
     sweep_speed(fits[:1], campaign.tests[0].condition, SPEEDS_MPS, Watch(reports.append))
     assert [report.done for report in reports] == [0, 1, 2, 3]
@@ -144,7 +142,6 @@ def at(speed_mph: float) -> Condition:
 
 
 def braking(condition: Condition, decel_mps2: float) -> Pulse:
-    """Constant braking until the vehicle stops."""
     return Pulse(GRID_S, np.where(condition.speed_mps / decel_mps2 > GRID_S, -decel_mps2, 0.0))
 
 
@@ -156,7 +153,6 @@ def clustered(campaign: Campaign) -> Campaign:
 
 @pytest.fixture(scope="module")
 def domain(clustered: Campaign) -> DisplacementDomain:
-    """The displacement domain that has learned from it."""
     return DisplacementDomain(FEW).fit(clustered)
 
 
@@ -244,14 +240,12 @@ def test_an_expected_test_lies_where_a_real_one_would(domain: DisplacementDomain
 
 
 def test_a_candidate_outside_the_cae_runs_is_flagged(domain: DisplacementDomain) -> None:
-    """It can be ranked, and says which input lies outside."""
     flags = {test.condition: test.extrapolation for test in rank_next_tests(domain, RANGE, [at(20.0), at(50.0)])}
     assert flags[at(20.0)] == ()
     assert "speed" in flags[at(50.0)][0]
 
 
 def test_table_4_and_an_unfitted_approach_are_refused(clustered: Campaign) -> None:
-    """The sentences say what to take instead."""
     with pytest.raises(NotFittedError, match="fit"):
         rank_next_tests(DisplacementDomain(), RANGE)
     paper = DisplacementDomain(replace(DisplacementConfig.paper(), projected_points=4, restarts=0, n_draws=4))
@@ -298,7 +292,6 @@ def test_conditions_are_spread_evenly_over_the_range() -> None:
 
 
 def test_a_range_that_makes_no_sense_is_refused() -> None:
-    """Upside down, without speed, of two kinds of vehicle, of no tests."""
     for low, high in ((20.0, 10.0), (0.0, 10.0), (10.0, np.nan)):
         with pytest.raises(UsageError, match="range"):
             ConditionRange(at(low), at(high))

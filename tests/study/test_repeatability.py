@@ -89,7 +89,6 @@ def test_one_test_says_nothing_about_repeats(campaign: Campaign) -> None:
 
 
 def test_a_window_beyond_the_record_has_no_value(campaign: Campaign) -> None:
-    """What was padded was not measured."""
     short = replace(campaign.tests[0], recorded_s=0.05)
     found = repeatability(replace(campaign, tests=(short, *campaign.tests[1:])), WINDOWS)
     assert set(found["T1"]) == {20.0}
@@ -98,7 +97,6 @@ def test_a_window_beyond_the_record_has_no_value(campaign: Campaign) -> None:
 
 @pytest.mark.slow
 def test_it_is_computed_once_and_can_be_cancelled(campaign: Campaign, tmp_path: Path) -> None:
-    """A second call reads the same numbers from the cache."""
     stop = threading.Event()
     stop.set()
     with pytest.raises(Cancelled):
@@ -155,13 +153,11 @@ def scattered(campaign: Campaign, growing_g: float, seed: int = 0) -> Campaign:
 
 @pytest.fixture(scope="module")
 def fitted(campaign: Campaign) -> dict[float, tuple[Campaign, Scatter]]:
-    """Three campaigns of known scatter."""
     campaigns = {growing: scattered(campaign, growing) for growing in (0.0, 1.5, 3.0)}
     return {growing: (own, Scatter().fit(own)) for growing, own in campaigns.items()}
 
 
 def over_displacement(test: CrashTest, pulses: FloatArray, at_m: FloatArray) -> FloatArray:
-    """Accelerations over displacement, shape (n_pulses, n)."""
     return np.array([loading_phase(pulse, test.condition.speed_mps).accel_at(at_m) for pulse in pulses])
 
 
@@ -177,7 +173,6 @@ def test_repeats_differ_as_much_as_two_tests_do(fitted: dict[float, tuple[Campai
 
 
 def test_at(test: CrashTest, at_m: FloatArray) -> FloatArray:
-    """The test's own acceleration over displacement."""
     return loading_phase(test.pulse.accel_mps2, test.condition.speed_mps).accel_at(at_m)
 
 

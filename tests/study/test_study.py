@@ -142,7 +142,6 @@ def finished(campaign: Campaign, quick_networks: None, tmp_path_factory: pytest.
 
 
 def test_each_held_out_test_has_every_approach_rated_over_every_window(finished: Study) -> None:
-    """Two folds, four approaches, two windows."""
     assert [fold.held_out for fold in finished.folds] == ["T2", "T4"]
     for fold in finished.folds:
         assert tuple(fold.ratings) == APPROACHES
@@ -208,7 +207,6 @@ def test_leaving_a_speed_group_out_learns_from_other_speeds_only(campaign: Campa
 
 @pytest.mark.slow
 def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
-    """Two processes give what one gives, to the bit, in the same order."""
     config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
     caches = [Cache(Cache().folder / name) for name in ("one", "two")]
     one = run_study(campaign, config, held_out=["T1", "T2"], cache=caches[0], workers=1)
@@ -237,7 +235,6 @@ def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_the_cache_is_searched_once_for_each_prediction(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """By who hands the tasks out; a task computes what it is given."""
     asked: list[str] = []
     find = Cache.find
 
@@ -303,7 +300,6 @@ def test_two_studies_on_one_cache_learn_once(campaign: Campaign, monkeypatch: py
 
 @pytest.mark.slow
 def test_a_study_that_was_stopped_goes_on_where_it_was(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cancelling between two folds keeps the first: only the second is computed afterwards."""
     fits = _count_fits(monkeypatch)
     config = StudyConfig(approaches=("displacement_domain",))
     cancel = threading.Event()
@@ -320,7 +316,6 @@ def test_a_study_that_was_stopped_goes_on_where_it_was(campaign: Campaign, monke
 
 @pytest.mark.slow
 def test_both_ways_to_leave_out_give_one_study_beside_the_other(campaign: Campaign) -> None:
-    """Each with the numbers that it has alone."""
     config = StudyConfig(approaches=("displacement_domain",), windows_ms=(60.0,))
     both = run_study(campaign, replace(config, leave_out="both"), held_out=["T2"], workers=1)
     assert both.speed_groups is not None
@@ -339,7 +334,6 @@ def test_tests_of_one_speed_group_are_left_out_one_by_one_only(campaign: Campaig
 
 @pytest.mark.slow
 def test_a_recommendation_for_a_test_does_not_know_its_pulse(campaign: Campaign, finished: Study) -> None:
-    """With another held-out pulse approach and sentences stay the same."""
     test = campaign.test("T2")
     other = replace(test, pulse=Pulse(test.pulse.time_s, 0.5 * test.pulse.accel_mps2))
     changed = replace(campaign, tests=tuple(other if t.id == "T2" else t for t in campaign.tests))

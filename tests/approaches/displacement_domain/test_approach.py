@@ -39,7 +39,6 @@ def cae_force() -> FloatArray:
 
 
 def bias() -> FloatArray:
-    """What the real vehicle does in addition."""
     return np.asarray(-70 * np.exp(-(((S - 0.15) / 0.08) ** 2)) + 60 * np.exp(-(((S - 0.4) / 0.1) ** 2)))
 
 
@@ -121,7 +120,6 @@ def test_the_band_covers_velocity_and_crush() -> None:
 
 @pytest.mark.slow
 def test_the_seed_decides_the_draws(campaign: Campaign) -> None:
-    """Same seed, same draws; another seed, other draws about the same mean."""
     condition = campaign.tests[0].condition
     fits = [DisplacementDomain(FEW, seed=seed).fit(campaign) for seed in (1, 1, 2)]
     first, again, other = (np.asarray(fit.predict(condition).draws_mps2) for fit in fits)

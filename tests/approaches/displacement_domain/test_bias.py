@@ -16,7 +16,6 @@ CONDITION = Condition.of_vector([SPEED, 950.0, 700.0])
 
 
 def linear(s: FloatArray) -> FloatArray:
-    """A force that grows with crush."""
     return np.asarray(-80.0 - 200.0 * s)
 
 

@@ -25,7 +25,6 @@ NOISE = LogNormal(0.1, 0.7)
 
 
 def deviations(process: GaussianProcess, x: FloatArray) -> FloatArray:
-    """Posterior standard deviation."""
     return np.sqrt(np.diag(process.posterior(x)[1]))
 
 
@@ -48,7 +47,6 @@ def test_the_likelihood_is_scikit_learns() -> None:
 
 
 def test_the_gradient_is_the_finite_difference() -> None:
-    """For every hyperparameter of every kind of part, and the noise."""
     process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
     theta = process.theta_ + np.random.default_rng(1).normal(scale=0.3, size=process.theta_.size)
     gradient = process.log_marginal_likelihood(theta)[1]
@@ -79,7 +77,6 @@ def test_predictions_are_the_textbooks() -> None:
 
 
 def test_the_fit_is_a_maximum_of_the_posterior() -> None:
-    """Likelihood times priors falls in every direction."""
     process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
     medians = [prior.median for part in ALL_KINDS for prior in part.priors] + [NOISE.median]
     spreads = np.array([prior.spread for part in ALL_KINDS for prior in part.priors] + [NOISE.spread])

@@ -24,7 +24,6 @@ def points(bias: FloatArray, k: int) -> BiasPoints:
 
 
 def smooth(k: int) -> FloatArray:
-    """A bias that grows with the speed."""
     return -30 * np.sin(2 * np.pi * np.linspace(0, 1, 15)) * (1 + 0.1 * k)
 
 
@@ -66,7 +65,6 @@ def test_a_dead_optimum_is_found_out() -> None:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_same_seed_gives_the_same_fit(seed: int) -> None:
-    """Starts are drawn from the seed."""
     tests = [points(smooth(k), k) for k in range(3)]
     first, second = (Table4Bias(restarts=2, seed=seed).fit(tests) for _ in range(2))
     np.testing.assert_array_equal(first.process_.kernel_.theta, second.process_.kernel_.theta)

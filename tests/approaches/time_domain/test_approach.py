@@ -29,7 +29,6 @@ BY_ADAM = replace(SMALL, tuning="gradient", members=1, tuning_steps=150, tuning_
 
 @pytest.fixture(scope="module")
 def lf(campaign: Campaign) -> LfTcn:
-    """LF networks of the small campaign."""
     return LfTcn(SMALL).fit(campaign)
 
 
@@ -40,7 +39,6 @@ def mf(campaign: Campaign) -> TimeDomain:
 
 
 def relative_error(predicted: FloatArray, true: FloatArray) -> float:
-    """Root mean square difference, relative to the true pulse."""
     return float(np.sqrt(np.mean((predicted - true) ** 2) / np.mean(true**2)))
 
 
@@ -115,7 +113,6 @@ def test_the_band_is_wider_far_from_tests_at_a_single_speed(campaign: Campaign) 
 
 
 def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -> None:
-    """Mean and draws, whatever the caller's random state."""
     torch.manual_seed(77)
     condition = campaign.test("T3").condition
     first, again = mf.predict(condition), TimeDomain(SMALL).fit(campaign.without(["T3"])).predict(condition)
@@ -161,7 +158,6 @@ def test_an_infinite_penalty_keeps_the_lf_network(campaign: Campaign) -> None:
     [("Training LF TCN", SMALL), ("Strength of the fine-tuning", SMALL), ("Fine-tuning on tests", BY_ADAM)],
 )
 def test_a_training_that_is_cancelled_ends_at_its_next_report(campaign: Campaign, step: str, config: TcnConfig) -> None:
-    """Cancelled is raised from within either training."""
     cancel = threading.Event()
 
     def stop(progress: Progress) -> None:

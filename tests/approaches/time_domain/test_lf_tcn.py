@@ -21,7 +21,6 @@ SMALL = TcnConfig(channels=12, epochs=1, min_steps=250, members=2)
 
 @pytest.fixture(scope="module")
 def lf(campaign: Campaign) -> LfTcn:
-    """Two LF networks of the small campaign."""
     return LfTcn(SMALL).fit(campaign)
 
 
@@ -37,7 +36,6 @@ def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> No
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: Campaign, lf: LfTcn) -> None:
-    """Deterministic on a CPU, whatever the caller's random state."""
     torch.manual_seed(77)
     condition = campaign.tests[0].condition
     again = LfTcn(SMALL).fit(campaign)

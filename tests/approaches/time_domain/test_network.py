@@ -72,7 +72,6 @@ def test_many_taps_are_convolved_alike(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_dropout_silences_whole_channels_in_training_only() -> None:
-    """Spatial dropout: in training outputs vary, in evaluation they don't."""
     network = Tcn(TcnConfig(dropout=0.5), torch.Generator().manual_seed(0))
     inputs = torch.ones(5, 3, TcnConfig().n_inputs)
     assert not torch.equal(network(inputs), network(inputs))

@@ -56,7 +56,6 @@ def inputs(vectors: FloatArray) -> Tensor:
 
 
 def blocks(cache: Cache | None = None) -> KernelBlocks:
-    """Blocks of the same networks, with nothing in memory."""
     return KernelBlocks(NETWORK, CONFIG, inputs, "library", cache)
 
 
@@ -96,7 +95,6 @@ def test_all_parts_of_a_campaign_share_what_is_kept(tmp_path: Path, request: pyt
 def test_of_too_many_conditions_the_latest_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
-    """A file does not grow without end."""
     monkeypatch.setattr(tangent_kernel, "_MOST", 3)
     own = blocks(Cache(tmp_path))
     own.among(VECTORS[:2])

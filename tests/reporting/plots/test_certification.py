@@ -36,7 +36,6 @@ SAID: dict[Word, float] = {"met": 0.998, "not met": 0.031, "open": 0.5, "outside
 def certification(
     campaign: Campaign, words: dict[str, tuple[Word, Word]], speeds_mph: dict[str, float]
 ) -> Certification:
-    """A certification with these verdicts on crush and rating."""
     here = campaign.tests[1].condition
     conditions = [replace(here, speed_mps=speeds_mph[name] * MPH) for name in words]
     verdicts = tuple(
@@ -52,12 +51,10 @@ def certification(
 
 @pytest.fixture
 def three(campaign: Campaign) -> Certification:
-    """Three conditions: one is slow, one fast, one outside."""
     return certification(campaign, WORDS, SPEEDS_MPH)
 
 
 def colour_of(heat: go.Heatmap, z: float) -> str:
-    """Colour that a heat map gives to a value."""
     place = (z - heat.zmin) / (heat.zmax - heat.zmin)
     return str(next(colour for (limit, colour) in heat.colorscale if limit >= place))
 
@@ -124,7 +121,6 @@ def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> 
 
 
 def test_the_legend_counts_the_verdicts_and_is_dim_with_them_on_a_dark_page(three: Certification) -> None:
-    """All four words, those that do not occur included; a bright cell glares."""
     _, _, *legend = verdict_matrix(three).data
     assert [trace.name for trace in legend] == ["met (2)", "not met (1)", "open (1)", "outside (2)"]
     assert [trace.marker.color for trace in legend] == list(VERDICT_COLOURS.values())
@@ -189,7 +185,6 @@ def trial(
     criterion: Criterion = CRUSH,
     said: tuple[float, float, float] = (450.0, 420.0, 490.0),
 ) -> Trial:
-    """A left-out test that got a verdict."""
     verdict = Verdict(Condition.of_vector([speed_mps, 1000.0, 700.0]), criterion, *said, probability, word, "")
     return Trial(held_out, left_out, verdict, measured, None)
 
@@ -237,7 +232,6 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
     [(reliability, ()), (partial(record_figure, criteria=()), ()), (reliability, (trial("A", 440.0, word="outside"),))],
 )
 def test_where_there_is_nothing_to_compare_with_the_figure_says_so(draw: object, trials: tuple[Trial, ...]) -> None:
-    """Of a single test, or where every left-out test is outside; without axes."""
     figure = draw(TrackRecord(trials))  # type: ignore[operator]
     assert len(figure.layout.annotations) == 1
     assert (figure.layout.xaxis.visible, figure.layout.yaxis.visible) == (False, False)

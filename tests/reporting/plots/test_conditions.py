@@ -19,7 +19,6 @@ INSIDE, OUTSIDE = "Tests", "Tests outside it: extrapolation"
 
 
 def traces(figure: go.Figure, group: str) -> list[go.Scatter]:
-    """The traces of this kind, front weight first."""
     return [trace for trace in figure.data if trace.legendgroup == group]
 
 
@@ -74,7 +73,6 @@ UPPER = (12.0, 22.0, 32.0, None, None)
 
 
 def _sweep(approach: str, *, band: bool) -> Sweep:
-    """An OLC that is missing here and there."""
     none = (None,) * len(VALUES)
     ends = zip(VALUES, LOWER if band else none, UPPER if band else none, strict=True)
     metrics = tuple((Metric("olc", value, lower, upper, "g"),) for value, lower, upper in ends)
@@ -106,7 +104,6 @@ def test_missing_numbers_leave_gaps(figure: Figure) -> None:
 
 
 def test_the_cursor_reads_the_speed_and_the_interval(figure: Figure) -> None:
-    """Of an open interval the known end is told."""
     texts = _lines(figure)["fused"].customdata
     assert list(texts[1]) == ["20.0 mph", "20.0 [18.0, 22.0] g"]
     assert list(texts[4]) == ["50.0 mph", "50.0 [≥ 45.0] g"]

@@ -46,7 +46,6 @@ def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
 
 
 def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the_legend() -> None:
-    """The approaches keep their looks whether or not something stands beside them."""
     figure = new_figure(300)
     draw_curves(figure, {"T08 · 35.1 mph": Curve(X, X), "cae": Curve(X, X), "Run C7": Curve(X, X), TEST: Curve(X, X)})
     eighth, cae, run, test = figure.data
@@ -58,7 +57,6 @@ def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the
 
 
 def test_tests_come_by_rising_speed_and_one_is_thick(campaign: Campaign) -> None:
-    """The held-out test says that it is."""
     styles = [(test.id, style["line"]["width"], style["name"]) for test, style in by_speed(campaign.tests[::-1], "T2")]
     assert [test_id for test_id, _, _ in styles] == ["T1", "T2", "T3", "T4"]
     assert [width for _, width, _ in styles] == [1.7, 4, 1.7, 1.7]

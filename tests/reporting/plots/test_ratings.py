@@ -87,7 +87,6 @@ def explanation() -> RatingExplanation:
 
 
 def test_the_bars_are_the_four_scores_of_each_approach() -> None:
-    """With their weights in the overall rating, and two digits above each bar."""
     ratings = {"cae": Rating(0.6, 0.7, 0.3, 0.73, 0.6, "Fair"), "fused": Rating(0.9, 0.9, 1.0, 0.8, 0.75, "Good")}
     raw, fused = rating_parts(ratings).data
     assert list(raw.x) == ["Corridor (40 %)", "Phase (20 %)", "Magnitude (20 %)", "Slope (20 %)"]
@@ -128,7 +127,6 @@ def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation:
 
 
 def test_the_same_hump_has_the_same_number_in_both_curves(explanation: RatingExplanation) -> None:
-    """At the time of its peak in each."""
     marks = [(a.text, a.x) for a in rated_curves(explanation, "fused").layout.annotations if a.showarrow]
     assert [text for text, _ in marks] == ["1", "1", "2", "2", "3", "3"]
     assert [at for _, at in marks] == pytest.approx([15, 15, 33, 33, 50, 54], abs=0.3)
