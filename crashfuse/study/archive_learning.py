@@ -142,7 +142,7 @@ class _Part:
         ]
 
     def judged(self) -> list[dict[str, float]]:
-        """Rating, and for each metric whether the test lies in its interval and how wide that is."""
+        """Rating, and by metric whether the test lies in its interval, and how wide that is."""
         errors = metric_errors(self.fused.left_out(self.few), self.few, self.fused.usual_errors)
         rows = []
         for test, prediction, drawn, measured in self.predictions():
@@ -167,7 +167,6 @@ def _done(
 def _tuned(
     _: Campaign, members: _Members, cache: Cache, watch: Watch, *, vehicles: Sequence[Vehicle], seed: int
 ) -> list[tuple[_Members, Arrays]]:
-    """Weights of the network that were tuned to these vehicles; a task is of one campaign, this one of several."""
     mine = [vehicles[member] for member in members]
 
     def tune() -> tuple[Arrays, Arrays]:

@@ -63,14 +63,14 @@ class StudyComparison:
 
     @property
     def ways(self) -> list[str]:
-        """The ways of leaving tests out that both have; if there is none, that of the first and that of the second."""
+        """The ways of leaving tests out that both have; if none, the first of each."""
         return list(self.ratings["left_out"].unique())
 
     def means(self, window_ms: float | None = None, left_out: str | None = None) -> pd.DataFrame:
-        """One row per approach, over one window, by default the longest, and one way of leaving out.
+        """Means over the common tests, a row per approach, by default over the longest window.
 
-        Means over the common tests, their difference with its standard error (NaN of a single test), and in how many
-        tests the second rates higher or lower.
+        With their difference and its standard error (NaN of a single test), and in how many tests the second rates
+        higher or lower.
         """
         rows = []
         for approach, part in self.over(window_ms, left_out).groupby("approach", sort=False):
@@ -115,7 +115,6 @@ class StudyComparison:
 
     @property
     def _by_way(self) -> dict[str, tuple[Ratings, Ratings]]:
-        """Ratings of both by each common way of leaving out; if there is none, each by its first."""
         first, second = self.first.by_way, self.second.by_way
         if common := [way for way in first if way in second]:
             return {way: (first[way], second[way]) for way in common}

@@ -1,8 +1,7 @@
-"""Learning curve: how well tests are predicted from fewer of the others.
+"""Learning curve: how well tests are predicted from fewer of the others, chosen evenly over speed or at random.
 
-Parts of the tests, evenly spaced over speed or at random, take the place of the campaign in turn; all other tests are
-predicted from each and rated. Sorted by speed, an even choice of k of n tests takes one test of each kth part of the
-list (systematic sampling), at places that move until each test was left out at least once.
+Sorted by speed, an even choice of k of n tests takes one test of each kth part of the list (systematic sampling), at
+places that move until each test was left out at least once.
 """
 
 import json
@@ -100,12 +99,11 @@ class LearningCurve:
     Attributes
     ----------
     table : DataFrame
-        One row for each part of the tests, held-out test, approach and window: n_tests, chosen (ids of the tests that
-        were learned from, separated by spaces), choice (``even`` or ``random``), held_out, approach, window_ms,
-        overall (ISO/TS 18571 rating), inside (share of a(t) over the window inside the 95 % band), half_width_g
-        (half the mean width of that band in g; both NaN without a band) and basis (what the rating rests on).
+        One row for each part of the tests, held-out test, approach and window: n_tests, chosen (ids that were learned
+        from), choice (``even`` or ``random``), held_out, approach, window_ms, overall (rating), inside (share of a(t)
+        in the 95 % band), half_width_g (mean, of that band; both NaN without one) and basis (what the rating rests on).
     forecasts : tuple of dict
-        For each row, the calibrated distributions of all metrics for the held-out test, by name; None where unknown.
+        For each row, the calibrated distributions of the held-out test's metrics, by name; None where unknown.
     """
 
     campaign: Campaign
@@ -131,17 +129,14 @@ class LearningCurve:
         return next(name for name in ("fused", *self.config.approaches[::-1]) if name in self.config.approaches)
 
     def by_test(self, approach: str) -> pd.DataFrame:
-        """Ratings over the longest window: one row for each held-out test, one column for each number of tests.
-
-        Each is a mean over the even choices that leave the test out: columns compare the same tests, each once.
-        """
+        """Ratings over the longest window, by held-out test and number of tests: means over the even choices."""
         one_of("approach of this learning curve", approach, dict.fromkeys(self.config.approaches))
         table = self.table
         rows = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
     def decided(self, criteria: "views.CriteriaGiven") -> "LearningCurve":
-        """The same curve with the share of verdicts that each prediction decides under such criteria."""
+        """With the share of verdicts that each prediction decides under such criteria."""
         return views.with_decided(self, views.criteria_given(criteria))
 
     def plot(self, **display: "Unpack[views.DisplayOptions]") -> "go.Figure":

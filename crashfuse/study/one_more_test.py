@@ -148,7 +148,7 @@ def _law(ratings: pd.DataFrame, exponent: float) -> tuple[float, float]:
 
 
 def summary(curve: LearningCurve) -> pd.DataFrame:
-    """One row for each approach, choice and number of tests, over the longest window: means over the held-out tests.
+    """Means over the held-out tests, over the longest window, a row for each approach, choice and number of tests.
 
     ``error`` is the standard error of the mean rating, ``low`` to ``high`` the central 80 % of single predictions.
     """

@@ -63,7 +63,7 @@ class Fold:
 
     @cached_property
     def ttzv_ms(self) -> float | None:
-        """The test's time of zero velocity, if over 10 ms and in its record; the predictions know nothing of it."""
+        """The test's time of zero velocity, if over 10 ms and in its record."""
         stop_s = float(self.test.pulse.kinematics(self.test.condition.speed_mps).t0_s)
         return round(stop_s / MS, 1) if SHORTEST_WINDOW_S <= stop_s <= self.test.recorded_s else None
 
@@ -86,7 +86,7 @@ class Fold:
         return tuple(e.approach for e in self.estimates if e.prediction.draws_mps2 is not None)
 
     def coverage(self, approach: str) -> Coverage | None:
-        """Whether the test lies inside an approach's band, its crush and peak inside calibrated intervals; or None."""
+        """Whether the test lies inside an approach's band, crush and peak in calibrated intervals; None without one."""
         estimate = self.estimate(approach)
         draws, speed_mps = estimate.prediction.draws_mps2, self.test.condition.speed_mps
         if draws is None:
@@ -108,10 +108,7 @@ class Fold:
         return self._explained[key]
 
     def rating_draws(self, approach: str, window_ms: float) -> FloatArray:
-        """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,).
-
-        If the band is right, these are plausible ratings of a repeated test.
-        """
+        """Overall ratings of pulses drawn from an approach's band, shape (n_draws,): a repeat's, if it is right."""
         if (key := (approach, window_ms)) not in self._drawn:  # a hundred ratings: computed on request, and once
             draws = self.estimate(approach).prediction.draws_mps2
             if draws is None:

@@ -15,7 +15,7 @@ from crashfuse.reporting.plots.canvas import add_band, add_line, height_under_na
 from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, curve_line, curve_lines, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS
-from crashfuse.signals.loading_phase import LoadingPhase, checked_energy, loading_phase
+from crashfuse.signals.loading_phase import LoadingPhase, energy_crush, loading_phase
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import MS
@@ -102,11 +102,11 @@ def energy_over_crush(
     """Draw the energy absorbed by the vehicle over its crush: the test, of this speed and mass, and predictions."""
     figure = displacement_figure(height=460 + room_for_names(predictions))
     pulses = {
-        name: (checked_energy(own.accel_mps2, own.condition.speed_mps, own.draws_mps2), own.condition.mass_kg)
+        name: (energy_crush(own.accel_mps2, own.condition.speed_mps, own.draws_mps2), own.condition.mass_kg)
         for name, own in predictions.items()
     }
     if measured is not None:
-        pulses[TEST] = checked_energy(measured.accel_mps2, speed_mps), mass_kg
+        pulses[TEST] = energy_crush(measured.accel_mps2, speed_mps), mass_kg
     curves = {}
     for name, (found, own_mass_kg) in pulses.items():
         band, scale = None, own_mass_kg / _KJ
