@@ -149,7 +149,6 @@ def test_bands_are_widened_in_these_steps() -> None:
 
 
 def test_a_band_that_never_holds_says_so() -> None:
-    """The largest factor is taken, and it is told that it was not enough, as plain JSON."""
     calibration = calibrate(lambda _: [OUTSIDE] * 4)
     assert not calibration.holds
     assert calibration.widening == 2.5

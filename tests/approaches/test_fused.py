@@ -65,7 +65,6 @@ def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Cam
 
 
 def test_the_reason_is_a_sentence_with_the_weights(campaign: Campaign, fused: Fused) -> None:
-    """Distance to the nearest test, the share of each component, and what they were learned from."""
     reason, *_ = fused.predict(campaign.test("T3").condition).notes
     found = re.fullmatch(
         r"Made of (.+), because the nearest test is 1\.0 mph away "
@@ -147,7 +146,6 @@ def _heard(
 
 
 def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign: Campaign, fused: Fused) -> None:
-    """By what each component said of them unseen; mixed so, they are what it expects of them."""
     rest, cae = campaign.without(["T3"]), fused.displacement_domain_.model_
     learned = [part.left_out_ for part in (fused.time_domain_, fused.displacement_domain_, fused.pretrained_)]
     heard = [_heard(rest, cae, learned, i, [i]) for i in range(3)]

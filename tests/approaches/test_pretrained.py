@@ -22,7 +22,6 @@ CAMPAIGN = small_campaign()
 
 
 def _arrays(*order: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Tests, CAE pulses and conditions of the small campaign in an order."""
     tests = [CAMPAIGN.tests[number] for number in order]
     paired = [CAMPAIGN.cae.paired_run(test.condition) for test in tests]
     measured = np.array([test.pulse.accel_mps2[::STRIDE] for test in tests])
@@ -162,7 +161,6 @@ def test_a_test_is_predicted_from_other_speeds_without_its_group(campaign: Campa
 
 
 def test_other_weights_than_the_shipped_ones_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file that was cut off or exchanged is told of; no number comes of it."""
     cut = tmp_path / "weights.safetensors"
     cut.write_bytes(pretrained._WEIGHTS.read_bytes()[:-1])
     monkeypatch.setattr(pretrained, "_WEIGHTS", cut)

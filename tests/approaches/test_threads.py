@@ -12,7 +12,6 @@ from crashfuse.approaches.threads import single_thread
 
 @pytest.fixture(autouse=True)
 def two_threads() -> Iterator[None]:
-    """As on a machine with two cores, whatever this one has."""
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     yield

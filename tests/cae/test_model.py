@@ -163,7 +163,6 @@ def springs() -> CaeLibrary:
 
 
 def test_a_paired_run_beats_the_emulator(campaign: Campaign) -> None:
-    """Where there is a run at the very condition it is taken as it is, and named."""
     model = CaeModel().fit(campaign.cae)
     condition = campaign.tests[0].condition
     run = not_none(campaign.cae.paired_run(condition))
@@ -173,7 +172,6 @@ def test_a_paired_run_beats_the_emulator(campaign: Campaign) -> None:
 
 
 def test_without_a_paired_run_the_emulator_is_taken(campaign: Campaign) -> None:
-    """At any other condition the pulse is the emulator's, and the notes say so."""
     model = CaeModel().fit(campaign.cae)
     condition = Condition.of_vector([12.0, 930.0, 690.0])
     np.testing.assert_array_equal(model.pulse(condition).accel_mps2, model.emulator_.predict(condition))
@@ -181,7 +179,6 @@ def test_without_a_paired_run_the_emulator_is_taken(campaign: Campaign) -> None:
 
 
 def test_the_emulator_is_trained_once(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second model finds it in the cache and gives the same to the bit."""
     condition = Condition.of_vector([12.0, 930.0, 690.0])
     first = CaeModel(cache=Cache()).fit(campaign.cae).pulse(condition)
     monkeypatch.setattr(Emulator, "fit", lambda *_: pytest.fail("trained again"))

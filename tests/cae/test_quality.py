@@ -38,7 +38,6 @@ def test_limits_are_those_of_the_sources(limits: QualityLimits, quality: RunQual
 
 
 def test_runs_are_counted_by_what_is_known_of_them(library: CaeLibrary) -> None:
-    """A run that is not recorded never counts as passed."""
     verdict = judge_quality(library, EURO_NCAP)
     assert (verdict.runs, verdict.passed, verdict.failing, verdict.unknown) == (24, 19, ("C03", "C04"), 3)
     rows = verdict.table.set_index("quantity")

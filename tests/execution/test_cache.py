@@ -36,7 +36,6 @@ Few, Many = (make_dataclass(name, [("n", int, 3)], frozen=True) for name in ("Fe
 
 
 def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Names, values, settings and their kind, and the version that computed it; another process finds the same."""
     cache = Cache(tmp_path)
     values = (1, 2, "1", 1.5, None, [1, 2], Few(), Few(4), Many(), [Few()], {"n": 3})
     parts: list[dict[str, object]] = [{"x": value} for value in values]
@@ -173,7 +172,6 @@ def test_a_flipped_byte_is_noticed_and_removed(tmp_path: Path, position: int) ->
 
 
 def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full disk costs nothing that was computed: the old entry stays, and no temporary file does."""
     cache = Cache(tmp_path)
     cache.put("kind", {}, {"a": 1.0})
 
@@ -190,7 +188,6 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """Nothing is kept, which is told once, nothing is locked, and work goes on."""
     (tmp_path / "file").touch()
     cache = Cache(tmp_path / "file" / "cache")
     with cache.alone("kind", {}):
@@ -213,7 +210,6 @@ def halves(cache: Cache, computed: list[int]) -> float:
 
 
 def test_a_result_is_computed_once_and_then_restored(tmp_path: Path) -> None:
-    """By whoever asks first, and by one of those who ask at the same time."""
     computed: list[int] = []
     with ThreadPoolExecutor(4) as pool:
         assert list(pool.map(lambda _: halves(Cache(tmp_path), computed), range(4))) == [0.5] * 4
@@ -268,7 +264,6 @@ def holder(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 @pytest.mark.slow
 def test_who_comes_second_waits_until_the_first_has_ended(tmp_path: Path, holder: subprocess.Popen[bytes]) -> None:
-    """Even if that was killed; other entries are free all the while, and no lock stays."""
     cache, said = Cache(tmp_path), []
 
     def end_it(progress: Progress) -> None:

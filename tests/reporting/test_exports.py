@@ -17,7 +17,6 @@ from crashfuse.study.estimate import Estimate
 
 
 def test_parquet_keeps_every_digit_and_every_empty_cell() -> None:
-    """Columns, order, floats to the bit and missing bands come back; text is kept as dictionaries."""
     condition, pulse = Condition.of_vector([15.0, 950.0, 700.5]), np.sin(GRID_S) - 250.0
     predictions = (
         Prediction(condition, pulse * 1.1),

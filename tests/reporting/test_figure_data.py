@@ -79,7 +79,6 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
 
 
 def test_of_plots_above_each_other_the_table_says_which_is_meant(test: CrashTest) -> None:
-    """What a rating compares: the same two curves as they stand, shifted, warped, and their slopes."""
     later = Pulse(test.pulse.time_s, np.roll(test.pulse.accel_mps2, 20))
     shown = table(rated_curves(explain_rating(test.pulse, later), "fused"))
     curves = shown[shown["Curve"] == "Fused"]
@@ -105,7 +104,6 @@ def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[s
 def test_curves_with_positions_of_their_own_stand_below_each_other(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
-    """Over displacement: the curve's name, its displacement, its acceleration; what is known of maximum crush."""
     interval = {"fused": Metric("max_crush", 500.0, 100.0, None, "mm")}
     shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps, crush=interval))
     assert set(shown["Curve"]) > {"Test", "CAE", "Fused"}

@@ -72,7 +72,6 @@ def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes | None
 @needs_browser
 @pytest.mark.slow
 def test_figures_become_files_in_every_format() -> None:
-    """SVG with its size and its words, PNG at twice the size, and slides that python-pptx reads."""
     import pptx
 
     files = figure_files(figures_of(REPORT), ("svg", "png", "pptx"))
@@ -141,7 +140,6 @@ def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The extra if it is not installed, then a browser; the report itself can do without both."""
     report = figures_of(REPORT)
     with pytest.raises(UsageError, match="svg, png, csv, pptx, not as pdf"):
         figure_files(report, ("pdf",))  # type: ignore[arg-type]

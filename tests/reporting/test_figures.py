@@ -57,7 +57,6 @@ def names(figure: go.Figure) -> list[str]:
     ],
 )
 def test_every_figure_of_a_test_is_one_call(study: Study, name: str) -> None:
-    """It draws something, in the colours and units of the pages, and has a table."""
     assert len(figure_table(study.plot("T2", name, unit="m/s2", units="kph-kg"))) > 0
 
 
@@ -81,7 +80,6 @@ def test_every_figure_of_a_prediction_is_one_call(elsewhere: PredictedPulse, nam
 
 
 def test_the_options_are_those_of_the_pages(study: Study, elsewhere: PredictedPulse) -> None:
-    """Approaches, the test, further pulses, the filled band, window, unit, sign and units of speed."""
     fold = study.fold("T2")
     predictions = {each.approach: each.prediction for each in fold.estimates}
     drawn = plots.overlay(fold.test.pulse, predictions, Display(40.0, "m/s²", deceleration=True))
@@ -136,7 +134,6 @@ def test_a_campaign_shows_some_tests_and_what_is_put_beside_them(campaign: Campa
 
 @pytest.mark.slow
 def test_the_parts_of_a_bias_do_not_change_with_the_held_out_pulse(study: Study) -> None:
-    """It is drawn, and that is all: the parts stay the same to the bit."""
     test = study.campaign.test("T2")
     other = replace(test, pulse=Pulse(GRID_S, 0.5 * test.pulse.accel_mps2))
     tests = tuple(other if each is test else each for each in study.campaign.tests)

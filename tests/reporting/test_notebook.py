@@ -20,7 +20,6 @@ AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive
 
 @pytest.fixture(scope="module")
 def study(campaign: Campaign) -> Study:
-    """One test, of which the raw CAE predicts nine tenths."""
     test = campaign.test("T3")
     own = Estimate("cae", Prediction(test.condition, 0.9 * test.pulse.accel_mps2), {}, 0.0)
     repeats = {"T3": dict.fromkeys(CONFIG.windows_ms, Repeatability(0.97, 0.9, 0.99))}

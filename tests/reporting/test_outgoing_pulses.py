@@ -178,7 +178,6 @@ def test_curves_of_other_speeds_have_other_names_and_say_the_speed_as_it_was_typ
 
 
 def test_the_includes_say_what_they_hold(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
-    """Origin, condition, notes, units, sign; a line break in a name writes no keyword."""
     named = replace(campaign, name="Tiny\n*INCLUDE\n/etc/passwd ü", channel_filter_class=60.0)
     curve = SolverCurve("mm-ms-kg", deceleration_sign="positive", start_s=0.02, scale=1.5)
     folder = written(named, estimates, tmp_path, PulseExport(("lsdyna", "radioss"), curve=curve))
@@ -241,7 +240,6 @@ def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_locati
 def test_the_iso_mme_files_say_that_nothing_was_measured(
     campaign: Campaign, estimates: list[Estimate], tmp_path: Path
 ) -> None:
-    """Header and channels name crashfuse, campaign, fingerprint, approach and notes; speed in m/s, masses in kg."""
     named = replace(campaign, name="Tiny\nDate of the test :2024-01-01")
     test = read_isomme(written(named, estimates, tmp_path, PulseExport()) / "isomme/fused_33.554mph_expected")
     comments = [value for name, value in test.descriptors if name == "Comments"]
@@ -260,7 +258,6 @@ def test_the_iso_mme_files_say_that_nothing_was_measured(
 @needs_other_readers
 @pytest.mark.slow
 def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
-    """The keyword reader of LS-DYNA's vendor finds one curve, its id and LCINT, and every point."""
     curve = SolverCurve("mm-ms-kg", start_s=0.005, number=77)
     path = written(campaign, estimates, tmp_path, PulseExport(("lsdyna",), curve=curve)) / "lsdyna"
     reader = "from ansys.dyna.core import Deck\ndeck = Deck()\ndeck.loads(open(sys.argv[1]).read())"

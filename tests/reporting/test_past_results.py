@@ -38,7 +38,6 @@ def test_the_figure_shows_every_difference_and_the_mean_with_two_standard_errors
 
 
 def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyComparison) -> None:
-    """Sentences, cautions, both ways of leaving out, settings, ids, the command; nothing is fetched from elsewhere."""
     report = comparison_report(compared, Display(window_ms=40.0))
     words = unescape(re.sub(r"<script>.*?</script>|<style>.*?</style>", "", report, flags=re.DOTALL))
     for sentence in (*compared.sentences(40.0, "test"), *compared.cautions):

@@ -9,7 +9,6 @@ from crashfuse.reporting.training_progress import Watched
 
 
 def watched() -> Watched:
-    """A watch that tells nobody else."""
     return Watched(lambda _: None)
 
 

@@ -79,7 +79,6 @@ def with_hole() -> FloatArray:
 def test_what_cannot_be_filtered_is_refused_in_one_sentence(
     apply: Callable[[], object], error: type[CrashfuseError], message: str
 ) -> None:
-    """Slow sampling, a short record, a hole and a class that is none say what is wrong."""
     with pytest.raises(error, match=message) as caught:
         apply()
     assert "\n" not in str(caught.value)

@@ -77,7 +77,6 @@ def test_vehicle_that_never_stops_has_no_t0() -> None:
 
 
 def test_resampling_a_straight_line_is_exact_and_zero_outside() -> None:
-    """Linear interpolation keeps a ramp; before and after the record there is no acceleration."""
     ramp = Pulse(np.linspace(0, 0.01, 101), np.linspace(5, 25, 101))
     grid_s = np.linspace(-0.005, 0.015, 401)
     found = ramp.resampled(grid_s)
@@ -88,7 +87,6 @@ def test_resampling_a_straight_line_is_exact_and_zero_outside() -> None:
 
 
 def test_pulse_keeps_its_own_read_only_copy() -> None:
-    """Changing the caller's array does not change the pulse, and the pulse can't be changed."""
     accel = half_sine()
     pulse = Pulse(GRID_S, accel)
     accel[100] = 7

@@ -256,7 +256,6 @@ def test_arrays_and_pulses_rate_alike_over_a_window() -> None:
 
 
 def test_many_curves_rate_as_one_by_one() -> None:
-    """A batch gives each curve the rating it gets alone, whatever shift it needs."""
     rng = np.random.default_rng(3)
     reference = bell(250) + 0.3 * bell(420)
     comparisons = np.array([bell(250 + rng.normal() * 20) + rng.normal() * bell(400) for _ in range(40)])

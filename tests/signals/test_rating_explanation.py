@@ -31,7 +31,6 @@ TEST = bump(15, 200) + bump(33, 250) + bump(50, 220)
 
 @pytest.mark.parametrize("late_ms", [3.0, -3.0])
 def test_a_pulse_shifted_by_3_ms_is_3_ms_late_or_early(late_ms: float) -> None:
-    """So is each of its humps; the other scores of the shifted curves are perfect."""
     shifted = np.interp(TIME_S - late_ms / 1e3, TIME_S, TEST)
     found = explain_rating(pulse(TEST), pulse(shifted), 70.0)
     assert found.shift_s == pytest.approx(late_ms / 1e3)
@@ -127,7 +126,6 @@ def test_peaks_are_where_the_humps_are_and_valleys_half_way_between() -> None:
 
 
 def test_a_ripple_is_no_hump_and_a_rise_has_none() -> None:
-    """What rises less than a tenth of the largest value above its valleys does not count."""
     ripple = bumps(15) + bumps(40, height=15.0)
     assert [hump.peak for hump in humps(ripple)] == [150]
     assert humps(np.linspace(0.0, -1.0, N)) == ()

@@ -30,7 +30,6 @@ TIME_S = BEGIN_S + DT_S * np.arange(1900)
 
 
 def pulse(late_s: float = 0.0) -> FloatArray:
-    """That of a vehicle that stops, on the study grid."""
     return np.asarray(half_sine_g(GRID_S - late_s) * 9.80665)
 
 

@@ -52,7 +52,6 @@ def test_windows_and_ways_are_compared_like_with_like() -> None:
 
 
 def test_a_test_left_out_alone_is_compared_with_itself_left_out_with_its_speed_group() -> None:
-    """Each by its own way, and it is said which question was the harder one."""
     alone, grouped = study({"T1": 0.6}), study({"T1": 0.8}, config=StudyConfig(leave_out="speed group"))
     for first, second, harder in ((alone, grouped, "second"), (grouped, alone, "first")):
         compared = StudyComparison(first, second)

@@ -43,7 +43,6 @@ def test_both_ways_to_leave_out_are_planned_where_both_are_possible(campaign: Ca
     ],
 )
 def test_an_impossible_setting_is_refused_where_it_is_stated(settings: dict[str, Any], sentence: str) -> None:
-    """The message names what was asked and what there is, or the nearest of it."""
     with pytest.raises(UsageError, match=sentence):
         StudyConfig(**settings)
 
@@ -79,7 +78,6 @@ def test_a_window_beyond_the_end_of_a_held_out_record_is_refused(campaign: Campa
 
 
 def at(campaign: Campaign, *speeds_mph: float) -> Campaign:
-    """A campaign with tests A, B … at these speeds."""
     one = campaign.tests[0]
     conditions = [replace(one.condition, speed_mps=speed * MPH) for speed in speeds_mph]
     tests = (replace(one, id=name, condition=at) for name, at in zip("ABCDEFGH", conditions, strict=False))

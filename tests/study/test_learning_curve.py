@@ -87,7 +87,6 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Cache:
 
 @pytest.fixture(scope="module")
 def curve(campaign: Campaign, cache: Cache) -> LearningCurve:
-    """Of the small campaign, with one random choice of each size."""
     return learning_curve(campaign, CONFIG, repeats=1, cache=cache, workers=1)
 
 
@@ -105,7 +104,6 @@ def test_each_part_predicts_all_other_tests_with_every_approach_over_every_windo
 
 @pytest.mark.slow
 def test_a_row_is_the_prediction_of_a_fit_to_its_part(curve: LearningCurve) -> None:
-    """Rated against the held-out test; the band is counted over the same window, in g."""
     campaign = curve.campaign
     row = next(row for row in curve.table.itertuples() if row.n_tests == 2 and row.approach == "displacement_domain")
     training = campaign.without([test_id for test_id in campaign.test_ids if test_id not in row.chosen.split()])
@@ -173,7 +171,6 @@ def test_workers_do_not_change_the_numbers(curve: LearningCurve) -> None:
 
 @pytest.mark.slow
 def test_the_ratings_by_test_are_means_over_the_even_choices(curve: LearningCurve) -> None:
-    """One row a test, one column a number of tests, over the longest window."""
     by_test = curve.by_test("displacement_domain")
     assert by_test.index.tolist() == list(curve.campaign.test_ids)
     assert by_test.columns.tolist() == [1, 2, 3]
@@ -196,7 +193,6 @@ def test_it_can_be_stopped(campaign: Campaign) -> None:
 
 
 def test_what_makes_it_impossible_is_a_sentence(campaign: Campaign) -> None:
-    """A single test, an unknown approach, a negative number of choices, a window beyond the record."""
     with pytest.raises(UsageError, match="at least 2 tests"):
         learning_curve(campaign.without(["T1", "T2", "T3"]), CONFIG)
     with pytest.raises(UsageError, match="magic"):

@@ -114,7 +114,6 @@ def test_a_curve_that_scatters_tells_less(campaign: Campaign) -> None:
 
 
 def test_the_fewest_tests_that_do_as_well_are_found(campaign: Campaign) -> None:
-    """From four tests on nothing is gained beyond the scatter; where each step gains, none are enough."""
     level = curve_of(campaign, lambda s, t: min(s, 4) * 0.1 + 0.001 * ((s * 7 + t) % 3), (1, 2, 3, 4, 6, 8))
     assert not_none(enough(level)).before == 4
     steep = curve_of(campaign, lambda s, t: 0.05 * s + 0.001 * t, (1, 2, 3, 4, 6, 8))
@@ -137,7 +136,6 @@ def test_the_summary_counts_every_test_once(lawful: LearningCurve) -> None:
 
 
 def test_the_steps_show_a_price_only_where_there_is_a_gain(campaign: Campaign) -> None:
-    """Another column with a cost, a dash where the gain is not above its error."""
     curve = curve_of(campaign, lambda s, t: min(s, 2) * 0.1 + (0.001 * (t % 2) if s > 2 else 0) - 0.001 * s, (1, 2, 3))
     table = gains_table(curve, Cost(1000.0))
     assert table["Tests"].tolist() == ["1 → 2", "2 → 3"]

@@ -47,7 +47,6 @@ def sweeps(campaign: Campaign, fits: list[Fit]) -> tuple[Sweep, ...]:
 
 
 def test_each_speed_is_what_approaches_say(campaign: Campaign, fits: list[Fit], sweeps: tuple[Sweep, ...]) -> None:
-    """Value, interval and unit of every metric, at the weights and factors that were asked for."""
     for fit, sweep in zip(fits, sweeps, strict=True):
         assert sweep.approach == fit.approach.name
         for speed, metrics in zip(SPEEDS_MPS.tolist(), sweep.metrics, strict=True):
@@ -66,7 +65,6 @@ def test_the_cae_sweep_is_the_closed_form(campaign: Campaign, sweeps: tuple[Swee
 
 
 def test_a_speed_that_is_none_is_refused(campaign: Campaign, fits: list[Fit]) -> None:
-    """As anywhere else."""
     with pytest.raises(UsageError, match="speed and weights above 0"):
         sweep_speed(fits[:1], campaign.tests[0].condition, np.array([0.0, 9.0]))
 
@@ -110,7 +108,6 @@ def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campai
 
 
 def test_speeds_without_runs_are_found(campaign: Campaign) -> None:
-    """Below, above, and between runs that are far apart; only within the range that is asked for."""
     speeds = [10.0, 12.0, 14.0, 20.0, 21.0]
     conditions = tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds)
     library = CaeLibrary(tuple("abcde"), conditions, campaign.cae.accel_mps2[:5])
@@ -215,7 +212,6 @@ def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain) -> 
 
 
 def test_what_the_tests_showed_has_no_influence(domain: DisplacementDomain) -> None:
-    """With the hyperparameters kept, biases three times as large, or others, give the same shares."""
     assert isinstance(domain.bias_, HierarchicalBias)
     targets = [domain.expected_points(condition) for condition in RANGE.spread(4)]
     further = [domain.expected_points(condition) for condition in RANGE.grid(4, 1)]
@@ -309,7 +305,6 @@ RANKED = (
 
 
 def test_the_figure_shows_the_gain_over_speed(clustered: Campaign) -> None:
-    """In order of speed and joined where the weights are the same; the best numbered, extrapolations open."""
     figure = next_tests(RANKED, clustered.tests)
     candidates, run = figure.data[:2]
     np.testing.assert_allclose(candidates.x, [12, 20, 50], rtol=1e-6)

@@ -180,7 +180,6 @@ test_at.__test__ = False  # type: ignore[attr-defined] # a name that pytest woul
 
 
 def test_more_scatter_among_tests_is_more_scatter_of_repeats(fitted: dict[float, tuple[Campaign, Scatter]]) -> None:
-    """Tests that agree draw repeats that agree; the estimate follows the scatter rather than the prior."""
     spreads = []
     for own, scatter in fitted.values():
         test = own.tests[0]

@@ -85,7 +85,6 @@ def test_the_papers_models_can_be_kept_too(
 
 
 def test_other_data_is_refused(campaign: Campaign, saved: Path) -> None:
-    """A model is shown beside the data it learned from, or not at all."""
     with pytest.raises(DataError, match=r"a model of the data in Tiny .* found one of Tiny .* take the campaign"):
         load_model(saved, campaign.without(["T1"]))
 
@@ -108,7 +107,6 @@ def test_another_version_is_refused(
 
 
 def test_a_model_under_the_name_of_another_is_refused(campaign: Campaign, saved: Path) -> None:
-    """A name of ours says what is in it; any other name is the user's."""
     other = saved.rename(saved.with_name("fused.safetensors"))
     with pytest.raises(DataError, match="a model of fused, found one of time_domain"):
         load_model(other, campaign)
@@ -123,7 +121,6 @@ def test_a_file_that_was_cut_off_is_refused(campaign: Campaign, saved: Path, kee
 
 
 def test_a_flipped_byte_is_noticed_wherever_it_is(campaign: Campaign, saved: Path) -> None:
-    """In the header or in a weight: one sentence, and never a prediction."""
     content = saved.read_bytes()
     for place in np.linspace(0, len(content) - 1, 60).astype(int):
         damaged = bytearray(content)

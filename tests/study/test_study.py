@@ -41,7 +41,6 @@ def few_draws() -> None:
 
 
 def bits(prediction: Prediction) -> list[bytes]:
-    """Those of the pulse, and of the draws if there are any."""
     return [each.tobytes() for each in (prediction.accel_mps2, prediction.draws_mps2) if each is not None]
 
 
@@ -167,7 +166,6 @@ def test_the_rating_is_that_of_prediction_against_test(finished: Study) -> None:
 def test_the_held_out_pulse_does_not_reach_its_own_prediction(
     campaign: Campaign, finished: Study, approach: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """Another held-out pulse, computed afresh, gives the same prediction to the bit, and another rating."""
     test = campaign.test("T2")
     wobble = 1 + 0.5 * np.sin(200 * test.pulse.time_s)
     other_pulse = Pulse(test.pulse.time_s, wobble * test.pulse.accel_mps2)
@@ -218,7 +216,6 @@ def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
 
 
 def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Fits of the displacement domain that came to their end."""
     fits: list[str] = []
     original: Callable[..., Approach] = DisplacementDomain.fit
 

@@ -177,7 +177,6 @@ def test_pulses_at_35_mph_are_those_of_a_car(sample: Campaign, test_id: str) -> 
 
 
 def test_variants_differ_and_unknown_ones_are_refused() -> None:
-    """Powertrain and drive change the truth's pulse by more than scatter does; another powertrain is an error."""
     plain = CONDITIONS[-1]
     variants = [
         replace(plain, factors=(("powertrain", powertrain), ("drive", drive)))
@@ -200,7 +199,6 @@ def test_the_seed_decides_everything(sample: Campaign) -> None:
 
 @pytest.mark.slow
 def test_the_folder_holds_the_campaign(sample: Campaign, written: Path) -> None:
-    """What is written and read again is the campaign, to the resolution that it is stored with."""
     read = load_campaign(written)
     assert (read.name, read.notice, read.test_ids, read.cae.ids) == (
         sample.name,

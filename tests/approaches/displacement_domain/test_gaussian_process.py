@@ -125,7 +125,6 @@ def test_each_part_is_the_textbooks() -> None:
 
 
 def test_the_density_of_a_left_out_test_is_the_textbooks() -> None:
-    """Block by block it is the normal density given the other tests, by a plain solver."""
     x, y = rows()
     process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 3 * y)
     covariance = Covariance(ALL_KINDS, x, x)(process.theta_[:-1])
@@ -154,7 +153,6 @@ def test_without_a_test_it_predicts_from_the_others() -> None:
 
 
 def test_the_spread_of_hyperparameters_is_that_of_the_posteriors_curvature() -> None:
-    """Along one hyperparameter alone it is at least what the second difference of the posterior gives."""
     process = GaussianProcess((ONE,), NOISE).fit(*rows())
     spread, step = process.spread(), 1e-3
     for i, direction in enumerate(step * np.eye(spread.size)):

@@ -84,7 +84,6 @@ def test_tests_that_contradict_each_other_are_not_believed() -> None:
 
 
 def test_how_each_test_stops_does_not_blur_what_they_share() -> None:
-    """Wild last moments, another for each test, leave the shared bias before them as it is."""
     wild = np.where(SHARE < 0.2, 150.0, 0.0)
     signs = {7.0: 1, 9.0: -1, 11.0: 1, 13.0: -1}
     mean, _ = mean_and_width(fit({v: shared(S) + sign * wild for v, sign in signs.items()}), 10.0)
@@ -111,7 +110,6 @@ def test_the_parts_add_up_to_what_is_expected() -> None:
 
 
 def test_nothing_is_known_of_what_a_new_test_has_alone_but_its_size() -> None:
-    """Zero, give or take the same at every displacement, the larger the more like tests differ."""
     alike = fit({v: shared(S) for v in (9.9, 10.0, 10.1, 10.2)}).parts(moving(condition(10.0)))[-2]
     wiggle = 15 * np.sin(S / 0.05)
     unlike = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})

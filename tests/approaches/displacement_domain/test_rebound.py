@@ -12,7 +12,6 @@ SPEED = 12.0
 
 
 def bouncing(duration_s: float, factor: float = 1.2) -> FloatArray:
-    """A half sine strong enough to throw the vehicle back."""
     peak = factor * SPEED * np.pi / (2 * duration_s)
     return np.where(duration_s > GRID_S, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0)
 

@@ -73,7 +73,6 @@ def test_predicted_pulses_end_as_the_tests_did(campaign: Campaign, mf: TimeDomai
 
 
 def test_a_pulse_that_does_not_stop_the_vehicle_is_noted(campaign: Campaign) -> None:
-    """Only if the CAE model's does stop it; the sentence says what is left."""
     condition = campaign.tests[0].condition
     pulse = campaign.tests[0].pulse.accel_mps2
     assert stopping_notes(condition, pulse, pulse) == ()
@@ -135,7 +134,6 @@ def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
 
 
 def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -> None:
-    """A test that was trained on is met far better than by the LF network."""
     mf = TimeDomain(BY_ADAM).fit(campaign)
     for test in campaign.tests:
         before = relative_error(lf.predict(test.condition).accel_mps2, test.pulse.accel_mps2)

@@ -45,7 +45,6 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: C
 
 
 def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second fit takes network, scaling and learning curve from the cache, however it is fine-tuned later."""
     LfTcn(SMALL, cache=Cache()).fit(campaign)
 
     def forbidden(*_: object) -> None:
@@ -60,7 +59,6 @@ def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monk
 
 
 def test_members_differ_and_their_mean_predicts(campaign: Campaign, lf: LfTcn) -> None:
-    """Each member has weights of its own; no two seeds of an approach share one."""
     condition = campaign.tests[0].condition
     singles = []
     for member in range(2):

@@ -60,7 +60,6 @@ def colour_of(heat: go.Heatmap, z: float) -> str:
 
 
 def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(three: Certification) -> None:
-    """Rows in order of speed, columns as the criteria are; a condition outside has no number."""
     heat, marks, *_ = verdict_matrix(three).data
     assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
     assert list(heat.x) == ["<b>crush</b><br>at most 500\N{NO-BREAK SPACE}mm", "<b>rating</b><br>at least 0.80"]
@@ -109,7 +108,6 @@ def test_words_stand_above_their_numbers_and_grow_smaller_with_the_number_of_cri
 
 
 def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> None:
-    """So that the cells keep their room for words; the row itself knows the whole id."""
     name = "a condition with a long name"
     figure = verdict_matrix(certification(campaign, {name: ("met", "open")}, {name: 20.0}))
     assert list(figure.layout.yaxis.ticktext) == ["a condition …a long name · 20.0 mph"]

@@ -23,7 +23,6 @@ def traces(figure: go.Figure, group: str) -> list[go.Scatter]:
 
 
 def test_tests_stand_at_their_speeds_and_weights(campaign: Campaign) -> None:
-    """In mph and lb, each under its id, against front weight and against rear weight."""
     figure = condition_space(campaign.cae, campaign.tests)
     front, rear = traces(figure, INSIDE)
     assert list(front.text) == list(rear.text) == ["T1", "T2", "T3", "T4"]
@@ -81,7 +80,6 @@ def _sweep(approach: str, *, band: bool) -> Sweep:
 
 @pytest.fixture
 def figure(campaign: Campaign) -> Figure:
-    """The raw CAE without a band, and fused with one."""
     return sweep_figure([_sweep("cae", band=False), _sweep("fused", band=True)], "olc", campaign)
 
 

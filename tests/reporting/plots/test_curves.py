@@ -27,7 +27,6 @@ def test_bands_are_drawn_before_all_lines_and_the_test_last() -> None:
 
 
 def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
-    """That of the preferred approach unless another is asked for, and of a single prediction beside."""
     curves = {name: Curve(X, X, (X, X - 1, X + 1)) for name in ("displacement_domain", "fused", "time_domain")}
     for asked, filled in ((None, "fused"), ("time_domain",) * 2, ("cae", "fused")):
         figure = new_figure(300)
@@ -103,7 +102,6 @@ def test_figures_to_be_compared_share_one_range_that_holds_all_curves() -> None:
 
 
 def test_titles_of_axes_are_no_larger_than_text() -> None:
-    """By default they are a fifth larger; a title that is set later keeps the size."""
     figure = new_figure(300)
     figure.update_yaxes(title="Velocity (km/h)")
     assert figure.layout.yaxis.title.font.size is None

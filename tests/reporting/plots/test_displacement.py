@@ -108,7 +108,6 @@ def test_the_mark_is_the_maximum_crush_with_the_interval_of_the_tables(
 
 
 def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: CaeModel) -> None:
-    """At every displacement up to the test's maximum crush; the sign turns with the axis."""
     biases = [measured_bias(test, model) for test in campaign.tests]
     figure = plots.bias_by_speed(campaign.tests, biases, display=Display(unit="m/s²", deceleration=True))
     for test, bias, curve in zip(campaign.tests, biases, figure.data, strict=True):
@@ -136,7 +135,6 @@ def part(name: str, level: float) -> BiasPart:
 
 
 def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
-    """Each in a panel of its own with its band; the measured bias over the total only."""
     parts = [part("shared", -3.0), part("by speed", 2.0), part("own", 0.0), part("total", -1.0)]
     measured = BiasPoints(test.condition, S, np.linspace(1, 0, S.size), CaeForce(0 * S, 0 * S), np.full(S.size, -2.0))
     figure = plots.bias_parts(parts, S, measured, Display(unit="m/s²"))

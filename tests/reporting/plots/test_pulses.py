@@ -189,7 +189,6 @@ def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(te
 
 
 def test_the_recording_lies_under_its_pulse() -> None:
-    """Both curves have their trough at one place; what cannot be settled is drawn as it is."""
     raw = replace(channel(scale=-9.80665, unit="m/s²"), time_s=channel().time_s + 0.3)
     source = replace(record(raw, condition=CONDITION), own_time_zero="")
     found = settle(source)

@@ -43,7 +43,6 @@ def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
 
 
 def test_repeats_are_the_last_column_of_the_heat_map_and_bars_behind_the_spread() -> None:
-    """The column needs a value for every test, the bars are drawn where there is one."""
     repeats = {"A": Repeatability(0.9, 0.8, 0.95), "B": Repeatability(0.8, 0.6, 0.9)}
     scores = {"A": {"cae": 0.5}, "B": {"cae": 0.6}}
     heat, marks = plots.rating_heatmap(scores, repeats).data
@@ -56,7 +55,6 @@ def test_repeats_are_the_last_column_of_the_heat_map_and_bars_behind_the_spread(
 
 
 def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> None:
-    """Error bars are lengths from the mark; a test without an approach has no mark of it."""
     figure = plots.rating_spread(
         {"A": {"fused": (0.9, 0.7, 0.95)}, "B": {"fused": (0.8, 0.6, 0.8), "lf_tcn": (0.5, 0.4, 0.6)}}
     )
@@ -95,7 +93,6 @@ def test_the_bars_are_the_four_scores_of_each_approach() -> None:
 
 
 def test_each_row_draws_what_its_score_compares(explanation: RatingExplanation) -> None:
-    """As they stand, shifted, warped, and the slopes in g/ms, over one axis of time."""
     figure = rated_curves(explanation, "fused")
     rows = {
         axis: [trace for trace in figure.data if trace.yaxis == axis and trace.name in ("Test", "Fused")]
@@ -114,7 +111,6 @@ def test_each_row_draws_what_its_score_compares(explanation: RatingExplanation) 
 
 
 def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation: RatingExplanation) -> None:
-    """In the first row, behind the curve; the outer corridor's mark stands only if that is left."""
     figure = rated_curves(explanation, "fused", Display(window_ms=70.0, unit="m/s²"))
     (marked,) = [trace for trace in figure.data if trace.name == "Outside the inner corridor"]
     curves = explanation.compared
