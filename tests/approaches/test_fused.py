@@ -1,7 +1,7 @@
 """The mixture: it is what its components say, weighted as left-out tests decide, and tells why."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -185,16 +185,13 @@ def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch:
 
 
 @pytest.mark.slow
-def test_what_components_learned_is_taken_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_components_learned_is_taken_from_the_cache(
+    campaign: Campaign, fitting_is_an_error: Callable[[], None]
+) -> None:
     from crashfuse.study.estimate import Fit
 
     rest = campaign.without(["T3"])
     for name in ("time_domain", "displacement_domain"):
         Fit.of(rest, name, cache=Cache())
-
-    def forbidden(*_: object, **__: object) -> None:
-        raise AssertionError("fitted again")
-
-    monkeypatch.setattr("crashfuse.approaches.time_domain.approach.TimeDomain.fit", forbidden)
-    monkeypatch.setattr("crashfuse.approaches.displacement_domain.approach.DisplacementDomain.fit", forbidden)
+    fitting_is_an_error()
     assert Fused(cache=Cache()).fit(rest).calibration_.tests

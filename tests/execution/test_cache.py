@@ -19,14 +19,14 @@ from crashfuse.errors import Cancelled, UsageError
 from crashfuse.execution.cache import Cache, finite, numbers
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.version import versions
+from tests.conftest import not_none
 
 
 def test_what_was_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
     cache = Cache(tmp_path)
     entry = {"a": np.random.default_rng(0).normal(size=(3, 4)).astype(np.float32), "text": np.array("äöü")}
     cache.put("kind", {"x": 1}, entry)
-    found = cache.get("kind", {"x": 1})
-    assert found is not None
+    found = not_none(cache.get("kind", {"x": 1}))
     assert found["a"].tobytes() == entry["a"].tobytes()
     assert str(found["text"]) == "äöü"
 
@@ -43,8 +43,7 @@ def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypa
     for number, key in enumerate(keys):
         cache.put("kind", key, {"number": number})
     for number, key in enumerate(keys):
-        found = Cache(tmp_path).get("kind", dict(reversed(key.items())))
-        assert found is not None
+        found = not_none(Cache(tmp_path).get("kind", dict(reversed(key.items()))))
         assert int(found["number"]) == number
         assert cache.get("other", key) is None
     for name in ("crashfuse", "Python", "numpy", "scipy", "scikit-learn", "torch"):
@@ -181,8 +180,7 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr("os.fsync", full)
     cache.put("kind", {}, {"a": 2.0})
     monkeypatch.undo()
-    found = cache.get("kind", {})
-    assert found is not None
+    found = not_none(cache.get("kind", {}))
     assert float(found["a"]) == 1.0
     assert len(list((tmp_path / "kind").iterdir())) == 1
 
@@ -300,8 +298,7 @@ def test_what_is_packed_can_be_unpacked_elsewhere(tmp_path: Path) -> None:
     files = later.pack(later.used)
     assert len(files) == 1
     there.unpack(files)
-    found = there.get("kind", {"x": 2})
-    assert found is not None
+    found = not_none(there.get("kind", {"x": 2}))
     assert found["a"].tolist() == [0, 1]
     ((name, content),) = files.items()
     there.unpack({name: content[:-1]})

@@ -13,10 +13,10 @@ from crashfuse.condition import Condition
 from crashfuse.reporting.figures import EarlierPrediction
 from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
-from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold
 from crashfuse.units import G
+from tests.conftest import with_pulse
 from tests.reporting.conftest import with_and_without_band
 
 CONFIG = StudyConfig(approaches=("cae", "fused"), windows_ms=(20.0, 40.0))
@@ -134,10 +134,8 @@ def test_a_campaign_shows_some_tests_and_what_is_put_beside_them(campaign: Campa
 
 @pytest.mark.slow
 def test_the_parts_of_a_bias_do_not_change_with_the_held_out_pulse(study: Study) -> None:
-    test = study.campaign.test("T2")
-    other = replace(test, pulse=Pulse(GRID_S, 0.5 * test.pulse.accel_mps2))
-    tests = tuple(other if each is test else each for each in study.campaign.tests)
-    changed = replace(study, campaign=replace(study.campaign, tests=tests))
+    softer = with_pulse(study.campaign, "T2", 0.5 * study.campaign.test("T2").pulse.accel_mps2)
+    changed = replace(study, campaign=softer)
     one, two = (each.plot("T2", "bias parts", measured=False) for each in (study, changed))
     for trace, same in zip(one.data, two.data, strict=True):
         np.testing.assert_array_equal(trace.y, same.y)

@@ -1,6 +1,5 @@
 """Repeatability: what repeats of a test would rate, and the scatter that they are drawn with."""
 
-import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import Watch
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_many
@@ -20,6 +18,7 @@ from crashfuse.study.repeatability import Scatter, combined, repeatability, repe
 from crashfuse.synthetic.sample import TABLE_1
 from crashfuse.synthetic.specimens import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
 from crashfuse.units import LB, MPH, G
+from tests.conftest import cancelled_after
 
 WINDOWS = (20.0, 60.0)
 
@@ -97,10 +96,8 @@ def test_a_window_beyond_the_record_has_no_value(campaign: Campaign) -> None:
 
 @pytest.mark.slow
 def test_it_is_computed_once_and_can_be_cancelled(campaign: Campaign, tmp_path: Path) -> None:
-    stop = threading.Event()
-    stop.set()
     with pytest.raises(Cancelled):
-        repeatability(campaign, WINDOWS, cache=Cache(tmp_path), watch=Watch(lambda _: None, stop))
+        repeatability(campaign, WINDOWS, cache=Cache(tmp_path), watch=cancelled_after(lambda _: True))
     first = repeatability(campaign, WINDOWS, cache=Cache(tmp_path))
     cache = Cache(tmp_path)
     assert repeatability(campaign, WINDOWS, cache=cache) == first

@@ -46,11 +46,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: C
 
 def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:
     LfTcn(SMALL, cache=Cache()).fit(campaign)
-
-    def forbidden(*_: object) -> None:
-        raise AssertionError("trained again")
-
-    monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", forbidden)
+    monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", None)
     again = LfTcn(SMALL, cache=Cache()).fit(campaign)
     condition = campaign.tests[0].condition
     assert again.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()

@@ -1,6 +1,5 @@
 """Training step after step: whatever stops it, it goes on to the same bits."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -18,6 +17,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch
+from tests.conftest import cancelled_after
 
 pytestmark = pytest.mark.slow
 
@@ -56,9 +56,8 @@ def _dies_at(step: str, done: int) -> Callable[[Progress], None]:
 
 
 def _cancel_at_once(lf: LfTcn, campaign: Campaign) -> None:
-    cancel = threading.Event()
     with pytest.raises(Cancelled):
-        lf.fit(campaign, Watch(lambda _: cancel.set(), cancel))
+        lf.fit(campaign, cancelled_after(lambda _: True))
 
 
 def _bits(network: Tcn) -> dict[str, bytes]:
@@ -108,14 +107,8 @@ def test_a_fine_tuning_that_was_killed_goes_on_as_well(campaign: Campaign) -> No
 
 def test_a_training_that_is_cancelled_leaves_what_it_had(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "_REPORT_S", 0.0)
-    cancel = threading.Event()
-
-    def stop(progress: Progress) -> None:
-        if progress.done == 5:
-            cancel.set()
-
     with pytest.raises(Cancelled):
-        LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(stop, cancel))
+        LfTcn(SMALL, cache=Cache()).fit(campaign, cancelled_after(lambda progress: progress.done == 5))
     reports: list[Progress] = []
     LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
     assert reports[0].done == 6
