@@ -195,9 +195,9 @@ def predict(
     Parameters
     ----------
     approach : str or Fit, or a sequence of these
-        One approach, or several to be compared. Fits answer at once, at one condition after another.
+        One approach, or several to be compared. Fits answer at once.
     config : StudyConfig
-        Preset, seed and device of approaches that are named; its approaches do not matter.
+        Preset, seed and device of approaches that are named.
 
     Raises
     ------
@@ -220,7 +220,7 @@ def predict(
 def fits_of(
     campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, cache: Cache | None, watch: Watch
 ) -> list[Fit]:
-    """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
+    """The fits of approaches to a campaign, once each; a UsageError before anything is fitted."""
     asked = dict.fromkeys(approaches)
     if not asked:
         raise UsageError("A prediction takes an approach at least, such as fused.")
@@ -290,7 +290,7 @@ def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) 
 
 
 def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
-    """One row per prediction, approach and metric, with its difference from that of the first; for files."""
+    """One row per prediction, approach and metric, with its difference from the first; for files."""
     first = {(own.approach, m.name): m.value for own in predictions[0].estimates for m in own.metrics}
     conditions = tuple(prediction.condition for prediction in predictions)
     ids = tuple(str(number) for number, _ in enumerate(conditions, start=1))

@@ -67,11 +67,7 @@ class StudyComparison:
         return list(self.ratings["left_out"].unique())
 
     def means(self, window_ms: float | None = None, left_out: str | None = None) -> pd.DataFrame:
-        """Means over the common tests, a row per approach, by default over the longest window.
-
-        With their difference and its standard error (NaN of a single test), and in how many tests the second rates
-        higher or lower.
-        """
+        """Means over the common tests by approach, with the standard error of their difference (NaN of one test)."""
         rows = []
         for approach, part in self.over(window_ms, left_out).groupby("approach", sort=False):
             gain, means = part["difference"].to_numpy(), (part["first"].mean(), part["second"].mean())

@@ -4,8 +4,8 @@ Gains compare the same held-out tests. Beyond the campaign, the mean rating with
 
     rating(n) = limit - a n^-b,  b = 1,
 
-fitted to the curve by least squares. One more test after N then adds a (N^-b - (N + 1)^-b). The interval runs from the
-lowest to the highest gain with b = 0.5, 1 and 2, on which it depends most, and beyond both by the 95 % of Student's t.
+fitted by least squares. One more test after N then adds a (N^-b - (N + 1)^-b). The interval runs from the lowest to
+the highest gain with b = 0.5, 1 and 2, and beyond both by the 95 % of Student's t.
 """
 
 import math

@@ -1,8 +1,7 @@
 """Planning: pulse metrics over impact speed at fixed weights, and where one more test would narrow the band most.
 
-The bias is a Gaussian process, whose variance depends on where tests were run and not on their results. The ranking is
-the sequential design of Sacks et al., Statistical Science 4 (1989), or Cohn, Neural Networks 9 (1996), but with the
-mean standard deviation instead of the mean variance, which a few wide spots dominate.
+The ranking is a sequential design (docs/method/next-test.md) by the mean standard deviation of the bias, as a few wide
+spots dominate the mean variance.
 """
 
 from collections import Counter

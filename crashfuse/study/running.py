@@ -202,8 +202,7 @@ def run_study(
     Raises
     ------
     CrashfuseError
-        If the study is impossible, see :class:`crashfuse.study.config.StudyPlan`, the watch was told to stop, workers
-        die repeatedly, or the cluster cannot be reached or has other versions.
+        If the study is impossible, the watch was told to stop, workers die repeatedly, or the cluster is unfit.
     """
     if approaches:
         config = replace(config, approaches=several(approaches))
