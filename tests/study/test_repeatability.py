@@ -164,16 +164,13 @@ def test_repeats_differ_as_much_as_two_tests_do(fitted: dict[float, tuple[Campai
     test = own.tests[0]
     at = np.array([0.1, 0.2, 0.3])
     drawn = over_displacement(test, scatter.repeats(test, 300, np.random.default_rng(0)), at)
-    spread = np.sqrt(np.mean((drawn - test_at(test, at)) ** 2, axis=0)) / G
+    spread = np.sqrt(np.mean((drawn - accel_at(test, at)) ** 2, axis=0)) / G
     np.testing.assert_allclose(spread, np.sqrt(2) * 3.0 * at / 0.5, rtol=0.45)
     assert spread[0] < spread[1] < spread[2]
 
 
-def test_at(test: CrashTest, at_m: FloatArray) -> FloatArray:
+def accel_at(test: CrashTest, at_m: FloatArray) -> FloatArray:
     return loading_phase(test.pulse.accel_mps2, test.condition.speed_mps).accel_at(at_m)
-
-
-test_at.__test__ = False  # type: ignore[attr-defined] # a name that pytest would collect
 
 
 def test_more_scatter_among_tests_is_more_scatter_of_repeats(fitted: dict[float, tuple[Campaign, Scatter]]) -> None:

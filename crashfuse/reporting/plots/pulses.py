@@ -135,10 +135,7 @@ def measured_pulses(
             canvas.add_line(figure, time_ms, accel * display.accel_scale, **as_read)
             accel = cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
         canvas.add_line(figure, time_ms, accel * display.accel_scale, **style)
-    draw_curves(figure, _accelerations(None, further, display))
-    figure.update_yaxes(title=display.accel_title)
-    canvas.shade_window(figure, display.window_ms)
-    return figure
+    return _with_further(figure, further, display)
 
 
 def wall_forces(
@@ -174,6 +171,10 @@ def library_band(
         if (run := library.paired_run(test.condition)) is not None:
             style["name"] = f"{library.ids[run]} · {display.speed(test.condition.speed_mps)}"
             canvas.add_line(figure, _GRID_MS, library.accel_mps2[run] * display.accel_scale, **style)
+    return _with_further(figure, further, display)
+
+
+def _with_further(figure: go.Figure, further: Mapping[str, Prediction], display: Display) -> go.Figure:
     draw_curves(figure, _accelerations(None, further, display))
     figure.update_yaxes(title=display.accel_title)
     canvas.shade_window(figure, display.window_ms)

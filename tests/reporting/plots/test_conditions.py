@@ -3,7 +3,7 @@
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from plotly.graph_objects import Figure, Scatter
+from plotly.graph_objects import Figure
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
@@ -83,13 +83,9 @@ def figure(campaign: Campaign) -> Figure:
     return sweep_figure([_sweep("cae", band=False), _sweep("fused", band=True)], "olc", campaign)
 
 
-def _lines(figure: Figure) -> dict[str, Scatter]:
-    return {trace.legendgroup: trace for trace in figure.data if trace.mode == "lines+markers"}
-
-
-def test_missing_numbers_leave_gaps(figure: Figure) -> None:
+def test_missing_numbers_leave_gaps_and_the_cursor_reads_the_interval(figure: Figure) -> None:
     """Neither a zero nor a line across; one outline of the band from 10 to 30 mph, none beyond or without."""
-    line = _lines(figure)["fused"]
+    (line,) = [own for own in figure.data if own.mode == "lines+markers" and own.legendgroup == "fused"]
     np.testing.assert_allclose(line.x, SPEEDS_MPH)
     np.testing.assert_array_equal(line.y, [np.nan, 20, 30, np.nan, 50])
     assert line.connectgaps is False
@@ -99,12 +95,8 @@ def test_missing_numbers_leave_gaps(figure: Figure) -> None:
     np.testing.assert_allclose(band.y, [8, 18, 28, 32, 22, 12])
     assert band.legendgroup == "band of fused"
     assert band.fillcolor == "rgba(0, 158, 115, 0.18)"
-
-
-def test_the_cursor_reads_the_speed_and_the_interval(figure: Figure) -> None:
-    texts = _lines(figure)["fused"].customdata
-    assert list(texts[1]) == ["20.0 mph", "20.0 [18.0, 22.0] g"]
-    assert list(texts[4]) == ["50.0 mph", "50.0 [≥ 45.0] g"]
+    assert list(line.customdata[1]) == ["20.0 mph", "20.0 [18.0, 22.0] g"]
+    assert list(line.customdata[4]) == ["50.0 mph", "50.0 [≥ 45.0] g"]
 
 
 def test_tests_are_black_points_with_their_id_and_weights(campaign: Campaign, figure: Figure) -> None:
