@@ -4,6 +4,8 @@ Sorted by speed, an even choice of k of n tests takes one test of each kth part 
 places that move until each test was left out at least once.
 """
 
+from __future__ import annotations
+
 import json
 import math
 import time
@@ -13,7 +15,7 @@ from dataclasses import astuple, dataclass, replace
 from functools import partial
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Unpack, cast
 
 import numpy as np
 import pandas as pd
@@ -38,8 +40,6 @@ from crashfuse.study.running import prepare, workers_at
 from crashfuse.units import G
 
 if TYPE_CHECKING:
-    from typing import Unpack
-
     import plotly.graph_objects as go
 
 
@@ -118,7 +118,7 @@ class LearningCurve:
         """The longest rated window, for which results are summarised."""
         return max(self.config.windows_ms)
 
-    def over(self, window_ms: float) -> "LearningCurve":
+    def over(self, window_ms: float) -> LearningCurve:
         """The same curve, summarised over another of its windows; a UsageError if it was not rated over that."""
         require_rated("learning curve", window_ms, self.table["window_ms"].unique().tolist())
         return replace(self, config=replace(self.config, windows_ms=(window_ms,)))
@@ -135,16 +135,16 @@ class LearningCurve:
         rows = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
-    def decided(self, criteria: "views.CriteriaGiven") -> "LearningCurve":
+    def decided(self, criteria: views.CriteriaGiven) -> LearningCurve:
         """With the share of verdicts that each prediction decides under such criteria."""
         return views.with_decided(self, views.criteria_given(criteria))
 
-    def plot(self, **display: "Unpack[views.DisplayOptions]") -> "go.Figure":
+    def plot(self, **display: Unpack[views.DisplayOptions]) -> go.Figure:
         """Rating and width of the band over the number of tests, as the page Study shows them."""
         shown = views.Display.of(self.campaign.units, self.window_ms, **display)
         return views.over_number_of_tests(self.over(shown.window_ms), shown)
 
-    def write(self, folder: str | Path, *, cost: str | None = None, **display: "Unpack[views.DisplayOptions]") -> None:
+    def write(self, folder: str | Path, *, cost: str | None = None, **display: Unpack[views.DisplayOptions]) -> None:
         """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""
         price = None if cost is None else views.Cost.of(cost)
         views.write_result("learning curve", folder, self, price, views.Display.of(self.campaign.units, **display))
