@@ -220,7 +220,7 @@ def predict(
 def fits_of(
     campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, cache: Cache | None, watch: Watch
 ) -> list[Fit]:
-    """The fits of approaches to a campaign, once each; a UsageError before anything is fitted."""
+    """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
     asked = dict.fromkeys(approaches)
     if not asked:
         raise UsageError("A prediction takes an approach at least, such as fused.")
