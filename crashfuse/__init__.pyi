@@ -49,7 +49,6 @@ from .reporting.solver_curves import SolverCurve as SolverCurve
 from .reporting.training_progress import watching as watching
 from .reporting.verdicts import Verdicts as Verdicts
 from .reporting.verdicts import certify as certify
-from .signals.loading_phase import energy_crush as energy_crush
 from .signals.metrics import Metric as Metric
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.occupant import OccupantModel as OccupantModel

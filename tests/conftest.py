@@ -4,8 +4,10 @@ import gc
 import os
 import shutil
 import sys
+import threading
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 from uuid import uuid4
@@ -17,7 +19,8 @@ from hypothesis import settings
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem
-from crashfuse.signals.pulse import GRID_S, FloatArray
+from crashfuse.execution.progress import Progress, Watch
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.testing import small_campaign
 from crashfuse.units import LB, MPH, MS, G
 
@@ -56,6 +59,25 @@ def not_none(value: T | None) -> T:
     """A value that has to be there."""
     assert value is not None
     return value
+
+
+def cancelled_after(is_reached: Callable[[Progress], bool], seen: list[Progress] | None = None) -> Watch:
+    """A watch that is cancelled at the report after the one that reaches this; it keeps what it has ``seen``."""
+    cancel = threading.Event()
+
+    def take(progress: Progress) -> None:
+        if seen is not None:
+            seen.append(progress)
+        if is_reached(progress):
+            cancel.set()
+
+    return Watch(take, cancel)
+
+
+def with_pulse(campaign: Campaign, test_id: str, accel_mps2: FloatArray) -> Campaign:
+    """The campaign with another pulse of one test."""
+    pulse = Pulse(GRID_S, accel_mps2)
+    return replace(campaign, tests=tuple(replace(t, pulse=pulse) if t.id == test_id else t for t in campaign.tests))
 
 
 settings.register_profile("ours", deadline=None)  # machines are noisy: speed is a benchmark's matter

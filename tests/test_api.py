@@ -20,7 +20,7 @@ Cache Campaign Choices ColumnChoice Condition CrashTest CrashfuseError Criteria 
 Estimate ExpectedRating Fit Fold Kinematics LearningCurve Matrix Metric Neighbour NextTests Note OccupantModel
 PartialCondition PredictedPulse Prediction Preview Problem Pulse PulseExport QualityLimits Rating RatingChoices
 RatingExplanation Recommendation ReportOptions SolverCurve SpeedSweep Study StudyConfig UsageError VehicleArchive
-Verdicts Watch __version__ certify darkened energy_crush excursions_table explain_files explain_rating figure_table
+Verdicts Watch __version__ certify darkened excursions_table explain_files explain_rating figure_table
 humps_table import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict
 prediction_report preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences
 read_notes recommend run_study sample_folder save_model study_report sweep watching worst_test write_campaign
@@ -111,9 +111,6 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         lambda: crashfuse.rate_iso18571(*2 * [crashfuse.Pulse(TIME_S, BRAKING)], dt_s=8e-5),
         "leave out",
     ),
-    "mph for m/s": (lambda: crashfuse.energy_crush(BRAKING, 28 / 0.44704), "62.6342 mph are 28 m/s"),
-    "no speed": (lambda: crashfuse.energy_crush(BRAKING, -28.0), "a number above 0"),
-    "another grid": (lambda: crashfuse.energy_crush(BRAKING[:1000], 28.0), "1250 samples"),
     "other sign": (lambda: crashfuse.pulse_metrics(-BRAKING, 28.0), "change its sign"),
     "g for m/s²": (lambda: crashfuse.pulse_metrics(BRAKING / 9.80665, 28.0), "if it is in g"),
     "mm/s² for m/s²": (lambda: crashfuse.pulse_metrics(BRAKING * 1e3, 28.0), "correct the unit"),

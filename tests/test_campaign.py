@@ -13,20 +13,17 @@ from crashfuse.signals.pulse import Pulse
 
 
 def test_holding_out_takes_the_test_and_leaves_the_rest(campaign: Campaign) -> None:
-    """The held-out test is gone, its paired run is not."""
     rest = campaign.without(["T2"])
     assert rest.test_ids == ("T1", "T3", "T4")
     assert rest.cae is campaign.cae
 
 
 def test_an_unknown_test_is_named_with_those_there_are(campaign: Campaign) -> None:
-    """The message helps to pick one that exists."""
     with pytest.raises(UsageError, match="no test 'T7' in Tiny; it has T1, T2, T3, T4"):
         campaign.without(["T7"])
 
 
 def test_one_changed_sample_changes_the_fingerprint(campaign: Campaign) -> None:
-    """Every sample of every run and test counts."""
     accel = campaign.cae.accel_mps2.copy()
     accel[3, 700] = np.nextafter(accel[3, 700], np.float32(1))
     assert replace(campaign, cae=replace(campaign.cae, accel_mps2=accel)).fingerprint != campaign.fingerprint
@@ -38,7 +35,6 @@ def test_one_changed_sample_changes_the_fingerprint(campaign: Campaign) -> None:
 
 
 def test_name_and_notice_do_not_change_the_fingerprint(campaign: Campaign) -> None:
-    """The fingerprint names the data."""
     assert replace(campaign, name="other", notice="x").fingerprint == campaign.fingerprint
 
 
@@ -54,7 +50,6 @@ def test_an_occupant_model_of_its_own_changes_the_fingerprint(campaign: Campaign
 
 
 def test_filter_class_beside_ratings_is_that_of_the_campaign_or_of_the_import(campaign: Campaign) -> None:
-    """In this order; without either, what was supplied."""
     assert campaign.rating_basis == "ISO/TS 18571:2024, 10 kHz, filtered as supplied"
     imported = replace(campaign, tests_filtered_with=180.0)
     assert imported.rating_basis == "ISO/TS 18571:2024, 10 kHz, CFC 180"

@@ -34,7 +34,6 @@ def test_each_quantity_is_in_the_unit_in_which_it_is_short(condition: Condition,
      "1e999mph 900kg 800kg", "35mph 900kg 800kg drive", "35mph 900kg 800kg =x", f"{'9' * 400}mph 900kg 800kg"],
 )  # fmt: skip
 def test_what_is_no_condition_is_refused_in_a_sentence(text: str) -> None:
-    """A link may hold anything."""
     with pytest.raises(UsageError, match="such as 35mph 2100lb 1500lb"):
         Condition.parse(text)
 
@@ -67,7 +66,6 @@ def test_units_are_those_of_the_names() -> None:
     ],
 )
 def test_quantities_that_are_no_condition_are_a_sentence(given: dict[str, float | str | None], said: str) -> None:
-    """Missing, in two units, in none, not a number."""
     with pytest.raises(UsageError) as caught:
         Condition.of(**given)
     assert str(caught.value) == said

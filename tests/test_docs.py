@@ -54,7 +54,6 @@ IN_THE_CHECKOUT = re.compile(r"python -m (supply_chain\.\w+)")
 def test_all_code_on_a_page_runs(
     page: str, campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """From top to bottom, on a small campaign with small networks."""
     monkeypatch.chdir(tmp_path)
     accel = campaign.tests[-1].pulse.accel_mps2
     shorter = Pulse(GRID_S, 1.05 * np.interp(1.05 * GRID_S, GRID_S, accel))
@@ -105,7 +104,6 @@ def _shown(page: str) -> list[re.Match[str]]:
 @pytest.mark.usefixtures("one_cache")
 @pytest.mark.parametrize("page", [page for page in PAGES if _shown(page)])
 def test_what_a_page_shows_is_what_is_printed(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On the sample campaign: all commands whose output is shown, and the code above them."""
     monkeypatch.chdir(tmp_path)
     if "crashfuse sample" not in (DOCS / page).read_text(encoding="utf-8"):
         shutil.copytree(ROOT / "sample_data", "campaign")
@@ -150,7 +148,6 @@ class _Page(HTMLParser):
         self.feed(path.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note an element."""
         for name, value in attrs:
             if name in ("id", "name") and value:
                 self.anchors.add(value)
@@ -173,7 +170,6 @@ def site(tmp_path_factory: pytest.TempPathFactory, shared_cache: Path) -> Path:
 
 @pytest.mark.slow
 def test_every_page_is_built_and_every_link_leads_somewhere(site: Path) -> None:
-    """To a page and an anchor on it that exist."""
     pages = {path: _Page(path) for path in site.rglob("*.html")}
     assert {path.relative_to(site).with_suffix(".md").as_posix() for path in pages} >= set(PAGES)
     dead = []
@@ -210,7 +206,6 @@ def test_equations_and_docstrings_are_set(site: Path) -> None:
 
 
 def test_the_help_of_every_command_is_on_its_page() -> None:
-    """A new command is documented."""
     (commands,) = (action.choices for action in cli.parser()._actions if isinstance(action.choices, dict))
     page = (DOCS / "reference" / "command-line.md").read_text(encoding="utf-8")
     assert re.findall(r"<!-- help (\S+) -->", page) == list(commands)
@@ -270,14 +265,12 @@ def test_means_are_those_of_the_tests() -> None:
 
 
 def test_every_page_is_in_the_navigation() -> None:
-    """What is not listed is not found."""
     listed = re.findall(r"^ +- (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), flags=re.MULTILINE)
     pages = [path.relative_to(DOCS).with_suffix(".md").as_posix() for path in NOTEBOOKS]
     assert sorted(listed) == sorted([*PAGES, *pages])
 
 
 def test_every_public_name_is_documented_once_where_users_look_first() -> None:
-    """In the order of use; a new name is a line there."""
     page = (DOCS / "reference" / "library.md").read_text(encoding="utf-8")
     shown = re.findall(r"^- `(\w+)`: ", page, flags=re.MULTILINE)
     assert sorted(shown) == sorted(set(crashfuse.__all__) - {"__version__"})
@@ -285,7 +278,6 @@ def test_every_public_name_is_documented_once_where_users_look_first() -> None:
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_is_kept_without_outputs(path: Path) -> None:
-    """So that a change of it can be read."""
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]
     assert [(cell["outputs"], cell["execution_count"]) for cell in code] == [([], None)] * len(code)
@@ -320,7 +312,6 @@ def test_a_notebook_was_run_and_shows_what_came_out(path: Path, site: Path) -> N
     [("import warnings\nwarnings.warn('old')", "UserWarning: old"), ("import sys\nsys.stderr.write('odd')", "odd")],
 )
 def test_a_cell_that_warns_or_complains_ends_the_build(code: str, found: str) -> None:
-    """As one that fails does: what is shown as run has run without a word of trouble."""
     cell: dict[str, object] = {"cell_type": "code", "source": code, "metadata": {}, "outputs": [], "id": "a"}
     notebook = json.dumps(
         {"cells": [{**cell, "execution_count": None}], "metadata": {}, "nbformat": 4, "nbformat_minor": 5}

@@ -34,12 +34,10 @@ def loaded(program: str, *arguments: str) -> list[set[str]]:
 
 
 def test_the_package_itself_loads_nothing_heavy() -> None:
-    """Names are imported when they are first asked for."""
     assert loaded("import sys, crashfuse; print(*sys.modules)") == [set()]
 
 
 def test_a_rating_loads_numpy_alone() -> None:
-    """Two arrays in, the rating out."""
     assert loaded(f"{RATE}\nimport sys; print(*sys.modules)") == [{"numpy"}]
 
 

@@ -34,7 +34,6 @@ def test_the_cpu_build_of_torch_is_the_one_that_the_constraints_ask_for(page: st
 
 
 def test_the_public_workflow_runs_the_same_two_commands() -> None:
-    """Whatever the README asks of a newcomer is proven on every platform."""
     workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
     start, check, _ = (block.strip() for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL))
     assert f"run: {check}\n" in workflow
@@ -42,18 +41,15 @@ def test_the_public_workflow_runs_the_same_two_commands() -> None:
 
 
 def test_what_certify_prints_is_as_on_its_page() -> None:
-    """Where the commands are run, and what is shown is compared with what they print."""
     [printed] = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
     assert printed in (ROOT / "docs" / "how-to" / "certify.md").read_text(encoding="utf-8")
 
 
 def test_the_citation_names_this_version() -> None:
-    """What is cited is what is installed."""
     assert f"\nversion: {__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
 
 
 def test_linked_files_exist() -> None:
-    """No dead link, to a file or to a heading within it."""
     links = re.findall(r"\]\((?!https?:)([^)]+)\)", README)
     assert len(links) > 10
     for link in links:

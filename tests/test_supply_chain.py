@@ -39,7 +39,6 @@ PERMISSIVE = {
 
 
 def hashed() -> dict[str, tuple[str, list[str]]]:
-    """Version and hashes of each distribution in the file of hashes."""
     found = {}
     for entry in HASHES.read_text(encoding="utf-8").replace("\\\n", "").splitlines():
         requirement, *hashes = entry.split(" --hash=")
@@ -49,7 +48,6 @@ def hashed() -> dict[str, tuple[str, list[str]]]:
 
 
 def licensed() -> dict[str, tuple[str, str]]:
-    """Version and licence of each distribution in the table of licences."""
     _, _, *lines = (ROOT / "THIRD_PARTY.md").read_text(encoding="utf-8").splitlines()
     rows = (re.split(r"\s*\|\s*", line.strip("| ")) for line in lines)
     return {canonicalize_name(name): (version, licence) for name, version, licence in rows}
@@ -65,7 +63,6 @@ def bill() -> tuple[dict[str, str], dict[str, set[str]]]:
 
 
 def asked_for(*extras: str) -> dict[str, Requirement]:
-    """What the project itself asks for, with these extras, by name."""
     texts = [*PROJECT["dependencies"], *(text for extra in extras for text in PROJECT["optional-dependencies"][extra])]
     return {canonicalize_name(requirement.name): requirement for requirement in map(Requirement, texts)}
 
@@ -86,20 +83,17 @@ def test_every_pin_has_hashes() -> None:
 
 
 def test_no_list_tells_of_the_machine_that_made_it() -> None:
-    """No path, no index."""
     for path in (HASHES, SBOM):
         assert not re.search(r"file:|index-url|find-links", path.read_text(encoding="utf-8"))
 
 
 def test_what_the_project_asks_for_is_pinned_within_its_range() -> None:
-    """And the bill of materials says that the project needs it."""
     pinned, wanted = pins(), asked_for(*PROJECT["optional-dependencies"])
     assert [name for name, each in wanted.items() if not each.specifier.contains(pinned.get(name, "0"))] == []
     assert bill()[1]["crashfuse"] == set(wanted)
 
 
 def test_what_pinned_distributions_need_is_pinned() -> None:
-    """So that -c constraints.txt leaves nothing to chance; here only for those that are installed."""
     pinned = pins()
     for distribution in distributions():
         if canonicalize_name(distribution.name) in pinned:
@@ -124,7 +118,6 @@ def test_no_licence_asks_users_to_publish_their_work() -> None:
 
 @pytest.fixture
 def toy(tmp_path: Path) -> Distribution:
-    """A distribution of one module, installed with the hash of its file."""
     code = b"answer = 42\n"
     (tmp_path / "toy.py").write_bytes(code)
     info = tmp_path / "toy-1.5.dist-info"
@@ -137,7 +130,6 @@ def toy(tmp_path: Path) -> Distribution:
 
 
 def test_an_audit_finds_altered_and_missing_files(toy: Distribution, tmp_path: Path) -> None:
-    """By the hash that was recorded when the distribution was installed."""
     assert list(problems([toy], {"toy": "1.5"})) == []
     (tmp_path / "toy.py").write_text("answer = 43\n", encoding="utf-8")
     assert list(problems([toy], {"toy": "1.5"})) == ["toy: toy.py was altered."]
@@ -146,7 +138,6 @@ def test_an_audit_finds_altered_and_missing_files(toy: Distribution, tmp_path: P
 
 
 def test_an_audit_finds_other_versions_and_what_is_not_pinned(toy: Distribution) -> None:
-    """A build for another device (+cpu) is the same version."""
     assert list(problems([toy], {"toy": "1.4"})) == ["toy: 1.5+cpu is installed, 1.4 is pinned."]
     assert list(problems([toy], {})) == ["toy: 1.5+cpu is installed, nothing is pinned."]
 
@@ -160,7 +151,6 @@ def _built(checkout: Path, target: str, folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The source distribution, unpacked."""
     folder = tmp_path_factory.mktemp("source")
     with tarfile.open(_built(ROOT, "sdist", folder / "sdist")) as archive:
         archive.extractall(folder / "unpacked", filter="data")
@@ -183,7 +173,6 @@ def _files(folder: Path) -> set[str]:
 
 
 def test_the_source_distribution_holds_what_a_test_needs(source: Path) -> None:
-    """Tests and sample, the settings of dashboard, workflow and hooks, which tests read; no cache."""
     assert _files(source / "tests") == _files(ROOT / "tests")
     assert _files(source / "sample_data") == _files(ROOT / "sample_data")
     hidden = {path.name for path in source.iterdir() if path.name.startswith(".")}
@@ -205,7 +194,6 @@ def test_the_wheel_holds_the_package_and_the_dashboard_and_nothing_else(installe
 
 
 def _outside(installed: Path, folder: Path) -> dict[str, str]:
-    """Surroundings in which the unpacked wheel is what is found."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("CRASHFUSE", "PYTHON"))}
     return {**kept, "PYTHONPATH": str(installed), "CRASHFUSE_CACHE": str(folder / "cache")}
 
@@ -235,7 +223,6 @@ def test_the_dashboard_opens_the_sample_outside_a_checkout(installed: Path, tmp_
 
 @pytest.fixture
 def served(installed: Path, tmp_path: Path) -> Iterator[str]:
-    """Address of ``crashfuse app`` as it runs from the unpacked wheel."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -251,7 +238,6 @@ def served(installed: Path, tmp_path: Path) -> Iterator[str]:
 
 
 def test_the_app_starts_outside_a_checkout(served: str) -> None:
-    """The server answers on this machine's own address."""
     deadline = time.monotonic() + 90
     while True:
         try:

@@ -20,7 +20,6 @@ from tests.conftest import not_none
 
 
 def test_an_archive_is_read_as_it_was_saved(tmp_path: Path, campaign: Campaign) -> None:
-    """To the bit, by all that predictions depend on."""
     saved = made_archive(campaign)
     saved.save(tmp_path / "a.cfa")
     read = load_archive(tmp_path / "a.cfa")
@@ -35,7 +34,6 @@ def test_an_archive_is_read_as_it_was_saved(tmp_path: Path, campaign: Campaign) 
 
 @pytest.mark.parametrize("what", ["nothing", "cut", "other", "changed"])
 def test_another_file_is_a_sentence(what: str, tmp_path: Path) -> None:
-    """No traceback, whatever it is."""
     path = tmp_path / "a.cfa"
     if what != "nothing":
         made_archive().save(path)

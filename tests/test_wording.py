@@ -22,7 +22,6 @@ def test_a_sentence_is_a_string_in_mph_and_lb_and_said_in_other_units_rounded_on
 
 
 def test_sentences_within_sentences_follow() -> None:
-    """What is put together from sentences can still be said in other units."""
     inner = wording.Sentence("CAE runs: {}.", wording.speed(5 * MPH, 62 * MPH))
     assert wording.joined([inner, "No more."]).in_units(METRIC) == "CAE runs: 8.0–99.8 km/h. No more."
     assert str(wording.joined([inner, "No more."])) == "CAE runs: 5.0–62.0 mph. No more."
@@ -39,12 +38,10 @@ def test_braces_of_others_are_themselves(before: str, word: str, after: str) -> 
 
 
 def test_names_are_listed_as_one_reads_them_out() -> None:
-    """With commas and a last "and"."""
     assert [wording.read_out("ABC"[:n]) for n in range(4)] == ["", "A", "A and B", "A, B and C"]
 
 
 def test_sentences_travel_between_processes() -> None:
-    """Workers and caches of pages pickle them."""
     sentence = wording.Sentence("{} away {sic}", wording.speed(16 * KPH))
     copy = pickle.loads(pickle.dumps(sentence))  # noqa: S301
     assert (copy, copy.in_units(METRIC)) == (sentence, "16.0 km/h away {sic}")
@@ -63,19 +60,16 @@ def test_sentences_travel_between_processes() -> None:
     ],
 )
 def test_quantities_are_shown_in_the_readers_unit(quantity: wording.Quantity, shown: str) -> None:
-    """Speeds, weights and accelerations are converted; lengths, times and ratios are the same for all."""
     assert wording.said(quantity, wording.UnitSystem("km/h", "kg", "m/s²")) == shown
 
 
 def test_a_condition_is_said_in_one_system() -> None:
-    """Never in mph and km/h at once."""
     condition = Condition.of_vector([56 * KPH, 950.0, 700.0])
     assert condition.in_units(wording.MPH_LB) == "34.8 mph, front 2094 lb, rear 1543 lb"
     assert condition.in_units(METRIC) == "56.0 km/h, front 950 kg, rear 700 kg"
 
 
 def test_no_line_ends_between_a_number_and_its_unit() -> None:
-    """Nor after a sign before a number; between other words it may."""
     text = "8 tests at 35.1 mph: 95 % within ± 1.9 g, ≤ 460 mm, 5 good ones, 9.8 m/s² in 60 ms"
     told = "8 tests at 35.1~mph: 95~% within ±~1.9~g, ≤~460~mm, 5 good ones, 9.8~m/s² in 60~ms"
     assert wording.unbroken(text) == told.replace("~", "\N{NO-BREAK SPACE}")
@@ -84,7 +78,6 @@ def test_no_line_ends_between_a_number_and_its_unit() -> None:
 @pytest.mark.parametrize("form", [".1f", "+.1f", ".3g", "#.4g"])
 @given(value=st.floats(-1e3, 1e3))
 def test_what_rounds_to_nothing_has_no_sign(form: str, value: float) -> None:
-    """Whatever the format; what is left has the sign of print."""
     text = wording.number(value, form)
     assert not (float(text.replace("−", "-")) == 0 and text[0] in "+−-")
     assert "-" not in text
@@ -99,7 +92,6 @@ def test_a_difference_is_that_of_what_is_shown(value: float, base: float) -> Non
 
 @given(probability=st.floats(0, 1), confidence=st.sampled_from([0.5, 0.8, 0.9, 0.95, 0.987, 0.99]))
 def test_a_probability_is_rounded_but_not_over_what_it_is_compared_with(probability: float, confidence: float) -> None:
-    """On either side; of most probabilities three digits are shown."""
     text = wording.probability_text(probability, confidence)
     if text in (">0.999", "<0.001"):
         assert not 0.001 <= probability <= 0.999
@@ -111,12 +103,10 @@ def test_a_probability_is_rounded_but_not_over_what_it_is_compared_with(probabil
 
 
 def test_a_probability_has_as_few_digits_as_will_do() -> None:
-    """Also where it reaches the confidence by the last digits of sums only."""
     shown = [wording.probability_text(p, 0.95) for p in (0.97777, 0.9499, 0.94996, 0.95, 0.0504, 0.05, 0.1 * 9.5, None)]
     assert shown == ["0.978", "0.9499", "0.94996", "0.950", "0.0504", "0.050", "0.950", "–"]
 
 
 def test_a_difference_has_a_sign_unless_there_is_none() -> None:
-    """As far as it is shown: one that is rounded away is none; in sentences too."""
     assert [wording.signed(value, 3) for value in (0.0, 4e-4, -4e-4, 0.1, -0.1)] == ["0.000"] * 3 + ["+0.100", "−0.100"]
     assert f"{wording.speed(0.0, form='+.1f')}, {wording.speed(10 * MPH, form='+.1f')}" == "0.0 mph, +10.0 mph"

@@ -164,7 +164,7 @@ class Calibration:
     def holds(self) -> bool:
         """Whether curves lie inside 95 % of the time on average, and crush and peak in all tests but one in 20.
 
-        The number of exceptions is rounded up: ten tests cannot distinguish nine in ten from nineteen in twenty.
+        Exceptions are rounded up: ten tests cannot distinguish nine in ten from nineteen in twenty.
         """
         n = len(self.tests)
         enough = n - int(np.ceil(round((1 - LEVEL) * n, 9)))  # one of 20, although 20 × 0.05 is slightly above 1

@@ -19,6 +19,8 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading_phase import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 
+_MOST_MODES, _MOST_RUNS = 40, 1200  # time grows with the cube of runs; larger libraries are thinned evenly
+_MOST_LENGTH_RUNS = 300  # to find the length scales from
 _NOISE = np.geomspace(1e-6, 2.0, 30)  # candidate ratios of a mode's noise variance to its signal variance
 _LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
 _LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed matters more than weight
@@ -35,15 +37,6 @@ _FASTER = 1.1  # speed ratio of successive crashes that continue a loading curve
 _JOIN_M = 0.03  # displacement over which the step between two of them fades
 
 
-@dataclass(frozen=True, slots=True)
-class EmulatorConfig:
-    """Training settings of the emulator: the most modes and runs, as time grows with the cube of their number."""
-
-    modes: int = 40
-    max_runs: int = 1200  # larger libraries are thinned evenly
-    max_length_runs: int = 300  # to find the length scales from
-
-
 class Emulator:
     """Emulator of the CAE model for conditions without a run, learned from the runs of a library.
 
@@ -54,15 +47,12 @@ class Emulator:
     ``residuals_`` are those of each run left out, at these values, shape (n_runs, n_modes).
     """
 
-    def __init__(self, config: EmulatorConfig = EmulatorConfig()) -> None:
-        self.config = config
-
     def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
-        """Train on all runs of the library; raises a DataError without a run, or Cancelled."""
+        """Train on the runs of the library; raises a DataError without a run, or Cancelled."""
         if not len(cae):
             raise DataError(Problem("CAE runs", "at least one run", "none", "add CAE runs to the campaign"))
         watch.report("CAE emulator", 0, 1)
-        rows = np.linspace(0, len(cae) - 1, min(len(cae), self.config.max_runs)).astype(int)
+        rows = np.linspace(0, len(cae) - 1, min(len(cae), _MOST_RUNS)).astype(int)
         vectors = cae.vectors[rows]
         self.speed_range_ = np.array([vectors[:, 0].min(), vectors[:, 0].max()])
         self.centre_ = vectors.mean(axis=0)
@@ -77,13 +67,13 @@ class Emulator:
 
     def _fit_modes(self, pulses: FloatArray) -> None:
         n = len(pulses)
-        squares, left = eigh(pulses @ pulses.T, subset_by_index=[max(n - self.config.modes, 0), n - 1])
+        squares, left = eigh(pulses @ pulses.T, subset_by_index=[max(n - _MOST_MODES, 0), n - 1])
         size, left = np.sqrt(np.maximum(squares[::-1], 0.0)), left[:, ::-1]
         keep = int((size > _LEAST_SHARE * size[0]).sum()) if size[0] > 0 else 0
         size, left = size[:keep], left[:, :keep]
         scale = size / np.sqrt(n)
         scores = left * np.sqrt(n)  # each of unit variance
-        rows = np.linspace(0, n - 1, min(n, self.config.max_length_runs)).astype(int)
+        rows = np.linspace(0, n - 1, min(n, _MOST_LENGTH_RUNS)).astype(int)
         x, y = self.inputs_[rows], scores[rows]
 
         def loss(log_length: FloatArray) -> tuple[float, FloatArray]:
@@ -223,7 +213,7 @@ class CaeModel:
         if self.cache is None:
             emulator.fit(cae, watch)
             return self
-        key = {"cae": cae.fingerprint, "config": emulator.config, "code": code_digest(Emulator.__module__)}
+        key = {"cae": cae.fingerprint, "code": code_digest(Emulator.__module__)}
 
         def compute() -> tuple[Emulator, Entry]:
             return emulator.fit(cae, watch), emulator.arrays()

@@ -75,10 +75,9 @@ class Cache:
         self.used: set[str] = set()  # names of the entries found or stored through this object
 
     def path(self, kind: str, key: Mapping[str, object]) -> Path:
-        """File of the entry of this kind with this key, made of strings, numbers and frozen configs.
+        """File of the entry of this kind with this key, made of strings, numbers and frozen configs, and of versions.
 
-        The versions of what computes are part of every key; that of a computed result includes the
-        :func:`crashfuse.execution.code_digest.code_digest`.
+        The key of a computed result includes the :func:`crashfuse.execution.code_digest.code_digest`.
         """
         parts = json.dumps({**key, "versions": versions()}, sort_keys=True, default=_plain)
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
@@ -97,8 +96,7 @@ class Cache:
     ) -> T:
         """Restore a result from the cache, or compute and store it; of several concurrent callers, only one computes.
 
-        ``compute`` returns the result, which must not be None, and the arrays from which ``restore`` rebuilds it.
-        Raises Cancelled if the watch is to stop.
+        ``compute`` returns the result, not None, and the arrays from which ``restore`` rebuilds it.
         """
         result = self.find(kind, key, restore)
         if result is None:
@@ -201,7 +199,7 @@ class Cache:
         return path.relative_to(self.folder).as_posix()
 
     def _checksum(self, path: Path, payload: bytes) -> bytes:
-        """Of content and name: one in the place of another is damaged."""
+        # with the name: an entry in the place of another is damaged
         return hashlib.sha256(self._name(path).encode() + b"\n" + payload).hexdigest().encode()
 
     def _write(self, path: Path, content: bytes) -> None:

@@ -21,8 +21,8 @@ _alone = threading.Lock()  # two threads that parse at once may make Python befo
 def code_digest(module: str, package: Path = _PACKAGE) -> str:
     """Digest of a module, given by its full name, and of every module of this package that it imports, even indirectly.
 
-    Comments, docstrings and layout are ignored, and so is code that only runs or stores computations. Of another
-    package every file counts, byte for byte.
+    Comments, docstrings and layout are ignored, and code that only runs or stores computations. Of another package
+    every byte counts.
     """
     if module.partition(".")[0] != package.name:
         return hashlib.sha256(_foreign_sources(module) + _sources_digest(package).encode()).hexdigest()
@@ -69,7 +69,6 @@ def _source(module: str, package: Path) -> Path | None:
 
 @cache
 def _stripped(source: bytes) -> tuple[str, tuple[str, ...]]:
-    """Digest of a module without comments and docstrings, and everything in the package that it might import."""
     with _alone:
         tree = ast.parse(source)
     imports = tuple(_strip(tree))

@@ -42,9 +42,9 @@ def one_thread_throughout() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Context in which NumPy and SciPy compute with one thread; threads may enter and leave in any order.
+    """Context in which NumPy and SciPy compute with one thread, in the whole process; entered and left in any order.
 
-    Two contended threads cost many times the work of one, and change the numbers. The limit is the whole process's.
+    Two contended threads cost many times the work of one, and change the numbers.
     """
     global _within
     with _lock:

@@ -30,7 +30,7 @@ class Watch:
     """Passed to every long computation, which reports its progress to it and is cancelled through it.
 
     ``on_progress`` is called at each report, in the computing thread; once ``cancel`` is set, the next report raises
-    :class:`crashfuse.errors.Cancelled`. ``on_part`` is called with what is known of the result.
+    Cancelled. ``on_part`` is called with what is known of the result.
     """
 
     def __init__(

@@ -151,9 +151,8 @@ _campaign = lru_cache(maxsize=1)(partial(joblib.load, mmap_mode="r"))
 
 
 def _begin(parent: int) -> None:
-    """A worker ignores Ctrl-C, which its parent handles, and ends when its parent does."""
     share_one_heap()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent handles it
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
@@ -202,10 +201,9 @@ def connected(scheduler: str) -> Iterator["Cluster"]:
 
 @dataclass(frozen=True, slots=True)
 class Cluster(Workers):
-    """Workers of a Dask scheduler.
+    """Workers of a Dask scheduler, each of which gets the campaign once and computes one task at a time.
 
-    The campaign is sent to each worker once; results are stored in its machine's cache and copied to the caller's. Its
-    process computes one task at a time; Dask resubmits the task of a worker that died.
+    Results are stored in its machine's cache and copied to the caller's; Dask resubmits the task of one that died.
     """
 
     scheduler: str

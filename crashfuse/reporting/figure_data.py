@@ -20,8 +20,6 @@ _ROUNDING = 0.01  # of a number in words
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Curve:
-    """One curve, band or set of points: values by the column they belong to, all over the same positions."""
-
     name: str
     axis: str
     x: pd.Series
@@ -32,18 +30,11 @@ class _Curve:
 
 
 def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
-    """The numbers of a figure, one row a position on its x axis; units are in the names of the columns.
+    """The numbers of any figure of this library, or one read from a report, but for traces at ``hidden`` places.
 
-    Curves over the same positions stand side by side, one column each and two for a band. Where positions differ, or
-    points carry names, the table is long: the first column names the curve, the next its plot, of several.
-    A heat map is a table of its cells.
-
-    Parameters
-    ----------
-    figure : Figure or mapping
-        Any figure of this library, or one read from a report.
-    hidden : collection of int
-        Places of traces that the reader has hidden.
+    One row a position on its x axis; units are in the names of the columns. Curves over the same positions stand side
+    by side, a band in two columns. Where positions differ, or points carry names, the table is long: the first column
+    names the curve, the next its plot, of several. A heat map is a table of its cells.
     """
     require_a(go.Figure | Mapping, figure, "campaign.plot(), say")
     drawn = figure.to_plotly_json() if isinstance(figure, go.Figure) else figure

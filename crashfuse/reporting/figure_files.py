@@ -43,7 +43,7 @@ class ReportFigure(NamedTuple):
 
 
 class FiguresOfReport(NamedTuple):
-    """The figures of a report, its title, its notices, each in few words, too, and what it answers in sentences."""
+    """The figures of a report, its title, its notices and their labels, and what it answers."""
 
     title: str
     notices: tuple[str, ...]

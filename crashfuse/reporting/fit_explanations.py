@@ -1,4 +1,4 @@
-"""Explanations of a fit's quality and the reliability of its band, as sentences and tables for pages and reports."""
+"""A fit's quality and the reliability of its band, as sentences and tables."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -109,7 +109,6 @@ def metric_remarks(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[lis
 
 
 def _averaged(who: str, metrics: Sequence[Metric]) -> str:
-    """By how much the averaged pulse differs from what a single test shows, where it is more than it is read to."""
     away = {m.name: m.of_pulse / m.value - 1 for m in metrics if m.drawn and m.value and m.of_pulse is not None}
     texts = [f"{METRIC_LABELS[name]} {100 * x:+.0f} %" for name, x in away.items() if abs(x) > _SAME]
     return f"{who}: values are those of a single test; the averaged pulse has {', '.join(texts)}." if texts else ""

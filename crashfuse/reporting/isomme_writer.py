@@ -87,10 +87,9 @@ def isomme_pulse(
     *,
     moves: bool = True,
 ) -> dict[str, bytes]:
-    """One pulse as an ISO-MME test: channels AC, VE and DV in X at a location; content by relative path.
+    """One pulse as an ISO-MME test: channels AC, and VE and DV if it ``moves``, in X; content by relative path.
 
-    Velocity and displacement are integrated from the acceleration, unless it ``moves`` nothing. The filter class is
-    that of the campaign's records (D: CFC 60; S if they were used as they are). Codes: ISO/TS 13499.
+    The filter class is that of the campaign's records (D: CFC 60; S if used as they are). Codes: ISO/TS 13499.
     """
     descriptors = [
         ("Data format edition number", "1.6"),

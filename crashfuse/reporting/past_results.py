@@ -33,7 +33,7 @@ def described(result: PastResult | Earlier, display: Display = DEFAULT) -> str:
 
 
 def left_out_in_words(way: str) -> str:
-    """A way of leaving tests out, as :class:`StudyComparison` has it: that of both, or of the first and the second."""
+    """A way of leaving tests out of :attr:`StudyComparison.ways`."""
     words = [_LEFT_OUT[part] for part in way.split(", ")]
     return f"Each test left out {words[0] if len(words) == 1 else '{} in the first, {} in the second'.format(*words)}"
 
@@ -64,10 +64,8 @@ def studies_table(first: PastResult, second: PastResult, display: Display = DEFA
 
 
 def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:
-    row = dict.fromkeys(
-        ("Date (UTC)", "Campaign", "What", "Note", "Recommended", "Mean rating", "Worst test", "Settings", "Data"), "–"
-    )
-    row |= {"Date (UTC)": result.date[:16].replace("T", " ")}
+    names = ("Date (UTC)", "Campaign", "What", "Note", "Recommended", "Mean rating", "Worst test", "Settings", "Data")
+    row = dict.fromkeys(names, "–") | {"Date (UTC)": result.date[:16].replace("T", " ")}
     if isinstance(result, Earlier):
         n, given = len(result.matrix.ids), result.settings
         return row | {

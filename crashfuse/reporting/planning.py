@@ -1,4 +1,4 @@
-"""Planning as the library offers it: metrics over impact speed, and which test to run next, as tables and figures."""
+"""Planning as the library offers it: metrics over impact speed, and which test to run next."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -114,7 +114,7 @@ def sweep(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> SpeedSweep:
-    """Predict the pulse metrics over impact speed, from all tests and CAE runs of a campaign.
+    """Predict the pulse metrics over impact speed; otherwise as :func:`crashfuse.reporting.predicted.predict`.
 
     Parameters
     ----------
@@ -122,8 +122,6 @@ def sweep(
         Its weights and factors hold at all speeds; its own speed does not matter.
     speeds_mph : tuple of float, optional
         The lowest and the highest speed, by default those of the CAE runs and tests; every full mph between them.
-    approach, config
-        As in :func:`crashfuse.reporting.predicted.predict`, which raises as this does.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")

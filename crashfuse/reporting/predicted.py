@@ -1,4 +1,4 @@
-"""A prediction as the library offers it: a campaign and a condition in, tables and a figure out; several abreast."""
+"""A prediction as the library offers it: a campaign and a condition in, tables and a figure out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -83,7 +83,7 @@ class PredictedPulse:
 
     @property
     def recommendation(self) -> Recommendation:
-        """Which of its approaches to use here, and why, from how each predicted left-out tests near the condition."""
+        """Which of its approaches to use here, and why."""
         return recommend_for(self.estimates, self.campaign, self.condition)
 
     def expected_rating(self, window_ms: float = 60.0) -> ExpectedRating | None:
@@ -97,7 +97,7 @@ class PredictedPulse:
 
     @property
     def facts(self) -> tuple[Fact, ...]:
-        """Facts of the prediction: the recommendation, what stands apart or is extrapolated here, the campaign's."""
+        """The recommendation, what stands apart or is extrapolated here, the campaign's facts."""
         here = condition_facts(self.campaign, self.condition)
         return distinct([*self.recommendation.facts, *here, *campaign_facts(self.campaign)])
 
@@ -195,9 +195,9 @@ def predict(
     Parameters
     ----------
     approach : str or Fit, or a sequence of these
-        One approach, or several to be compared. Fits answer at once, at one condition after another.
+        One approach, or several to be compared. Fits answer at once.
     config : StudyConfig
-        Preset, seed and device of approaches that are named; its approaches do not matter.
+        Preset, seed and device of approaches that are named.
 
     Raises
     ------
@@ -294,7 +294,7 @@ def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) 
 
 
 def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
-    """One row per prediction, approach and metric, with its difference from that of the first; for files."""
+    """One row per prediction, approach and metric, with its difference from the first; for files."""
     first = {(own.approach, m.name): m.value for own in predictions[0].estimates for m in own.metrics}
     conditions = tuple(prediction.condition for prediction in predictions)
     ids = tuple(str(number) for number, _ in enumerate(conditions, start=1))

@@ -1,4 +1,4 @@
-"""Foreign files as an import would take them, before anything is added: the pulses over what was recorded."""
+"""Foreign files as an import would take them, before anything is added."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Preview:
     problems: tuple[Problem, ...] = ()  # what has to be given or corrected first
 
     def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
-        """The pulse over the channels that it is made of; with problems the channels alone, as they are in the file."""
+        """The pulse over its channels; with problems the channels alone, as they are in the file."""
         known = {channel.name: channel for channel in self.record.channels}
         names = self.settled.channels if self.settled is not None else self.choices.channels or self.record.proposed
         channels = [known[name] for name in names if name in known] or self.record.channels

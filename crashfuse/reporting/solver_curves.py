@@ -1,8 +1,7 @@
 """Pulses as curves of LS-DYNA and Radioss: include files for an occupant or sled model.
 
-Both solvers continue a curve beyond its ends by the slope there, and LS-DYNA samples it anew at ``LCINT`` even steps.
-So the points are evenly spaced, as many as ``LCINT`` says, and the curve begins before contact, if that is later than
-time zero, and ends with two points at zero.
+Both solvers continue a curve beyond its ends by the slope there, so it begins before a contact later than time zero,
+and ends with two points at zero. LS-DYNA samples it anew at ``LCINT`` even steps: as many points, evenly spaced.
 
 Sources: LS-DYNA Keyword User's Manual, Vol. I, ``*DEFINE_CURVE``; OpenRadioss, ``hm_cfg_files``, ``CURVE/funct.cfg``.
 """
@@ -118,9 +117,8 @@ def solver_include(
 
 
 def _plain(text: str) -> str:
-    """In ASCII and on one line: a name with a line break in it would write keywords."""
     readable = text.replace("²", "^2").replace("–", "-").replace("·", "*")
-    return " ".join(readable.encode("ascii", "replace").decode().split())
+    return " ".join(readable.encode("ascii", "replace").decode().split())  # a line break would write keywords
 
 
 def _lsdyna(number: int, title: str, comments: Sequence[str], points: FloatArray) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""A computation while it runs: how far each of its steps is, and what networks report as they train, as a figure."""
+"""A computation while it runs: how far each of its steps is, and what networks report as they train."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -37,7 +37,7 @@ class Step:
         return any(len(points) > 1 for points in list(self.curves.values()))
 
     def plot(self) -> go.Figure:
-        """The values reported so far, such as losses, over the step's progress; a UsageError if there are none."""
+        """The values reported so far over the step's progress; a UsageError if there are none."""
         if not self.learns:
             raise UsageError(f"The step {self.progress.step} has reported no values to draw.")
         curves = {name.replace("_", " "): list(points) for name, points in list(self.curves.items())}

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.signals.pulse import DT_S, N_SAMPLES, TAIL, FloatArray, checked_pulse, kinematics
+from crashfuse.signals.pulse import DT_S, TAIL, FloatArray, kinematics
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,23 +77,13 @@ class EnergyCurve:
     upper_jpkg: FloatArray | None = None
 
 
-def energy_crush(accel_mps2: FloatArray, speed_mps: float, *, draws_mps2: FloatArray | None = None) -> EnergyCurve:
-    """Energy that the vehicle has absorbed per kg of its mass over crush: e(s) = (v0² − v(s)²)/2.
+def energy_crush(accel_mps2: FloatArray, speed_mps: float, draws_mps2: FloatArray | None = None) -> EnergyCurve:
+    """Energy absorbed per kg over crush, e(s) = (v0² − v(s)²)/2, of a pulse on the study grid, shape (1250,).
 
-    Parameters and errors are those of :func:`crashfuse.signals.metrics.pulse_metrics`, of a pulse on the study grid:
-    12.5 kHz over 0–100 ms. The curve has 201 even displacements from contact to the maximum dynamic crush, or the end
-    of the record. A draw that stops before some crush counts there as v0²/2. One whose record ends before it counts as
-    the energy absorbed so far in the lower end of the band, and as v0²/2 in the upper.
+    The curve has 201 even displacements up to the maximum dynamic crush, or the end of the record. A draw that stops
+    before some crush counts there as v0²/2. One whose record ends before it counts as the energy absorbed so far in the
+    lower end of the band, and as v0²/2 in the upper.
     """
-    accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, DT_S, draws_mps2)
-    if accel_mps2.size != N_SAMPLES:
-        expected, found = f"{N_SAMPLES} samples, 12.5 kHz over 0–100 ms", f"{accel_mps2.size} samples"
-        raise DataError(Problem("accel_mps2", expected, found, "use crashfuse.Pulse.resampled"))
-    return checked_energy(accel_mps2, speed_mps, draws_mps2)
-
-
-def checked_energy(accel_mps2: FloatArray, speed_mps: float, draws_mps2: FloatArray | None = None) -> EnergyCurve:
-    """:func:`energy_crush` of a pulse whose units were checked."""
     phase = loading_phase(accel_mps2, speed_mps)
     crush = np.linspace(0.0, phase.crush_m, _POINTS)
     total = speed_mps**2 / 2

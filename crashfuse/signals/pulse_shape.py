@@ -2,9 +2,7 @@
 
 All up to the time of zero velocity T, at which the crush C is largest, but for the rebound, which begins there. Each
 function takes one motion or many (leading dimensions) and returns SI. Where the vehicle is not known to stop, the
-result is infinite on the side where it would lie, or NaN if that is not known.
-
-Square wave, centroid time and static crush: M. Huang: Vehicle Crash Mechanics. CRC Press 2002, chapter 2.
+result is infinite on the side where it would lie, or NaN if that is not known. Sources: docs/method/metrics.md.
 """
 
 from collections.abc import Callable
@@ -66,9 +64,6 @@ def two_step(motion: Kinematics) -> TwoStep:
 
     Each is then the mean of the pulse over its part, G1 = (v0 − v(t1))/t1 and G2 = v(t1)/(T − t1). Of all samples t1,
     the step is at the first one with the largest t1·G1² + (T − t1)·G2², as that leaves the least squares.
-
-    The idea: S. R. Wu, X. Zhang, P. Lenk: Step function, a measure for frontal crash pulse and its applications.
-    International Journal of Vehicle Design 26 (2001) 385–394; they choose the steps for equal occupant response.
     """
     speed, velocity, end = motion.velocity_mps[..., :1], motion.velocity_mps[..., 1:-1], motion.t0_s[..., None]
     time = np.arange(1, velocity.shape[-1] + 1) * motion.dt_s

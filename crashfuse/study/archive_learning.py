@@ -1,7 +1,4 @@
-"""Learning of an archive: what past vehicles teach the next one, and how each of them, left out, is predicted with it.
-
-Left out is a vehicle with all its tests and CAE runs: from the tuned network, the weights and the errors.
-"""
+"""Learning of an archive: what past vehicles teach the next one, and how each, left out whole, is predicted with it."""
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -142,7 +139,7 @@ class _Part:
         ]
 
     def judged(self) -> list[dict[str, float]]:
-        """Rating, and for each metric whether the test lies in its interval and how wide that is."""
+        """Rating, and by metric whether the test lies in its interval, and how wide that is."""
         errors = metric_errors(self.fused.left_out(self.few), self.few, self.fused.usual_errors)
         rows = []
         for test, prediction, drawn, measured in self.predictions():
@@ -167,7 +164,6 @@ def _done(
 def _tuned(
     _: Campaign, members: _Members, cache: Cache, watch: Watch, *, vehicles: Sequence[Vehicle], seed: int
 ) -> list[tuple[_Members, Arrays]]:
-    """Weights of the network that were tuned to these vehicles; a task is of one campaign, this one of several."""
     mine = [vehicles[member] for member in members]
 
     def tune() -> tuple[Arrays, Arrays]:
@@ -232,9 +228,7 @@ class _Learning:
         return self.run.by_part(work, replace(self.campaigns[member], prior=prior), sizes, "predicted with the others")
 
     def prior(self, members: _Members) -> Prior:
-        names = tuple(self.campaigns[member].name for member in members)
-        bias = carried_over(self.biases[list(members)])
-        others = {member: self._others(_less(members, member)) for member in members}
+        others = {member: self._unweighted(_less(members, member)) for member in members}
         scores = [self._each(_Part.scores, member, others[member], *SIZES) for member in members]
         taught = [score for pairs in scores for score, _ in pairs]
         logits = Pool(strength=STRENGTH * _COUNT * len(members) / len(taught)).fit(taught).logits_
@@ -247,9 +241,10 @@ class _Learning:
         errors = [pd.DataFrame(self._each(_Part.errors, *pair, *_OF_ERRORS)) for pair in weighed]
         ends = pd.concat([of_one.mean() + side * of_one.std(ddof=0) for of_one in errors for side in (-1, 1)], axis=1)
         usual_errors = {str(name): row.to_numpy() for name, row in ends.dropna().iterrows()}
-        return Prior(names, self.networks[members], logits, usual_errors, bias, helps=bool(np.mean(gains) > 0))
+        helps = bool(np.mean(gains) > 0)
+        return replace(self._unweighted(members), logits=logits, errors=usual_errors, helps=helps)
 
-    def _others(self, members: _Members) -> Prior:
+    def _unweighted(self, members: _Members) -> Prior:
         names = tuple(self.campaigns[member].name for member in members)
         return Prior(names, self.networks[members], PRIOR, {}, carried_over(self.biases[list(members)]))
 

@@ -63,15 +63,11 @@ class StudyComparison:
 
     @property
     def ways(self) -> list[str]:
-        """The ways of leaving tests out that both have; if there is none, that of the first and that of the second."""
+        """The ways of leaving tests out that both have; if none, the first of each."""
         return list(self.ratings["left_out"].unique())
 
     def means(self, window_ms: float | None = None, left_out: str | None = None) -> pd.DataFrame:
-        """One row per approach, over one window, by default the longest, and one way of leaving out.
-
-        Means over the common tests, their difference with its standard error (NaN of a single test), and in how many
-        tests the second rates higher or lower.
-        """
+        """Means over the common tests by approach, with the standard error of their difference (NaN of one test)."""
         rows = []
         for approach, part in self.over(window_ms, left_out).groupby("approach", sort=False):
             gain, means = part["difference"].to_numpy(), (part["first"].mean(), part["second"].mean())

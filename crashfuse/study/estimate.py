@@ -168,8 +168,7 @@ def is_beyond(condition: Condition) -> bool:
 def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool = True) -> list[Estimate]:
     """Predictions of several approaches, fitted to one campaign, at a condition, with numbers rounded as for storage.
 
-    Their states take as long as two predictions. A UsageError if the speed or a weight is not above 0, or beyond any
-    barrier test.
+    Their states take as long as two predictions. A UsageError if there is no such barrier test.
     """
     require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
@@ -242,7 +241,7 @@ def estimate_at(
 def find_estimate(
     campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
 ) -> Estimate | None:
-    """The cached estimate for these settings and exactly this campaign (without the held-out test), or None."""
+    """The cached estimate for these settings and exactly this campaign, or None."""
     restore = partial(_restored, condition, approach, campaign.occupant)
     return cache.find(_KIND, _cache_key(campaign, condition, approach, config), restore)
 

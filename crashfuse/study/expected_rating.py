@@ -42,9 +42,9 @@ class RatingDistribution(Distribution):
     ) -> Self:
         """From ratings of left-out tests; three of them say little of their spread, so that of other campaigns counts.
 
-        ``away_mps`` are the differences of their speeds from the one asked for: the nearer, the more they count.
-        ``agreements`` are those of the draws of each prediction, ``here`` that of the prediction whose rating
-        is asked for: where less is known, ratings are lower.
+        ``away_mps`` are their differences in speed from the one asked for: the nearer, the more they count.
+        ``agreements`` are those of the draws of each prediction, ``here`` that of the one asked for: where less is
+        known, ratings are lower.
         """
         weights = np.exp((away_mps.min() - away_mps) / _THIRD_MPS)  # the nearest test counts once
         surer = np.nan_to_num(_logs(here) - _logs(agreements)) * np.ones_like(ratings)
@@ -126,7 +126,7 @@ class ExpectedRating:
         return " to ".join(dict.fromkeys(grade(round(end, 2)) for end in (self.lower, self.upper)))
 
     def surprise(self, rating: float) -> str:
-        """How a rating compares with what was expected, in words: to three digits and to two, as they are displayed."""
+        """How a rating compares with what was expected, in words, by the digits that are displayed."""
         lower, upper, least, most = (round(end, 2) for end in (self.lower, self.upper, self.least, self.most))
         rating = round(rating, 3)
         if lower <= rating <= upper:
@@ -147,7 +147,7 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     """The rating of an estimate over [0, window_ms), once there is a test at its condition; None if none was left out.
 
     The range rests on all left-out tests, the nearer the more, and on how well the draws of their predictions agree.
-    Near are those within 5 mph, at least the three nearest. The campaign is the one that the approach learned from.
+    Near are those within 5 mph, at least three. The campaign is the one that the approach learned from.
     """
     require_number("window_ms", window_ms)
     speed_mps, left_out = estimate.prediction.condition.speed_mps, estimate.left_out_mps2
@@ -182,8 +182,7 @@ def _overall(measured: Pulse, predicted_mps2: FloatArray, window_ms: float) -> f
     return _cached_overall(measured, predicted_mps2.astype(np.float64).tobytes(), float(window_ms))
 
 
-@lru_cache(maxsize=512)  # at every condition the same tests are asked about; up to 10 kB each
+@lru_cache(maxsize=512)  # at every condition the same tests are asked about; bytes, up to 10 kB, can be a key
 def _cached_overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
-    """The prediction is given as bytes of float64 so that it can be a key."""
     predicted = Pulse(GRID_S, np.frombuffer(predicted_mps2))
     return rate_windows(measured, predicted, [window_ms])[window_ms].overall

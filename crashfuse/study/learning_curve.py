@@ -1,9 +1,10 @@
-"""Learning curve: how well tests are predicted from fewer of the others.
+"""Learning curve: how well tests are predicted from fewer of the others, chosen evenly over speed or at random.
 
-Parts of the tests, evenly spaced over speed or at random, take the place of the campaign in turn; all other tests are
-predicted from each and rated. Sorted by speed, an even choice of k of n tests takes one test of each kth part of the
-list (systematic sampling), at places that move until each test was left out at least once.
+Sorted by speed, an even choice of k of n tests takes one test of each kth part of the list (systematic sampling), at
+places that move until each test was left out at least once.
 """
+
+from __future__ import annotations
 
 import json
 import math
@@ -14,7 +15,7 @@ from dataclasses import astuple, dataclass, replace
 from functools import partial
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Unpack, cast
 
 import numpy as np
 import pandas as pd
@@ -39,8 +40,6 @@ from crashfuse.study.running import prepare, workers_at
 from crashfuse.units import G
 
 if TYPE_CHECKING:
-    from typing import Unpack
-
     import plotly.graph_objects as go
 
 
@@ -100,12 +99,11 @@ class LearningCurve:
     Attributes
     ----------
     table : DataFrame
-        One row for each part of the tests, held-out test, approach and window: n_tests, chosen (ids of the tests that
-        were learned from, separated by spaces), choice (``even`` or ``random``), held_out, approach, window_ms,
-        overall (ISO/TS 18571 rating), inside (share of a(t) over the window inside the 95 % band), half_width_g
-        (half the mean width of that band in g; both NaN without a band) and basis (what the rating rests on).
+        One row for each part of the tests, held-out test, approach and window: n_tests, chosen (ids that were learned
+        from), choice (``even`` or ``random``), held_out, approach, window_ms, overall (rating), inside (share of a(t)
+        in the 95 % band), half_width_g (mean, of that band; both NaN without one) and basis (what the rating rests on).
     forecasts : tuple of dict
-        For each row, the calibrated distributions of all metrics for the held-out test, by name; None where unknown.
+        For each row, the calibrated distributions of the held-out test's metrics, by name; None where unknown.
     """
 
     campaign: Campaign
@@ -120,7 +118,7 @@ class LearningCurve:
         """The longest rated window, for which results are summarised."""
         return max(self.config.windows_ms)
 
-    def over(self, window_ms: float) -> "LearningCurve":
+    def over(self, window_ms: float) -> LearningCurve:
         """The same curve, summarised over another of its windows; a UsageError if it was not rated over that."""
         require_rated("learning curve", window_ms, self.table["window_ms"].unique().tolist())
         return replace(self, config=replace(self.config, windows_ms=(window_ms,)))
@@ -131,25 +129,22 @@ class LearningCurve:
         return next(name for name in ("fused", *self.config.approaches[::-1]) if name in self.config.approaches)
 
     def by_test(self, approach: str) -> pd.DataFrame:
-        """Ratings over the longest window: one row for each held-out test, one column for each number of tests.
-
-        Each is a mean over the even choices that leave the test out: columns compare the same tests, each once.
-        """
+        """Ratings over the longest window, by held-out test and number of tests: means over the even choices."""
         one_of("approach of this learning curve", approach, dict.fromkeys(self.config.approaches))
         table = self.table
         rows = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
-    def decided(self, criteria: "views.CriteriaGiven") -> "LearningCurve":
-        """The same curve with the share of verdicts that each prediction decides under such criteria."""
+    def decided(self, criteria: views.CriteriaGiven) -> LearningCurve:
+        """With the share of verdicts that each prediction decides under such criteria."""
         return views.with_decided(self, views.criteria_given(criteria))
 
-    def plot(self, **display: "Unpack[views.DisplayOptions]") -> "go.Figure":
+    def plot(self, **display: Unpack[views.DisplayOptions]) -> go.Figure:
         """Rating and width of the band over the number of tests, as the page Study shows them."""
         shown = views.Display.of(self.campaign.units, self.window_ms, **display)
         return views.over_number_of_tests(self.over(shown.window_ms), shown)
 
-    def write(self, folder: str | Path, *, cost: str | None = None, **display: "Unpack[views.DisplayOptions]") -> None:
+    def write(self, folder: str | Path, *, cost: str | None = None, **display: Unpack[views.DisplayOptions]) -> None:
         """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""
         price = None if cost is None else views.Cost.of(cost)
         views.write_result("learning curve", folder, self, price, views.Display.of(self.campaign.units, **display))

@@ -35,7 +35,7 @@ class Account:
     expected: ExpectedRating | None
     neighbours: int  # number of other tests at about its speed
     departure: Departure | None  # from the neighbours, if they are enough to tell
-    without_neighbours: float | None  # the rating of the same approach if these are left out as well, where it is known
+    without_neighbours: float | None  # the rating if these are left out as well, where it is known
     inside: float | None  # share of a(t) up to the time of zero velocity inside the 95 % band, if there is one
     with_group: bool  # the neighbours were left out with it
 
@@ -98,10 +98,9 @@ def account(
     without_neighbours: float | None = None,
     cache: Cache | None = None,
 ) -> Account:
-    """Account of an approach's prediction of a left-out test of a whole campaign, with the settings of its fold.
+    """Account of an approach's prediction of a left-out test, by default the approach recommended without its pulse.
 
-    The approach is by default the one that was recommended for this test before it was known; the rating
-    ``without_neighbours`` is by default looked up in the cache.
+    The rating ``without_neighbours`` is by default looked up in the cache.
     """
     cache, test = cache or Cache(), fold.test
     others = config.training_campaign(campaign, test.id)
@@ -128,10 +127,9 @@ def account(
 def worst_test(
     study: Study, window_ms: float | None = None, *, approach: str | None = None, cache: Cache | None = None
 ) -> Account:
-    """Account of the test that an approach predicted worst.
+    """Account of the test that an approach, by default the recommended one, predicted worst over the longest window.
 
-    By default the window is the study's longest, and the approach the one that it recommends. The cache holds the CAE
-    model and, if it was ever made, the prediction without the neighbours.
+    The cache holds the CAE model and, if it was ever made, the prediction without the neighbours.
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
     window = max(study.config.windows_ms) if window_ms is None else window_ms

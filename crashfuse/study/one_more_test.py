@@ -4,8 +4,8 @@ Gains compare the same held-out tests. Beyond the campaign, the mean rating with
 
     rating(n) = limit - a n^-b,  b = 1,
 
-fitted to the curve by least squares. One more test after N then adds a (N^-b - (N + 1)^-b). The interval runs from the
-lowest to the highest gain with b = 0.5, 1 and 2, on which it depends most, and beyond both by the 95 % of Student's t.
+fitted by least squares. One more test after N then adds a (N^-b - (N + 1)^-b). The interval runs from the lowest to
+the highest gain with b = 0.5, 1 and 2, and beyond both by the 95 % of Student's t.
 """
 
 import math
@@ -148,7 +148,7 @@ def _law(ratings: pd.DataFrame, exponent: float) -> tuple[float, float]:
 
 
 def summary(curve: LearningCurve) -> pd.DataFrame:
-    """One row for each approach, choice and number of tests, over the longest window: means over the held-out tests.
+    """Means over the held-out tests, over the longest window, a row for each approach, choice and number of tests.
 
     ``error`` is the standard error of the mean rating, ``low`` to ``high`` the central 80 % of single predictions.
     """

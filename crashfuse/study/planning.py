@@ -1,8 +1,7 @@
 """Planning: pulse metrics over impact speed at fixed weights, and where one more test would narrow the band most.
 
-The bias is a Gaussian process, whose variance depends on where tests were run and not on their results. The ranking is
-the sequential design of Sacks et al., Statistical Science 4 (1989), or Cohn, Neural Networks 9 (1996), but with the
-mean standard deviation instead of the mean variance, which a few wide spots dominate.
+The ranking is a sequential design (docs/method/next-test.md) by the mean standard deviation of the bias, as a few wide
+spots dominate the mean variance.
 """
 
 from collections import Counter
@@ -59,10 +58,7 @@ def sweep_speed(
     *,
     each: Callable[[Sequence[Estimate]], None] | None = None,
 ) -> tuple[Sweep, ...]:
-    """Predict at several impact speeds, all else equal: one sweep for each fit, all of one campaign.
-
-    ``each`` is called with the estimates at each speed; the sweep keeps their metrics only.
-    """
+    """One sweep for each fit, all of one campaign; ``each`` is called with the estimates at each speed."""
     speeds = np.unique(speeds_mps)
     rows = []
     for number, speed_mps in enumerate(speeds.tolist()):
@@ -77,10 +73,7 @@ def sweep_speed(
 
 
 def usual_speeds(campaign: Campaign) -> FloatArray:
-    """Every full mph in the range of a campaign's CAE runs and tests, and the ends of that range, in m/s.
-
-    The ends are runs or tests of 5 mph at least whose vehicle stops within the record, as most metrics need.
-    """
+    """Every full mph in the range of CAE runs and tests of 5 mph at least that stop within the record; and its ends."""
     runs = zip(campaign.cae.vectors[:, 0].tolist(), campaign.cae.accel_mps2, strict=True)
     crashes = [*runs, *((test.condition.speed_mps, test.pulse.accel_mps2) for test in campaign.tests)]
     crashes.sort(key=lambda crash: crash[0])
@@ -112,7 +105,7 @@ def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tu
 
 
 def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:
-    """Sentences on the speeds at which a metric has no value, and on what the record is too short for there."""
+    """Sentences on the speeds at which a metric has no value, and why."""
     missing = []
     for sweep in sweeps:
         over_speed = zip(sweep.speeds_mps.tolist(), sweep.over_speed(metric), strict=True)
@@ -209,11 +202,9 @@ def rank_next_tests(
     """Rank conditions by how much a test there would shrink the band over a range, the largest gain first.
 
     The band is that of a new test's bias, averaged over the range and over displacement up to the crush of the CAE
-    pulse. A candidate is assumed to crush like its CAE pulse, and to scatter as tests do. Hyperparameters stay. Rebound
-    and emulator are left out.
-
-    The domain has to have the hierarchical bias, not that of Table 4. Candidates, by default 14 speeds at the middle
-    weights, may lie outside the range. Planned tests count as run: to choose several, add the best one each time.
+    pulse, like which a candidate is assumed to crush. Rebound and emulator are left out. The domain has to have the
+    hierarchical bias. Candidates, by default 14 speeds at the middle weights, may lie outside the range. Planned tests
+    count as run: to choose several, add the best one each time.
     """
     candidates = over.grid(14) if candidates is None else candidates
     targets = [domain.expected_points(condition) for condition in over.spread(_N_TARGETS)]

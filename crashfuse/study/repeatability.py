@@ -1,7 +1,7 @@
-"""Repeatability: the rating that a repeat of each test would get against it, a measure for its predictions.
+"""Repeatability: the rating that a repeat of each test would get against it. Nothing of this is used to predict.
 
 Pulses of repeats are drawn with the scatter that all tests of a campaign show and rated against the test. Where it has
-been repeated, what the repeats rate counts too, by how much it says. Nothing of this is used to predict.
+been repeated, what the repeats rate counts too, by how much it says.
 """
 
 from collections.abc import Sequence
@@ -36,8 +36,7 @@ from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 from crashfuse.signals.rating import rate_many
 
-REPEATABILITY = "Repeatability"
-"""Name of this step of a computation in progress reports."""
+REPEATABILITY = "Repeatability"  # name of this step in progress reports
 
 _KIND = "repeatability"  # of cache entry
 _N_DRAWS = 100
@@ -81,10 +80,7 @@ def repeatability(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> dict[str, dict[float, Repeatability]]:
-    """Estimate for tests, by default all, and windows [0, w) how a repeat would rate against each; cached.
-
-    Empty of a campaign of one test, and of a test over a window which its record does not fill.
-    """
+    """How a repeat would rate against each test, by window [0, w) that its record fills; empty of one test; cached."""
     if len(campaign.tests) < 2:
         return {}
     windows = tuple(float(window) for window in windows_ms)
@@ -196,10 +192,7 @@ class _ScatterBias(HierarchicalBias):
 
 
 class Scatter:
-    """The scatter of tests, learned from all of a campaign; it draws pulses of repeats of a measured test.
-
-    A repeat differs from a test by twice the variance of one. It learns from the test judged: no part of a prediction.
-    """
+    """The scatter of tests, learned from all of a campaign; it draws repeats of a test, with twice its variance."""
 
     def __init__(self, *, cache: Cache | None = None) -> None:
         self.cache = cache
@@ -216,7 +209,6 @@ class Scatter:
         return self
 
     def _points(self, test: CrashTest, view: CaeView, n_tests: int) -> BiasPoints:
-        """The bias of a test before it stops: the scatter is one over displacement."""
         speed, end_share = test.condition.speed_mps, _ScatterBias.end_share
         phase = loading_phase(test.pulse.accel_mps2, speed)
         config = DisplacementConfig()

@@ -1,8 +1,8 @@
 """Running a leave-one-out study: hold out → fit → predict → rate.
 
 The held-out test's pulse is used in the last step only, and for how well tests repeat: all else works on
-``campaign.without(test)``, whose fingerprint is the key of the cached prediction. Tests predicted from the same others
-are one task of a worker; what needs no network is computed first, or while the networks train.
+``campaign.without(test)``. Tests predicted from the same others are one task of a worker; what needs no network is
+computed first, or while the networks train.
 """
 
 import threading
@@ -62,8 +62,7 @@ def prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache
     return shared
 
 
-def found_in(cache: Cache, campaign: Campaign, wanted: Sequence[Wanted], config: StudyConfig) -> Estimates:
-    """Those of these estimates that are in the cache."""
+def _found_in(cache: Cache, campaign: Campaign, wanted: Sequence[Wanted], config: StudyConfig) -> Estimates:
     training = {left_out: campaign.without(left_out) for left_out in {one.left_out for one in wanted}}
 
     def find(one: Wanted) -> Estimate | None:
@@ -192,8 +191,7 @@ def run_study(
     cache : Cache, optional
         Keeps finished predictions: an interrupted study continues where it stopped.
     watch : Watch, optional
-        It is shown a study of what is known each time that more is, by the approaches known for all tests predicted so
-        far, without repeatability. What needs no network comes first.
+        It is shown a study of what is known each time that more is, without repeatability.
     workers : int, optional
         Number of processes for the folds; default one per core. The results do not depend on it.
     scheduler : str, optional
@@ -204,8 +202,7 @@ def run_study(
     Raises
     ------
     CrashfuseError
-        If the study is impossible, see :class:`crashfuse.study.config.StudyPlan`, the watch was told to stop, workers
-        die repeatedly, or the cluster cannot be reached or has other versions.
+        If the study is impossible, the watch was told to stop, workers die repeatedly, or the cluster is unfit.
     """
     if approaches:
         config = replace(config, approaches=several(approaches))
@@ -218,7 +215,7 @@ def run_study(
     }
     finished = {key: fold for key in by_fold if (fold := (folds or {}).get(key)) is not None}
     wanted = [one for key, fold in by_fold.items() if key not in finished for one in fold]
-    known = found_in(cache, campaign, wanted, config)
+    known = _found_in(cache, campaign, wanted, config)
 
     rated: dict[tuple[Wanted, ...], Fold] = {}
 

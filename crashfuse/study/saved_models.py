@@ -1,7 +1,6 @@
 """Files of fitted approaches: arrays as safetensors, the rest as JSON in the header, no code.
 
-A model belongs to the data that it learned from: it contains their fingerprint, and is loaded together with them. Its
-predictions are bit-identical to those when it was saved.
+A model is loaded together with the data that it learned from, whose fingerprint it has, and predicts the same bits.
 """
 
 import json

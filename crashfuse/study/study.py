@@ -1,11 +1,13 @@
 """A leave-one-out study (cross-validation): a fold for each test left out, and what the folds say together."""
 
+from __future__ import annotations
+
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, Unpack
 
 import numpy as np
 
@@ -26,8 +28,6 @@ from crashfuse.units import MS
 _RATED_DRAWS = 100
 
 if TYPE_CHECKING:
-    from typing import Unpack
-
     import pandas as pd
     import plotly.graph_objects as go
 
@@ -63,7 +63,7 @@ class Fold:
 
     @cached_property
     def ttzv_ms(self) -> float | None:
-        """The test's time of zero velocity, if over 10 ms and in its record; the predictions know nothing of it."""
+        """The test's time of zero velocity, if over 10 ms and in its record."""
         stop_s = float(self.test.pulse.kinematics(self.test.condition.speed_mps).t0_s)
         return round(stop_s / MS, 1) if SHORTEST_WINDOW_S <= stop_s <= self.test.recorded_s else None
 
@@ -86,7 +86,7 @@ class Fold:
         return tuple(e.approach for e in self.estimates if e.prediction.draws_mps2 is not None)
 
     def coverage(self, approach: str) -> Coverage | None:
-        """Whether the test lies inside an approach's band, its crush and peak inside calibrated intervals; or None."""
+        """Whether the test lies inside an approach's band, crush and peak in calibrated intervals; None without one."""
         estimate = self.estimate(approach)
         draws, speed_mps = estimate.prediction.draws_mps2, self.test.condition.speed_mps
         if draws is None:
@@ -108,10 +108,7 @@ class Fold:
         return self._explained[key]
 
     def rating_draws(self, approach: str, window_ms: float) -> FloatArray:
-        """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,).
-
-        If the band is right, these are plausible ratings of a repeated test.
-        """
+        """Overall ratings of pulses drawn from an approach's band, shape (n_draws,): a repeat's, if it is right."""
         if (key := (approach, window_ms)) not in self._drawn:  # a hundred ratings: computed on request, and once
             draws = self.estimate(approach).prediction.draws_mps2
             if draws is None:
@@ -136,7 +133,7 @@ class Study:
     config: StudyConfig
     folds: tuple[Fold, ...]
     seconds: dict[str, float] = field(default_factory=dict)
-    speed_groups: "Study | None" = None  # each left out with all others at about its speed, if both were requested
+    speed_groups: Study | None = None  # each left out with all others at about its speed, if both were requested
     repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)  # by test, window in ms
 
     def fold(self, held_out: str) -> Fold:
@@ -148,22 +145,22 @@ class Study:
         raise UsageError(f"Test {held_out!r} was not left out in this study; left out were {known}.")
 
     @property
-    def scores(self) -> "pd.DataFrame":
+    def scores(self) -> pd.DataFrame:
         """Ratings, one row a held-out test, approach and window, as ``scores.csv``."""
         return views.scores_table(self)
 
     @property
-    def pulses(self) -> "pd.DataFrame":
+    def pulses(self) -> pd.DataFrame:
         """Pulses of the tests and their predictions with their bands, as ``pulses.csv``."""
         return views.study_pulses(self)
 
     @property
-    def metrics(self) -> "pd.DataFrame":
+    def metrics(self) -> pd.DataFrame:
         """Pulse metrics of the tests and their predictions, as ``metrics.csv``."""
         return views.study_metrics(self)
 
     @property
-    def repeat_scores(self) -> "pd.DataFrame":
+    def repeat_scores(self) -> pd.DataFrame:
         """What a repeat of each held-out test would rate, one row a test and window, as in ``study.json``."""
         return views.repeat_scores(self)
 
@@ -173,13 +170,13 @@ class Study:
         figure: str = "",
         *,
         approaches: Sequence[str] | None = None,
-        also: "Sequence[views.Further]" = (),
+        also: Sequence[views.Further] = (),
         band: str | None = None,
         measured: bool = True,
         corridors: bool = False,
-        notes: "Sequence[views.Note]" = (),
-        **display: "Unpack[views.DisplayOptions]",
-    ) -> "go.Figure":
+        notes: Sequence[views.Note] = (),
+        **display: Unpack[views.DisplayOptions],
+    ) -> go.Figure:
         """A figure of the page Compare, of one held-out test, or of the page Study, of all of them.
 
         Parameters
@@ -214,8 +211,8 @@ class Study:
         self,
         folder: str | Path,
         *,
-        report: "views.ReportOptions | None" = None,
-        **display: "Unpack[views.DisplayOptions]",
+        report: views.ReportOptions | None = None,
+        **display: Unpack[views.DisplayOptions],
     ) -> None:
         """Write what ``crashfuse study`` writes: tables, ``study.json``, ``report.html``."""
         shown = views.Display.of(self.campaign.units, **display)

@@ -20,8 +20,7 @@ from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 from crashfuse.synthetic.vehicle import Coupling, CrushZone, Vehicle, simulate
 from crashfuse.units import G
 
-_STEEL_MPS = 1400.0
-"""Rate of the Cowper-Symonds law for high-tensile steel (D = 3200/s, q = 5) in a 145 mm wide rail, D·C/0.33."""
+_STEEL_MPS = 1400.0  # Cowper-Symonds rate of high-tensile steel (D = 3200/s, q = 5), 145 mm wide rail: D·C/0.33
 
 CAE_MODEL = Vehicle(
     powertrain_kg=215.0,

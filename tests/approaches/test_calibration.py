@@ -29,12 +29,10 @@ def half_sine(peak_mps2: float) -> FloatArray:
 
 
 def crash_test(accel: FloatArray) -> CrashTest:
-    """A test with this pulse."""
     return CrashTest("T1", CONDITION, Pulse(GRID_S, accel))
 
 
 def draws(centre: float, spread: float, n: int = 400) -> FloatArray:
-    """Half sines whose peaks are normal."""
     peaks = np.random.default_rng(0).normal(centre, spread, n)
     return np.array([half_sine(peak) for peak in peaks])
 
@@ -71,7 +69,6 @@ def test_nine_of_ten_rough_pulses_lie_inside_as_a_whole(stride: int) -> None:
 
 @pytest.mark.parametrize(("at_s", "whole"), [(0.03, False), (0.0599, False), (0.0601, True)])
 def test_one_moment_outside_before_60_ms_is_no_whole_pulse_inside(at_s: float, whole: bool) -> None:
-    """Whatever happens later."""
     accel = half_sine(260)
     accel[np.abs(GRID_S - at_s).argmin()] -= 300.0
     assert Coverage.of(crash_test(accel), draws(260, 20)).whole == whole
@@ -111,7 +108,6 @@ def test_each_curve_has_to_lie_inside_for_95_percent_of_the_time(name: str) -> N
 @pytest.mark.parametrize("name", ["crush", "peak"])
 @pytest.mark.parametrize(("n", "most"), [(1, 1), (20, 1), (21, 2), (40, 2), (41, 3)])
 def test_one_test_in_twenty_may_lie_outside_rounded_up(name: str, n: int, most: int) -> None:
-    """In crush and in peak alike."""
     missed = replace(INSIDE, **{name: False})
     for misses in (most, most + 1):
         tests = ((missed,) * n)[:misses] + (INSIDE,) * (n - misses)
@@ -153,7 +149,6 @@ def test_bands_are_widened_in_these_steps() -> None:
 
 
 def test_a_band_that_never_holds_says_so() -> None:
-    """The largest factor is taken, and it is told that it was not enough, as plain JSON."""
     calibration = calibrate(lambda _: [OUTSIDE] * 4)
     assert not calibration.holds
     assert calibration.widening == 2.5

@@ -1,7 +1,7 @@
 """The mixture: it is what its components say, weighted as left-out tests decide, and tells why."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -52,7 +52,6 @@ def test_the_band_is_checked_around_the_mixture(fused: Fused) -> None:
 
 
 def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Campaign, fused: Fused) -> None:
-    """In the acceleration; so are velocity and displacement, which are linear in it."""
     condition = campaign.test("T3").condition
     components = [
         fused.time_domain_.predict(condition).accel_mps2,
@@ -66,7 +65,6 @@ def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Cam
 
 
 def test_the_reason_is_a_sentence_with_the_weights(campaign: Campaign, fused: Fused) -> None:
-    """Distance to the nearest test, the share of each component, and what they were learned from."""
     reason, *_ = fused.predict(campaign.test("T3").condition).notes
     found = re.fullmatch(
         r"Made of (.+), because the nearest test is 1\.0 mph away "
@@ -115,7 +113,6 @@ def test_a_cae_model_that_is_right_keeps_its_component(campaign: Campaign) -> No
 
 @pytest.mark.slow
 def test_a_single_test_is_enough(campaign: Campaign) -> None:
-    """Then nothing is learned about the weights, and the sentence says so."""
     fused = Fused().fit(campaign.without(["T1", "T3", "T4"]))
     test, condition = campaign.test("T2"), campaign.test("T4").condition  # at 25 and 35 mph
     prediction = fused.predict(condition)
@@ -149,7 +146,6 @@ def _heard(
 
 
 def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign: Campaign, fused: Fused) -> None:
-    """By what each component said of them unseen; mixed so, they are what it expects of them."""
     rest, cae = campaign.without(["T3"]), fused.displacement_domain_.model_
     learned = [part.left_out_ for part in (fused.time_domain_, fused.displacement_domain_, fused.pretrained_)]
     heard = [_heard(rest, cae, learned, i, [i]) for i in range(3)]
@@ -189,17 +185,13 @@ def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch:
 
 
 @pytest.mark.slow
-def test_what_components_learned_is_taken_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A study has fitted both already."""
+def test_what_components_learned_is_taken_from_the_cache(
+    campaign: Campaign, fitting_is_an_error: Callable[[], None]
+) -> None:
     from crashfuse.study.estimate import Fit
 
     rest = campaign.without(["T3"])
     for name in ("time_domain", "displacement_domain"):
         Fit.of(rest, name, cache=Cache())
-
-    def forbidden(*_: object, **__: object) -> None:
-        raise AssertionError("fitted again")
-
-    monkeypatch.setattr("crashfuse.approaches.time_domain.approach.TimeDomain.fit", forbidden)
-    monkeypatch.setattr("crashfuse.approaches.displacement_domain.approach.DisplacementDomain.fit", forbidden)
+    fitting_is_an_error()
     assert Fused(cache=Cache()).fit(rest).calibration_.tests

@@ -12,7 +12,6 @@ EVEN = np.zeros((2, 3))
 
 
 def test_the_distance_between_draws_is_the_mean_over_all_pairs() -> None:
-    """Written out pair by pair, for two components and for one with itself."""
     rng = np.random.default_rng(0)
     a, b = rng.standard_normal((7, 3)), rng.standard_normal((5, 3)) + 1
     between = Scores.of(np.zeros(3), [a, b]).apart
@@ -44,7 +43,6 @@ def test_the_score_of_a_mixture_is_that_of_its_draws(monkeypatch: pytest.MonkeyP
 
 
 def _scores(rng: np.random.Generator, *offsets: float) -> Scores:
-    """Voices whose draws lie this far off the measured pulse."""
     measured = np.zeros(5)
     return Scores.of(measured, [offset + 0.1 * rng.standard_normal((50, 5)) for offset in offsets])
 
@@ -64,7 +62,6 @@ def test_the_narrower_band_counts_for_more_where_that_proved_right() -> None:
 
 
 def test_the_weights_are_the_best_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No small change of the logits lowers what they minimise: the gradient is that of the score."""
     rng = np.random.default_rng(5)
     scores = [_scores(rng, *offsets) for offsets in ((0.2, 0.5, 0.9), (0.6, 0.1, 0.4), (0.3, 0.3, 0.2))]
     prior, scale, strength = rng.standard_normal((3, 4)), 0.7, 10.0
@@ -82,7 +79,6 @@ def test_the_weights_are_the_best_of_all(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_without_left_out_tests_the_prior_decides() -> None:
-    """Its logits, as they are; and one test alone moves them only so far."""
     prior = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     alone = Pool(prior, spread=1.0, strength=10.0).fit([]).weights(EQUAL)
     assert alone[0] == pytest.approx(1 / (1 + np.exp(-1)))

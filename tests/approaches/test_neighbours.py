@@ -28,7 +28,6 @@ def test_a_test_of_this_speed_is_nearer_than_one_of_another_speed_and_the_very_w
 
 
 def test_a_test_whose_sensor_failed_is_named_where_it_is_near(campaign: Campaign) -> None:
-    """Of four tests the slowest is no neighbour of a condition at the speed of the fastest."""
     slowest, *others = campaign.tests
     failed = replace(slowest, faults=(SensorFault("saturated", 0.03, 0.05, -20 * G, 9.0),))
     doubtful = replace(campaign, tests=(failed, *others))

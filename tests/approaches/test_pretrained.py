@@ -22,7 +22,6 @@ CAMPAIGN = small_campaign()
 
 
 def _arrays(*order: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Tests, CAE pulses and conditions of the small campaign in an order."""
     tests = [CAMPAIGN.tests[number] for number in order]
     paired = [CAMPAIGN.cae.paired_run(test.condition) for test in tests]
     measured = np.array([test.pulse.accel_mps2[::STRIDE] for test in tests])
@@ -62,7 +61,6 @@ def test_the_motion_is_that_of_the_pulse() -> None:
 
 
 def test_a_pulse_that_is_not_known_changes_no_forecast() -> None:
-    """Neither its own nor another's, whatever was measured there."""
     measured, cae, vectors = _arrays(0, 1, 2, 3)
     known = (True, True, False, False)
     before = _forecast((measured, cae, vectors), *known)
@@ -82,7 +80,6 @@ def test_what_is_predicted_together_is_what_is_predicted_alone() -> None:
 
 
 def test_a_parked_vehicle_has_a_finite_forecast() -> None:
-    """At no speed nothing is divided by it."""
     measured, cae, vectors = _arrays(0, 1)
     vectors[0, 1, 0], cae[0, 1] = 0.0, 0.0
     forecast = _forecast((measured, cae, vectors), True, False)
@@ -114,7 +111,6 @@ def sample() -> Campaign:
 
 @pytest.fixture(scope="module")
 def emulated(tmp_path_factory: pytest.TempPathFactory) -> Cache:
-    """Where its CAE emulator is kept."""
     return Cache(tmp_path_factory.mktemp("cache"))
 
 
@@ -165,7 +161,6 @@ def test_a_test_is_predicted_from_other_speeds_without_its_group(campaign: Campa
 
 
 def test_other_weights_than_the_shipped_ones_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file that was cut off or exchanged is told of; no number comes of it."""
     cut = tmp_path / "weights.safetensors"
     cut.write_bytes(pretrained._WEIGHTS.read_bytes()[:-1])
     monkeypatch.setattr(pretrained, "_WEIGHTS", cut)

@@ -8,7 +8,6 @@ from crashfuse.errors import UsageError
 
 
 def test_what_is_not_there_is_named_with_what_there_is() -> None:
-    """An approach, a preset or a device that nobody knows."""
     with pytest.raises(UsageError, match="no approach 'crystal ball'; choose from cae, lf_tcn, "):
         create("crystal ball", Settings())
     with pytest.raises(UsageError, match="no preset 'slow'; choose from fast, paper"):

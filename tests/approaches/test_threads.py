@@ -12,7 +12,6 @@ from crashfuse.approaches.threads import single_thread
 
 @pytest.fixture(autouse=True)
 def two_threads() -> Iterator[None]:
-    """As on a machine with two cores, whatever this one has."""
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     yield
@@ -20,7 +19,6 @@ def two_threads() -> Iterator[None]:
 
 
 def in_a_new_thread() -> int:
-    """The number that a thread begins with."""
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(torch.get_num_threads).result()
 
@@ -44,7 +42,6 @@ def test_who_leaves_first_does_not_end_it_for_others(order: tuple[int, int]) -> 
 
 
 def test_one_within_another_and_an_error_end_it() -> None:
-    """The inner one changes nothing for the outer."""
     with single_thread():
         with pytest.raises(ZeroDivisionError), single_thread():
             _ = 1 // 0

@@ -32,7 +32,6 @@ def pulse(condition: Condition) -> FloatArray:
 
 
 def half_sines(n: int, lowest_mps: float = 0.0) -> CaeLibrary:
-    """Half-sine runs at random conditions."""
     spread = np.random.default_rng(3).uniform([lowest_mps, 880.0, 620.0], [16.0, 1000.0, 800.0], (n, 3))
     conditions = tuple(Condition.of_vector(row) for row in spread)
     accel = np.array([pulse(condition) for condition in conditions], dtype=np.float32)
@@ -40,7 +39,6 @@ def half_sines(n: int, lowest_mps: float = 0.0) -> CaeLibrary:
 
 
 def part(cae: CaeLibrary, chosen: FloatArray) -> CaeLibrary:
-    """The library of these runs alone."""
     ids, conditions = zip(*((cae.ids[i], cae.conditions[i]) for i in chosen.tolist()), strict=True)
     return CaeLibrary(ids, conditions, cae.accel_mps2[chosen])
 
@@ -124,13 +122,11 @@ def test_no_other_length_scales_are_more_probable() -> None:
 
 
 def test_no_run_is_an_error_that_says_so() -> None:
-    """Nothing can be learned from nothing."""
     with pytest.raises(DataError, match="at least one run"):
         Emulator().fit(CaeLibrary((), (), np.zeros((0, 1250), np.float32)))
 
 
 def test_what_was_learned_can_be_kept_and_restored() -> None:
-    """A restored emulator predicts the same to the bit."""
     library = half_sines(30)
     emulator, restored = Emulator().fit(library), Emulator()
     restored.restore(emulator.arrays(), library)
@@ -167,7 +163,6 @@ def springs() -> CaeLibrary:
 
 
 def test_a_paired_run_beats_the_emulator(campaign: Campaign) -> None:
-    """Where there is a run at the very condition it is taken as it is, and named."""
     model = CaeModel().fit(campaign.cae)
     condition = campaign.tests[0].condition
     run = not_none(campaign.cae.paired_run(condition))
@@ -177,7 +172,6 @@ def test_a_paired_run_beats_the_emulator(campaign: Campaign) -> None:
 
 
 def test_without_a_paired_run_the_emulator_is_taken(campaign: Campaign) -> None:
-    """At any other condition the pulse is the emulator's, and the notes say so."""
     model = CaeModel().fit(campaign.cae)
     condition = Condition.of_vector([12.0, 930.0, 690.0])
     np.testing.assert_array_equal(model.pulse(condition).accel_mps2, model.emulator_.predict(condition))
@@ -185,7 +179,6 @@ def test_without_a_paired_run_the_emulator_is_taken(campaign: Campaign) -> None:
 
 
 def test_the_emulator_is_trained_once(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second model finds it in the cache and gives the same to the bit."""
     condition = Condition.of_vector([12.0, 930.0, 690.0])
     first = CaeModel(cache=Cache()).fit(campaign.cae).pulse(condition)
     monkeypatch.setattr(Emulator, "fit", lambda *_: pytest.fail("trained again"))
@@ -205,7 +198,6 @@ def test_beyond_its_crush_the_curve_goes_on_as_faster_runs_do() -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.25])
 def test_the_curve_has_no_jump_where_one_pulse_takes_over_from_another(share: float) -> None:
-    """A slower pulse with another level hands over smoothly."""
     slow, fast = loading_phase(np.full(1250, -100.0), 8.0), loading_phase(np.full(1250, -180.0), 14.0)
     curve = LoadingCurve(slow, (fast,)).accel_at(np.linspace(0.0, 0.6, 6001), share)
     assert np.abs(np.diff(curve)).max() < 0.5

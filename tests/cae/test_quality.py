@@ -38,7 +38,6 @@ def test_limits_are_those_of_the_sources(limits: QualityLimits, quality: RunQual
 
 
 def test_runs_are_counted_by_what_is_known_of_them(library: CaeLibrary) -> None:
-    """A run that is not recorded never counts as passed."""
     verdict = judge_quality(library, EURO_NCAP)
     assert (verdict.runs, verdict.passed, verdict.failing, verdict.unknown) == (24, 19, ("C03", "C04"), 3)
     rows = verdict.table.set_index("quantity")
@@ -52,7 +51,6 @@ def test_runs_are_counted_by_what_is_known_of_them(library: CaeLibrary) -> None:
 
 
 def test_the_verdict_reads_as_sentences(library: CaeLibrary) -> None:
-    """Limits, counts, the worst, names, and what can be done."""
     assert judge_quality(library, EURO_NCAP).sentences == (
         "CAE runs by Euro NCAP virtual testing 2025 (hourglass energy below 10 %, added mass below 5 %): 19 of 24 "
         "pass, 2 fail, 3 cannot be judged, for not everything is recorded.",
@@ -65,7 +63,6 @@ def test_the_verdict_reads_as_sentences(library: CaeLibrary) -> None:
 
 
 def test_runs_that_were_left_out_stay_in_the_verdict(library: CaeLibrary) -> None:
-    """They are counted and named."""
     kept = [i for i in range(len(library)) if i not in (3, 4)]
     rest = replace(
         library,
@@ -79,7 +76,6 @@ def test_runs_that_were_left_out_stay_in_the_verdict(library: CaeLibrary) -> Non
 
 
 def test_nothing_recorded_is_said_and_not_passed(campaign: Campaign) -> None:
-    """Even with limits."""
     for limits in (None, NCHRP):
         verdict = judge_quality(campaign.cae, limits)
         assert (verdict.passed, verdict.failing, verdict.unknown) == (0, (), 24)
@@ -87,7 +83,6 @@ def test_nothing_recorded_is_said_and_not_passed(campaign: Campaign) -> None:
 
 
 def test_without_limits_nothing_passes_or_fails(library: CaeLibrary) -> None:
-    """The worst of each quantity is told all the same."""
     verdict = judge_quality(library, None)
     assert (verdict.passed, verdict.failing, verdict.unknown) == (0, (), 24)
     assert verdict.sentences[0].startswith("No CAE run is judged by its quality: [cae_quality] in campaign.toml")
@@ -95,6 +90,5 @@ def test_without_limits_nothing_passes_or_fails(library: CaeLibrary) -> None:
 
 
 def test_many_failing_runs_are_named_in_part(campaign: Campaign) -> None:
-    """Five, and the number of the others."""
     library = replace(campaign.cae, quality=(RunQuality(0.2),) * len(campaign.cae))
     assert "C04 (energy change 20 %) and 19 more. They" in judge_quality(library, NCHRP).sentences[-1]

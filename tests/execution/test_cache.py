@@ -19,15 +19,14 @@ from crashfuse.errors import Cancelled, UsageError
 from crashfuse.execution.cache import Cache, finite, numbers, resume
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.version import versions
+from tests.conftest import not_none
 
 
 def test_what_was_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
-    """Arrays of any kind survive, text too."""
     cache = Cache(tmp_path)
     entry = {"a": np.random.default_rng(0).normal(size=(3, 4)).astype(np.float32), "text": np.array("äöü")}
     cache.put("kind", {"x": 1}, entry)
-    found = cache.get("kind", {"x": 1})
-    assert found is not None
+    found = not_none(cache.get("kind", {"x": 1}))
     assert found["a"].tobytes() == entry["a"].tobytes()
     assert str(found["text"]) == "äöü"
 
@@ -37,7 +36,6 @@ Few, Many = (make_dataclass(name, [("n", int, 3)], frozen=True) for name in ("Fe
 
 
 def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Names, values, settings and their kind, and the version that computed it; another process finds the same."""
     cache = Cache(tmp_path)
     values = (1, 2, "1", 1.5, None, [1, 2], Few(), Few(4), Many(), [Few()], {"n": 3})
     parts: list[dict[str, object]] = [{"x": value} for value in values]
@@ -45,8 +43,7 @@ def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypa
     for number, key in enumerate(keys):
         cache.put("kind", key, {"number": number})
     for number, key in enumerate(keys):
-        found = Cache(tmp_path).get("kind", dict(reversed(key.items())))
-        assert found is not None
+        found = not_none(Cache(tmp_path).get("kind", dict(reversed(key.items()))))
         assert int(found["number"]) == number
         assert cache.get("other", key) is None
     for name in ("crashfuse", "Python", "numpy", "scipy", "scikit-learn", "torch"):
@@ -72,7 +69,6 @@ def test_a_cache_knows_what_it_was_used_for(tmp_path: Path) -> None:
 
 
 def test_one_thread_waits_for_another_that_computes_the_same(tmp_path: Path) -> None:
-    """It says so until it is its turn; afterwards no lock stays."""
     begun, go_on, too_long = (threading.Event() for _ in range(3))
 
     def compute() -> None:
@@ -101,7 +97,6 @@ def test_one_thread_waits_for_another_that_computes_the_same(tmp_path: Path) -> 
 
 
 def test_the_cache_lies_where_the_platform_keeps_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """In a folder of our name, unless another is named."""
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
     assert Cache().folder == tmp_path
     monkeypatch.delenv("CRASHFUSE_CACHE")
@@ -157,7 +152,6 @@ def test_what_was_not_used_for_longest_makes_room(tmp_path: Path, monkeypatch: p
 
 @pytest.mark.parametrize("wrong", ["0", "-1", "nan", "much"])
 def test_a_limit_that_is_none_is_wrong_usage(wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Said before anything is computed."""
     monkeypatch.setenv("CRASHFUSE_CACHE_GIB", wrong)
     with pytest.raises(UsageError, match="CRASHFUSE_CACHE_GIB"):
         Cache()
@@ -165,7 +159,6 @@ def test_a_limit_that_is_none_is_wrong_usage(wrong: str, monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("position", [0, 100, -1])
 def test_a_flipped_byte_is_noticed_and_removed(tmp_path: Path, position: int) -> None:
-    """A damaged entry is no entry, and half of one is none either."""
     cache = Cache(tmp_path)
     cache.put("kind", {"x": 1}, {"a": np.arange(50)})
     path = cache.path("kind", {"x": 1})
@@ -178,7 +171,6 @@ def test_a_flipped_byte_is_noticed_and_removed(tmp_path: Path, position: int) ->
 
 
 def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full disk costs nothing that was computed: the old entry stays, and no temporary file does."""
     cache = Cache(tmp_path)
     cache.put("kind", {}, {"a": 1.0})
 
@@ -188,8 +180,7 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr("os.fsync", full)
     cache.put("kind", {}, {"a": 2.0})
     monkeypatch.undo()
-    found = cache.get("kind", {})
-    assert found is not None
+    found = not_none(cache.get("kind", {}))
     assert float(found["a"]) == 1.0
     assert len(list((tmp_path / "kind").iterdir())) == 1
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
@@ -200,7 +191,6 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """Nothing is kept, which is told once, nothing is locked, and work goes on."""
     (tmp_path / "file").touch()
     cache = Cache(tmp_path / "file" / "cache")
     with cache.alone("kind", {}):
@@ -223,7 +213,6 @@ def halves(cache: Cache, computed: list[int]) -> float:
 
 
 def test_a_result_is_computed_once_and_then_restored(tmp_path: Path) -> None:
-    """By whoever asks first, and by one of those who ask at the same time."""
     computed: list[int] = []
     with ThreadPoolExecutor(4) as pool:
         assert list(pool.map(lambda _: halves(Cache(tmp_path), computed), range(4))) == [0.5] * 4
@@ -244,7 +233,6 @@ def test_a_whole_entry_with_wrong_content_is_computed_again(tmp_path: Path, wron
 
 
 def test_what_cannot_be_computed_leaves_nothing(tmp_path: Path) -> None:
-    """The error is the caller's; the next one to ask computes."""
     cache = Cache(tmp_path)
 
     def fail() -> tuple[float, dict[str, float]]:
@@ -279,7 +267,6 @@ def holder(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 @pytest.mark.slow
 def test_who_comes_second_waits_until_the_first_has_ended(tmp_path: Path, holder: subprocess.Popen[bytes]) -> None:
-    """Even if that was killed; other entries are free all the while, and no lock stays."""
     cache, said = Cache(tmp_path), []
 
     def end_it(progress: Progress) -> None:
@@ -316,8 +303,7 @@ def test_what_is_packed_can_be_unpacked_elsewhere(tmp_path: Path) -> None:
     files = later.pack(later.used)
     assert len(files) == 1
     there.unpack(files)
-    found = there.get("kind", {"x": 2})
-    assert found is not None
+    found = not_none(there.get("kind", {"x": 2}))
     assert found["a"].tolist() == [0, 1]
     ((name, content),) = files.items()
     there.unpack({name: content[:-1]})
@@ -329,7 +315,6 @@ def test_what_is_packed_can_be_unpacked_elsewhere(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("wrong", [np.ones(3), np.ones((2, 3)), np.array("text"), np.ones((3, 2), int), np.float64(1)])
 def test_numbers_of_another_form_are_no_entry(wrong: npt.NDArray[np.float64]) -> None:
-    """Nor are those without a value, where each has one."""
     with pytest.raises(ValueError, match="rated"):
         numbers({"rated": wrong}, "rated", None, 2)
     assert numbers({"rated": np.full((5, 2), np.nan)}, "rated", None, 2).shape == (5, 2)

@@ -37,7 +37,6 @@ def test_code_that_computes_none_of_it_counts_for_nothing(tmp_path: Path, room: 
     "added", ["# a comment\n", '"""A text."""\n', '\n\nif True:\n    """A text."""\n    # and a comment\n']
 )
 def test_what_is_only_read_by_people_counts_for_nothing(tmp_path: Path, added: str) -> None:
-    """Comments, docstrings and empty lines; only the "if" of the last one is code."""
     file = "approaches/time_domain/lf_tcn.py"
     assert changed_by(tmp_path, file, added) == ({TIME, PREDICTION} if "if" in added else set())
 
@@ -54,5 +53,4 @@ def test_what_is_only_read_by_people_counts_for_nothing(tmp_path: Path, added: s
     ],
 )
 def test_code_counts_for_what_it_computes(tmp_path: Path, file: str, changed: set[str]) -> None:
-    """Directly or through what it imports, and for nothing else."""
     assert changed_by(tmp_path, file, CODE) == changed

@@ -27,7 +27,6 @@ def _threads() -> set[int]:
 
 @pytest.mark.parametrize("limit", [one_thread, one_thread_throughout])
 def test_who_leaves_first_does_not_end_it_for_others(limit: Callable[[], AbstractContextManager[None]]) -> None:
-    """Two sessions predict at once: one thread until both are done, then as many as before."""
     with threadpool_limits(2, user_api="blas"):
         before, first, second = _threads(), ExitStack(), ExitStack()
         first.enter_context(limit())

@@ -10,7 +10,6 @@ from tests.conftest import Capture
 
 
 def test_a_part_can_be_cancelled_on_its_own() -> None:
-    """The whole goes on; the part ends with the whole, too, and reports to the same place."""
     seen: list[Progress] = []
     whole, part = threading.Event(), threading.Event()
     watch = Watch(seen.append, whole)
@@ -27,7 +26,6 @@ def test_a_part_can_be_cancelled_on_its_own() -> None:
 
 
 def test_parts_are_told_to_who_waits_for_them() -> None:
-    """And to nobody else."""
     told: list[object] = []
     watch = Watch(on_part=told.append)
     for each in (watch, Watch()):
@@ -56,7 +54,6 @@ def test_a_log_gets_a_few_plain_lines_a_step(capsys: Capture) -> None:
 
 
 def test_a_terminal_gets_a_bar(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A line for each step, drawn again and again."""
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     show(10)
     said = capsys.readouterr().err

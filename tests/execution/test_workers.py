@@ -53,13 +53,11 @@ def fatal_once(deaths: Path, lives: int = 1) -> Work[str, str]:
 
 
 def done_by(workers: Workers, work: Work[str, str], campaign: Campaign, cache: Path) -> list[str]:
-    """All that comes out of all tasks, sorted."""
     return sorted(chain(*workers.completed(work, campaign, TASKS, Cache(cache), SILENT)))
 
 
 @pytest.fixture
 def deaths(tmp_path: Path) -> Path:
-    """A folder with a file for each death."""
     folder = tmp_path / "deaths"
     folder.mkdir()
     return folder
@@ -75,14 +73,12 @@ def test_joblib_goes_on_after_workers_as_before(campaign: Campaign, tmp_path: Pa
 def test_a_process_that_is_killed_costs_only_what_it_was_at(
     campaign: Campaign, tmp_path: Path, deaths: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Every task is done once in the end, and what happened is said."""
     assert done_by(Local(2), fatal_once(deaths), campaign, tmp_path) == TASKS
     assert len(list(deaths.iterdir())) == 1
     assert "A worker died" in caplog.text
 
 
 def test_processes_that_die_again_and_again_end_the_study(campaign: Campaign, tmp_path: Path, deaths: Path) -> None:
-    """One sentence says what may be the cause and how to go on."""
     with pytest.raises(CrashfuseError, match=r"memory ran out.* --resume .*fewer --workers"):
         done_by(Local(2), fatal_once(deaths, lives=99), campaign, tmp_path)
     assert len(list(deaths.iterdir())) < 10
@@ -106,14 +102,12 @@ list(Local(2).completed(work, None, ["a", "b"], Cache(), SILENT))
 
 
 def workers_of(process: subprocess.Popen[bytes]) -> list[psutil.Process]:
-    """Its worker processes."""
     found = psutil.Process(process.pid).children(recursive=True)
     return [child for child in found if "popen_loky" in " ".join(child.cmdline())]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_workers_end_with_who_started_them(tmp_path: Path, number: signal.Signals) -> None:
-    """A parent that is killed leaves no process, and no memory in use."""
     with subprocess.Popen([sys.executable, "-c", _SLEEPING, str(tmp_path)], stderr=subprocess.DEVNULL) as parent:
         _wait(lambda: len(list(tmp_path.iterdir())) == 2)
         workers = workers_of(parent)
@@ -123,7 +117,6 @@ def test_workers_end_with_who_started_them(tmp_path: Path, number: signal.Signal
 
 
 def test_ctrl_c_is_one_sentence_and_leaves_no_process(campaign_on_disk: Path, tmp_path: Path) -> None:
-    """As a terminal sends it: to the whole group."""
     arguments = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--workers", "2"]
     command = [sys.executable, "-m", "crashfuse", *arguments, "--approach", "cae", "displacement_domain"]
     ignored = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
@@ -151,24 +144,20 @@ class Dask:
 
     @classmethod
     def start(cls, folder: Path) -> "Dask":
-        """Start the scheduler alone."""
         file = folder / "scheduler.json"
         process = _dask(folder, "scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
         _wait(lambda: file.exists() and file.read_text().endswith("}"))
         return cls(folder, json.loads(file.read_text())["address"], process, {})
 
     def add(self, *names: str) -> None:
-        """Start workers."""
         for name in names:
             options = ("--host", "127.0.0.1", "--nthreads", "1", "--no-nanny", "--name", name)
             self.workers[name] = _dask(self.folder, "worker", self.address, *options)
 
     def cache(self, name: str) -> Path:
-        """A worker's cache."""
         return self.folder / f"cache of {name}"
 
     def stop(self) -> None:
-        """End all processes."""
         for process in (*self.workers.values(), self.scheduler):
             process.kill()
             process.wait()
@@ -228,8 +217,6 @@ def test_a_cluster_gives_what_one_process_gives(campaign: Campaign, dask: Dask, 
 
 
 def test_a_cluster_knows_when_to_stop(campaign: Campaign, dask: Dask) -> None:
-    """Cancelling does not wait for a task to end."""
-
     def stop(progress: Progress) -> None:
         if progress.step == "Held-out predictions":
             raise Cancelled("Stopped.")
@@ -241,14 +228,12 @@ def test_a_cluster_knows_when_to_stop(campaign: Campaign, dask: Dask) -> None:
 def test_a_worker_of_a_cluster_that_is_killed_costs_only_what_it_was_at(
     campaign: Campaign, dask: Dask, tmp_path: Path, deaths: Path
 ) -> None:
-    """The other one takes its tasks up."""
     with connected(dask.address) as workers:
         assert done_by(workers, fatal_once(deaths), campaign, tmp_path) == TASKS
     assert sum(process.poll() is None for process in dask.workers.values()) == 1
 
 
 def test_a_worker_of_other_versions_is_refused(campaign: Campaign, dask: Dask, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One sentence names it and what differs; nothing is computed."""
     ours = {**workers.versions_here(), "numpy": "1.26.4"}
     monkeypatch.setattr(workers, "versions_here", lambda: ours)
     with pytest.raises(CrashfuseError, match=r"worker at tcp://\S+ has numpy [\d.]+ instead of 1.26.4: install"):
@@ -293,6 +278,5 @@ def test_an_unreachable_scheduler_is_one_sentence(campaign_on_disk: Path, tmp_pa
 
 @pytest.mark.parametrize("address", ["localhost:8786", "http://localhost:8786", "tcp://localhost", "tcp://a b:1"])
 def test_what_is_no_address_is_wrong_usage(campaign: Campaign, address: str) -> None:
-    """It is not tried."""
     with pytest.raises(UsageError, match="looks like tcp://"):
         run_study(campaign, CONFIG, scheduler=address)

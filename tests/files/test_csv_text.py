@@ -19,7 +19,6 @@ from crashfuse.files import csv_text
 
 @contextmanager
 def little_memory(most_mb: float) -> Iterator[None]:
-    """Raises if more than this was in use at a time."""
     tracemalloc.start()
     try:
         yield
@@ -43,14 +42,12 @@ WIDE = ",".join(f"c{n}" for n in range(490))
     ids=["rows", "cells", "empty lines", "characters", "no end"],
 )
 def test_a_table_larger_than_any_campaigns_is_refused_before_it_is_held(text: str, tmp_path: Path) -> None:
-    """By rows, cells, lines, characters or the length of a line."""
     (tmp_path / "table.csv").write_text(text, encoding="utf-8")
     with little_memory(150), pytest.raises(DataError, match=r"table\.csv"):
         csv_text.read_rows(tmp_path / "table.csv", "table.csv")
 
 
 def test_rows_are_bounded_and_empty_lines_are_none(tmp_path: Path) -> None:
-    """Five rows where five may be, whatever is empty after them; one more is one too many."""
     path = tmp_path / "table.csv"
     path.write_text("\ufeffid,speed_mph\n" + "T1,35\r\n" * 5 + "\n,\n" * 20, encoding="utf-8")
     names, rows, numbers = csv_text.read_rows(path, "table.csv", most_rows=5)
@@ -85,7 +82,6 @@ cells = st.text(alphabet="=+-@\t\r\n;' \"1.e,aé＝", max_size=12)
 
 @pytest.mark.parametrize("text", FORMULAS)
 def test_no_formula_begins_a_cell(text: str) -> None:
-    """Nor after what a spreadsheet may cut off, nor where one separates by semicolons."""
     assert csv_text.neutral(text).lstrip(" ").startswith("'")
     assert all(not part.lstrip(' "').startswith(("=", "+", "@")) for part in csv_text.neutral(f"a;{text}").split(";"))
 
@@ -100,7 +96,6 @@ def test_numbers_and_plain_text_stay_as_they_are(text: str) -> None:
 
 @given(text=cells)
 def test_every_text_comes_back(text: str) -> None:
-    """Apostrophes that were there before included."""
     assert csv_text.original(csv_text.neutral(text)) == text
 
 
@@ -108,7 +103,6 @@ def test_every_text_comes_back(text: str) -> None:
 def test_a_table_that_was_written_is_read_to_the_same_text(
     texts: list[str], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """By the reader of condition tables; the header too."""
     path = tmp_path_factory.mktemp("table") / "t.csv"
     header = ["id", "=1+1", "+a;=b"]
     path.write_text(csv_text.csv_text([header, *(["r", text, "n"] for text in texts)]), encoding="utf-8", newline="")
@@ -130,7 +124,6 @@ def test_a_table_that_was_written_is_read_to_the_same_text(
 def test_a_frame_that_was_written_is_read_to_the_same_frame(
     ids: list[str], data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """Whatever tests are called; nothing but the empty cell of a number is missing."""
     path = tmp_path_factory.mktemp("table") / "t.csv"
     numbers = st.lists(st.sampled_from([0.25, -3.5, np.nan]), min_size=len(ids), max_size=len(ids))
     frame = pd.DataFrame({"id": ids, "value": np.array(data.draw(numbers)), "seed": np.arange(len(ids)) + 1234567})
@@ -139,7 +132,6 @@ def test_a_frame_that_was_written_is_read_to_the_same_frame(
 
 
 def test_a_frame_keeps_its_numbers_and_loses_its_formulas() -> None:
-    """In texts, categories, mixed columns and names; the frame itself is unchanged."""
     frame = pd.DataFrame(
         {
             "=name": ["=1+1", None, "plain"],

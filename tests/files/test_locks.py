@@ -27,7 +27,6 @@ _HOLD = (
 
 @contextmanager
 def _held_by_another(folder: Path) -> Iterator["subprocess.Popen[str]"]:
-    """A process that writes to the folder until its input ends."""
     command = [sys.executable, "-c", _HOLD, str(folder)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
@@ -38,7 +37,6 @@ def _held_by_another(folder: Path) -> Iterator["subprocess.Popen[str]"]:
 
 
 def test_a_second_process_is_refused_and_told_who_writes(tmp_path: Path) -> None:
-    """Until the first has ended; then nothing of the claim is left."""
     out = tmp_path / "out"
     with (
         _held_by_another(out) as other,
@@ -55,7 +53,6 @@ def test_a_second_process_is_refused_and_told_who_writes(tmp_path: Path) -> None
 
 
 def test_the_claim_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
-    """Nobody has to remove anything by hand."""
     with _held_by_another(tmp_path) as other:
         other.send_signal(signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM)
         other.wait(20)
@@ -65,7 +62,6 @@ def test_the_claim_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
 
 
 def test_of_many_that_wait_one_at_a_time_is_let_in(tmp_path: Path) -> None:
-    """Although each takes the lock file away at its end: none is lost of what they count."""
     count = tmp_path / "count"
     count.write_text("0")
 
@@ -83,7 +79,6 @@ def test_of_many_that_wait_one_at_a_time_is_let_in(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="rights are no bits there")
 def test_what_a_killed_process_left_can_be_locked_by_another_user(tmp_path: Path) -> None:
-    """Of a shared folder, whatever the first one's mask."""
     mask = os.umask(0o077)
     try:
         with sole_writer(tmp_path):
@@ -93,8 +88,6 @@ def test_what_a_killed_process_left_can_be_locked_by_another_user(tmp_path: Path
 
 
 def test_where_files_cannot_be_locked_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever asks decides whether that is worse than two writers."""
-
     def fail(*_: object, **__: object) -> None:
         raise OSError(37, "No locks available")
 

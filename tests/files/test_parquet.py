@@ -16,7 +16,6 @@ ROWS = 30_000
 
 
 def table(ids: pa.Array, path: Path, **options: Any) -> Path:
-    """A tidy table of pulses with these ids."""
     samples = {"time_ms": np.arange(len(ids)) * 0.1, "acceleration_g": np.sin(np.arange(len(ids)))}
     pq.write_table(pa.table({"id": ids, **samples}), path, **options)
     return path
@@ -76,7 +75,6 @@ def test_a_small_file_of_long_texts_is_refused_unread(tmp_path: Path, column: st
 
 
 def test_texts_written_as_changes_of_the_one_before_are_refused(tmp_path: Path) -> None:
-    """A byte of such a page may be a text of any length."""
     ids = pa.array([f"{'x' * 8000}{i:08d}" for i in range(2000)])
     options = {"use_dictionary": False, "column_encoding": {"id": "DELTA_BYTE_ARRAY"}}
     path = table(ids, tmp_path / "t.parquet", **options)
@@ -85,7 +83,6 @@ def test_texts_written_as_changes_of_the_one_before_are_refused(tmp_path: Path) 
 
 
 def test_damaged_headers_of_pages_are_a_sentence(tmp_path: Path) -> None:
-    """Whatever byte of them is wrong."""
     path = table(pa.array(["A"] * 100), tmp_path / "t.parquet", compression="none")
     sound = path.read_bytes()
     refused = 0

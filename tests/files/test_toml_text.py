@@ -15,7 +15,6 @@ FORMS = ("{} = 1", "[{}]", "[[{}]]", "x = {{ {} = 1 }}", "x = [\n{{ {} = 1 }}]")
 
 
 def test_keys_of_some_parts_and_texts_with_points_are_read(tmp_path: Path) -> None:
-    """What people write is no such key."""
     text = 'a.b."c.d".e = "Version 1.2.3. Made by J. R. R. Doe ... 10.1016/j.x"\n[imported.T1]\ntimes = [0.1, 0.2]\n'
     (tmp_path / "x.toml").write_text(text, encoding="utf-8")
     assert read_toml(tmp_path / "x.toml", 1, "") == tomllib.loads(text)
@@ -47,5 +46,4 @@ _TEXTS = st.text(st.characters(exclude_categories=["Cs"]))
 
 @given(st.dictionaries(_TEXTS, _TEXTS))
 def test_texts_come_back_from_toml(texts: dict[str, str]) -> None:
-    """Any text, as key and as value."""
     assert tomllib.loads(f"x = {toml_text(texts)}\ny = {toml_text(list(texts))}") == {"x": texts, "y": list(texts)}

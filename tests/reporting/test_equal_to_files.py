@@ -24,12 +24,10 @@ OPTIONS = [text for name, value in AT.items() for text in (f"--{name.replace('_'
 
 @pytest.fixture(scope="module")
 def read(campaign_on_disk: Path) -> crashfuse.Campaign:
-    """The small campaign as the commands read it."""
     return crashfuse.load_campaign(campaign_on_disk)
 
 
 def run(command: str, folder: Path, out: Path, *options: str) -> Path:
-    """Run a command on the campaign; returns its folder of results."""
     assert cli.main([command, str(folder), "--out", str(out), *options]) == cli.DONE
     return out
 
@@ -78,7 +76,6 @@ def test_those_of_a_prediction(read: crashfuse.Campaign, campaign_on_disk: Path,
 
 @pytest.mark.slow
 def test_those_of_plans(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
-    """The sweep over speed, and the ranking of next tests."""
     weights, kind = OPTIONS[2:], ("--factor", "drive=FWD")
     speeds = ("--speed-mph", "28", "30.5")
     out = run("sweep", campaign_on_disk, tmp_path / "sweep", *weights, *speeds, *kind, "--approach", *APPROACHES)
@@ -92,7 +89,6 @@ def test_those_of_plans(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_pa
 
 @pytest.mark.slow
 def test_those_of_a_certification(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
-    """Verdicts and the track record."""
     (tmp_path / "criteria.toml").write_text(
         '[[criterion]]\nname = "crush"\nmetric = "max_crush"\nat_most = 430.0\n', encoding="utf-8"
     )
@@ -108,7 +104,6 @@ def test_those_of_a_certification(read: crashfuse.Campaign, campaign_on_disk: Pa
 
 @pytest.mark.slow
 def test_that_of_a_learning_curve(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
-    """Each part of the tests, held-out test, approach and window; with what criteria are decided."""
     (tmp_path / "criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 430.0\n', encoding="utf-8")
     criteria = ("--criteria", str(tmp_path / "criteria.toml"))
     options = ("--approach", *APPROACHES, "--repeats", "0", "--workers", "1", *criteria)
@@ -119,7 +114,6 @@ def test_that_of_a_learning_curve(read: crashfuse.Campaign, campaign_on_disk: Pa
 
 
 def test_what_check_says_of_the_runs(read: crashfuse.Campaign, campaign_on_disk: Path, capsys: Capture) -> None:
-    """The sentences of the command are those of the verdict, whose tables are data frames."""
     assert cli.main(["check", str(campaign_on_disk)]) == cli.DONE
     printed = capsys.readouterr().out.splitlines()
     assert all(sentence in printed for sentence in read.quality.sentences)
@@ -127,7 +121,6 @@ def test_what_check_says_of_the_runs(read: crashfuse.Campaign, campaign_on_disk:
 
 
 def test_those_of_a_rating(campaign_on_disk: Path, capsys: Capture) -> None:
-    """Two files: the ratings; the humps and stretches outside the corridor of one of them."""
     one, other = files = [str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T2", "T3")]
     assert cli.main(["rate", *files, "--csv"]) == cli.DONE
     assert capsys.readouterr().out.encode() == csv_bytes(crashfuse.rate_files(one, other))

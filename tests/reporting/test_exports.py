@@ -17,7 +17,6 @@ from crashfuse.study.estimate import Estimate
 
 
 def test_parquet_keeps_every_digit_and_every_empty_cell() -> None:
-    """Columns, order, floats to the bit and missing bands come back; text is kept as dictionaries."""
     condition, pulse = Condition.of_vector([15.0, 950.0, 700.5]), np.sin(GRID_S) - 250.0
     predictions = (
         Prediction(condition, pulse * 1.1),
@@ -56,7 +55,6 @@ def test_a_table_goes_into_a_spreadsheet_with_a_number_in_each_cell() -> None:
 
 
 def test_an_interval_that_a_record_leaves_open_has_the_ends_that_are_known() -> None:
-    """Each in its column; what is open is empty."""
     cells = ["3.6 [≤ 4.3]", "3.5 [≥ 3.1]", "3.4 [open]", "≤ 15.3 (95 %, record too short)", "3.5 [3.1, 3.9]", "–"]
     lines = spreadsheet_text(pd.DataFrame({"OLC": cells})).split("\n")
     assert lines[0] == "OLC\tOLC lower\tOLC upper"

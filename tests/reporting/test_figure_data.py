@@ -79,7 +79,6 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
 
 
 def test_of_plots_above_each_other_the_table_says_which_is_meant(test: CrashTest) -> None:
-    """What a rating compares: the same two curves as they stand, shifted, warped, and their slopes."""
     later = Pulse(test.pulse.time_s, np.roll(test.pulse.accel_mps2, 20))
     shown = table(rated_curves(explain_rating(test.pulse, later), "fused"))
     curves = shown[shown["Curve"] == "Fused"]
@@ -105,7 +104,6 @@ def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[s
 def test_curves_with_positions_of_their_own_stand_below_each_other(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
-    """Over displacement: the curve's name, its displacement, its acceleration; what is known of maximum crush."""
     interval = {"fused": Metric("max_crush", 500.0, 100.0, None, "mm")}
     shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps, crush=interval))
     assert set(shown["Curve"]) > {"Test", "CAE", "Fused"}
@@ -122,7 +120,6 @@ def test_curves_with_positions_of_their_own_stand_below_each_other(
 
 
 def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
-    """Tests by name, ratings as numbers."""
     spread = table(rating_spread({"T1": {"cae": (0.7, 0.6, 0.75)}, "T2": {"cae": (0.8, 0.75, 0.9)}}))
     assert spread.iloc[:, :2].to_numpy().tolist() == [["CAE", "T1"], ["CAE", "T2"]]
     np.testing.assert_allclose(spread.iloc[1, 2:].to_numpy(float), [0.8, 0.75, 0.9], rtol=1e-6)
@@ -133,7 +130,6 @@ def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
 
 
 def test_a_name_is_no_formula() -> None:
-    """A test may be called anything."""
     figure = go.Figure(go.Scatter(x=[0.0, 1.0], y=[2.0, 3.0], name="=cmd|x"))
     figure.update_layout(xaxis_title="Time (ms)", yaxis_title="Acceleration (g)")
     assert csv_bytes(figure_table(figure)).startswith(b"Time (ms),'=cmd|x: Acceleration (g)\n")

@@ -24,7 +24,6 @@ def drawn(name: str, height: int) -> go.Figure:
 
 
 def page(*parts: str) -> str:
-    """A report: title, notice, and what stands below."""
     notices = "<p class=notice data-label='T9 stands apart'>It is odd.</p>"
     notices += "<p class=notice data-label='Made up'>Made <b>up</b> &amp; small.</p>"
     return f"<h1>Tiny: a study</h1>{notices}{''.join(parts)}"
@@ -43,7 +42,6 @@ REPORT = page(
 
 
 def test_figures_are_read_from_a_report_with_their_headings() -> None:
-    """Each with the headings above it; nothing of the page is run."""
     report = figures_of(REPORT)
     assert (report.title, report.labels) == ("Tiny: a study", ("T9 stands apart", "Made up"))
     assert report.notices == ("It is odd.", "Made up & small.")
@@ -65,7 +63,6 @@ def test_figures_are_read_from_a_report_with_their_headings() -> None:
     ],
 )
 def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes | None, found: str) -> None:
-    """Empty, another page, not text, damaged, nested without end, not there."""
     if content is not None:
         (tmp_path / "report.html").write_bytes(content)
     with pytest.raises(DataError, match=found):
@@ -75,7 +72,6 @@ def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes | None
 @needs_browser
 @pytest.mark.slow
 def test_figures_become_files_in_every_format() -> None:
-    """SVG with its size and its words, PNG at twice the size, and slides that python-pptx reads."""
     import pptx
 
     files = figure_files(figures_of(REPORT), ("svg", "png", "pptx"))
@@ -144,7 +140,6 @@ def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The extra if it is not installed, then a browser; the report itself can do without both."""
     report = figures_of(REPORT)
     with pytest.raises(UsageError, match="svg, png, csv, pptx, not as pdf"):
         figure_files(report, ("pdf",))  # type: ignore[arg-type]

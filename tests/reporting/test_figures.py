@@ -13,10 +13,10 @@ from crashfuse.condition import Condition
 from crashfuse.reporting.figures import EarlierPrediction
 from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
-from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold
 from crashfuse.units import G
+from tests.conftest import with_pulse
 from tests.reporting.conftest import with_and_without_band
 
 CONFIG = StudyConfig(approaches=("cae", "fused"), windows_ms=(20.0, 40.0))
@@ -45,7 +45,6 @@ def elsewhere(study: Study) -> PredictedPulse:
 
 
 def names(figure: go.Figure) -> list[str]:
-    """What the legend lists beside bands."""
     return [t.name for t in figure.data if t.showlegend is not False and t.name not in (POINTWISE, WHOLE)]
 
 
@@ -58,26 +57,22 @@ def names(figure: go.Figure) -> list[str]:
     ],
 )
 def test_every_figure_of_a_test_is_one_call(study: Study, name: str) -> None:
-    """It draws something, in the colours and units of the pages, and has a table."""
     assert len(figure_table(study.plot("T2", name, unit="m/s2", units="kph-kg"))) > 0
 
 
 @pytest.mark.parametrize("name", ["ratings", "draws", "calibration"])
 def test_every_figure_of_a_study_is_one_call(study: Study, name: str) -> None:
-    """Of all held-out tests; of one approach alone too."""
     assert len(figure_table(study.plot(figure=name))) > 0
     assert len(figure_table(study.plot(figure=name, approaches=["fused"]))) > 0
 
 
 @pytest.mark.parametrize("name", ["tests", "conditions", "cae", "bias", "cae events"])
 def test_every_figure_of_a_campaign_is_one_call(campaign: Campaign, name: str) -> None:
-    """One test of it may be marked."""
     assert len(figure_table(campaign.plot(name, held_out="T2", units="kph-kg"))) > 0
 
 
 @pytest.mark.parametrize("name", ["motion", "acceleration", "displacement", "energy", "integration"])
 def test_every_figure_of_a_prediction_is_one_call(elsewhere: PredictedPulse, name: str) -> None:
-    """Without a test; one may be put beside it."""
     drawn = elsewhere.plot(name, also=["T3"])
     representative = ["Representative pulse"] if name in ("motion", "acceleration") else []
     assert names(drawn) == ["Fused", *representative, "T3 · 26.0 mph"]
@@ -85,7 +80,6 @@ def test_every_figure_of_a_prediction_is_one_call(elsewhere: PredictedPulse, nam
 
 
 def test_the_options_are_those_of_the_pages(study: Study, elsewhere: PredictedPulse) -> None:
-    """Approaches, the test, further pulses, the filled band, window, unit, sign and units of speed."""
     fold = study.fold("T2")
     predictions = {each.approach: each.prediction for each in fold.estimates}
     drawn = plots.overlay(fold.test.pulse, predictions, Display(40.0, "m/s²", deceleration=True))
@@ -130,7 +124,6 @@ def test_a_prediction_with_other_settings_is_named_by_what_differs_and_drawn_as_
 
 
 def test_a_campaign_shows_some_tests_and_what_is_put_beside_them(campaign: Campaign, elsewhere: PredictedPulse) -> None:
-    """By their ids, and a prediction; a filter draws each test twice."""
     beside = campaign.plot(tests=["T2"], also=["C05", elsewhere], held_out="T2")
     assert names(beside)[0] == "T2 · 25.0 mph (held out)"
     assert any(name.startswith("Fused at 30.0 mph") for name in names(beside))
@@ -141,11 +134,8 @@ def test_a_campaign_shows_some_tests_and_what_is_put_beside_them(campaign: Campa
 
 @pytest.mark.slow
 def test_the_parts_of_a_bias_do_not_change_with_the_held_out_pulse(study: Study) -> None:
-    """It is drawn, and that is all: the parts stay the same to the bit."""
-    test = study.campaign.test("T2")
-    other = replace(test, pulse=Pulse(GRID_S, 0.5 * test.pulse.accel_mps2))
-    tests = tuple(other if each is test else each for each in study.campaign.tests)
-    changed = replace(study, campaign=replace(study.campaign, tests=tests))
+    softer = with_pulse(study.campaign, "T2", 0.5 * study.campaign.test("T2").pulse.accel_mps2)
+    changed = replace(study, campaign=softer)
     one, two = (each.plot("T2", "bias parts", measured=False) for each in (study, changed))
     for trace, same in zip(one.data, two.data, strict=True):
         np.testing.assert_array_equal(trace.y, same.y)
@@ -177,7 +167,6 @@ def test_the_parts_of_a_bias_do_not_change_with_the_held_out_pulse(study: Study)
     ],
 )
 def test_what_there_is_not_is_one_sentence(study: Study, options: dict[str, object], sentence: str) -> None:
-    """With the nearest name, where there is one."""
     with pytest.raises(UsageError) as caught:
         study.plot(**options)  # type: ignore[arg-type]
     assert str(caught.value).startswith(sentence)

@@ -31,7 +31,6 @@ STATE = {
 
 
 def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -> None:
-    """Draws around the test itself hold it; an approach without draws has no row."""
     folds = []
     for test, factor in zip(campaign.tests[:2], (1.0, 1.5), strict=True):
         draws = factor * np.linspace(0.95, 1.05, 100)[:, None] * test.pulse.accel_mps2
@@ -49,7 +48,6 @@ def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -
 
 
 def test_the_table_of_coverage_says_percent_and_counts() -> None:
-    """Shares of time in percent, tests in numbers, and a dash where nothing is known."""
     never = Coverage(1.0, 1.0, float("nan"), crush=False, peak=True)
     row = coverage_table({"displacement_domain": Calibration(1.0, (INSIDE, never))}).iloc[0]
     assert row["a(t) up to TTZV"] == "100 %"
@@ -60,7 +58,6 @@ def test_the_table_of_coverage_says_percent_and_counts() -> None:
 
 
 def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
-    """One row each."""
     table = fit_table(STATE).set_index("Hyperparameter")
     assert table.loc["shared, standard deviation"].tolist() == ["0.712", "1.50", "no"]
     assert table.loc["noise, standard deviation", "At its bound"] == "yes"

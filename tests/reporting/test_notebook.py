@@ -20,7 +20,6 @@ AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive
 
 @pytest.fixture(scope="module")
 def study(campaign: Campaign) -> Study:
-    """One test, of which the raw CAE predicts nine tenths."""
     test = campaign.test("T3")
     own = Estimate("cae", Prediction(test.condition, 0.9 * test.pulse.accel_mps2), {}, 0.0)
     repeats = {"T3": dict.fromkeys(CONFIG.windows_ms, Repeatability(0.97, 0.9, 0.99))}
@@ -47,7 +46,6 @@ def test_every_object_says_in_a_line_what_it_is(campaign: Campaign, study: Study
 
 
 def test_a_study_shows_grades_and_what_a_repeat_would_rate(study: Study) -> None:
-    """By approach and window."""
     rating = study.fold("T3").ratings["cae"][60.0]
     (table,) = pd.read_html(io.StringIO(study._repr_html_()))
     assert table["Approach"].tolist() == ["CAE", "A repeat"]

@@ -41,7 +41,6 @@ def estimates() -> list[Estimate]:
 
 
 def written(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> Path:
-    """The folder into which an export was written."""
     for name, files in export.files(campaign, estimates).items():
         for path, content in files.items():
             (folder / name / path).parent.mkdir(parents=True, exist_ok=True)
@@ -110,7 +109,6 @@ def test_a_curve_that_starts_later_is_zero_until_then_in_even_steps(start_s: flo
     ],
 )
 def test_a_curve_or_an_export_that_makes_no_sense_is_refused(wrong: dict[str, Any], sentence: str) -> None:
-    """In one sentence, before anything is written."""
     is_export = {*wrong} & {"formats", "location", "draws"}
     with pytest.raises(UsageError, match=sentence):
         PulseExport(**wrong) if is_export else SolverCurve(**{"unit_system": "m-s-kg", **wrong})
@@ -143,7 +141,6 @@ def test_the_corridor_of_a_sled_is_that_of_whole_pulses(
 
 
 def test_more_draws_than_there_are_is_one_sentence(estimates: list[Estimate]) -> None:
-    """So are draws of approaches that have no band."""
     with pytest.raises(UsageError, match="fused has 40 draws"):
         list(outgoing(estimates, 41, 0))
     with pytest.raises(UsageError, match="no draws of cae"):
@@ -181,7 +178,6 @@ def test_curves_of_other_speeds_have_other_names_and_say_the_speed_as_it_was_typ
 
 
 def test_the_includes_say_what_they_hold(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
-    """Origin, condition, notes, units, sign; a line break in a name writes no keyword."""
     named = replace(campaign, name="Tiny\n*INCLUDE\n/etc/passwd ü", channel_filter_class=60.0)
     curve = SolverCurve("mm-ms-kg", deceleration_sign="positive", start_s=0.02, scale=1.5)
     folder = written(named, estimates, tmp_path, PulseExport(("lsdyna", "radioss"), curve=curve))
@@ -244,7 +240,6 @@ def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_locati
 def test_the_iso_mme_files_say_that_nothing_was_measured(
     campaign: Campaign, estimates: list[Estimate], tmp_path: Path
 ) -> None:
-    """Header and channels name crashfuse, campaign, fingerprint, approach and notes; speed in m/s, masses in kg."""
     named = replace(campaign, name="Tiny\nDate of the test :2024-01-01")
     test = read_isomme(written(named, estimates, tmp_path, PulseExport()) / "isomme/fused_33.554mph_expected")
     comments = [value for name, value in test.descriptors if name == "Comments"]
@@ -263,7 +258,6 @@ def test_the_iso_mme_files_say_that_nothing_was_measured(
 @needs_other_readers
 @pytest.mark.slow
 def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
-    """The keyword reader of LS-DYNA's vendor finds one curve, its id and LCINT, and every point."""
     curve = SolverCurve("mm-ms-kg", start_s=0.005, number=77)
     path = written(campaign, estimates, tmp_path, PulseExport(("lsdyna",), curve=curve)) / "lsdyna"
     reader = "from ansys.dyna.core import Deck\ndeck = Deck()\ndeck.loads(open(sys.argv[1]).read())"
@@ -278,7 +272,6 @@ def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Es
 @needs_other_readers
 @pytest.mark.slow
 def test_pyisomme_reads_the_iso_mme_test(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
-    """Codes, units, filter class, time and every sample of all three channels."""
     filtered = replace(campaign, channel_filter_class=60.0)
     folder, name = written(filtered, estimates, tmp_path, PulseExport()), "fused_33.554mph_expected"
     path = folder / "isomme" / name / f"{name}.mme"

@@ -27,7 +27,6 @@ def compared() -> StudyComparison:
 
 
 def test_the_figure_shows_every_difference_and_the_mean_with_two_standard_errors(compared: StudyComparison) -> None:
-    """The mean stands behind the last test."""
     figure = rating_differences(compared, 60.0, "test")
     fused = next(trace for trace in figure.data if trace.name == "Fused")
     gains = [SECOND[test] - FIRST[test] for test in SECOND]
@@ -39,7 +38,6 @@ def test_the_figure_shows_every_difference_and_the_mean_with_two_standard_errors
 
 
 def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyComparison) -> None:
-    """Sentences, cautions, both ways of leaving out, settings, ids, the command; nothing is fetched from elsewhere."""
     report = comparison_report(compared, Display(window_ms=40.0))
     words = unescape(re.sub(r"<script>.*?</script>|<style>.*?</style>", "", report, flags=re.DOTALL))
     for sentence in (*compared.sentences(40.0, "test"), *compared.cautions):
@@ -54,7 +52,6 @@ def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyC
 
 
 def test_studies_stand_beside_each_other(compared: StudyComparison) -> None:
-    """Property by property, with the ids by which the command names them."""
     table = studies_table(compared.first, compared.second).set_index("Study")
     assert table.loc["Settings"].tolist() == ["fast, seed 0", "fast, seed 7"]
     assert table.loc["What"].tolist() == ["study of 4 tests, each both ways", "study of 3 tests, each both ways"]
@@ -62,7 +59,6 @@ def test_studies_stand_beside_each_other(compared: StudyComparison) -> None:
 
 
 def test_a_result_is_told_from_the_same_tests_left_out_otherwise() -> None:
-    """By the words of the sidebar; so is the comparison of the two."""
     alone, grouped = study({"T1": 0.6}), study({"T1": 0.8}, config=StudyConfig(leave_out="speed group"))
     assert described(alone) == "2030-01-01 00:00 · test T1 alone · fast, seed 0 · alpha"
     assert "test T1 with all at its speed" in described(grouped)

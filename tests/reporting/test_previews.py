@@ -15,7 +15,6 @@ from tests.importing.crashes import GIVEN, clock, half_sine_g
 
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
-    """A test as a data acquisition system exports it."""
     path = tmp_path / "V7.csv"
     path.write_bytes(german(clock(), half_sine_g(clock())))
     return path

@@ -50,7 +50,6 @@ def test_stretches_outside_the_corridor_are_in_the_readers_unit_and_sign() -> No
 
 
 def test_the_record_is_plain_json_whose_losses_complete_the_rating() -> None:
-    """In ms and g."""
     explanation = explain_rating(pulse(TEST), pulse(1.2 * TEST), 70.0)
     record = json.loads(json.dumps(tables.explanation_record(explanation, "comparison")))
     assert abs(1 - sum(record["losses"].values()) - explanation.rating.overall) < 1e-12
@@ -59,7 +58,6 @@ def test_the_record_is_plain_json_whose_losses_complete_the_rating() -> None:
 
 
 def study(campaign: Campaign) -> Study:
-    """Two tests, predicted by the test itself and by something softer."""
     config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(20.0, 60.0))
     folds = []
     for test in campaign.tests[:2]:
@@ -150,7 +148,6 @@ def test_the_best_of_a_test_is_marked_window_by_window() -> None:
 
 
 def test_what_a_repeat_would_rate_stands_under_the_approaches_and_is_never_the_best(campaign: Campaign) -> None:
-    """In every test and the mean; a window without a value has none."""
     repeats = {"T1": {20.0: Repeatability(0.9, 0.8, 1.0), 60.0: Repeatability(0.8, 0.7, 0.9)}}
     repeats["T2"] = {20.0: Repeatability(1.0, 0.9, 1.0)}
     table = tables.rating_table(replace(study(campaign), repeatability=repeats), tables.TABLE_5)

@@ -37,14 +37,12 @@ def estimate(test: CrashTest) -> Estimate:
 
 @pytest.fixture(scope="module")
 def study(campaign: Campaign) -> Study:
-    """A study of two tests with one approach."""
     folds = tuple(Fold.of(test, [estimate(test)], CONFIG.windows_ms) for test in campaign.tests[:2])
     return Study(campaign, CONFIG, folds)
 
 
 @pytest.fixture(scope="module")
 def text(study: Study) -> str:
-    """Its report."""
     return study_report(study)
 
 
@@ -55,7 +53,6 @@ def figures(text: str) -> int:
 
 @pytest.mark.slow
 def test_a_study_has_its_figures_and_two_for_each_held_out_test(text: str) -> None:
-    """Heat map, spread, calibration, bias by speed; motion, the same over displacement; the worst test's rating."""
     assert figures(text) == 4 + 2 * 2 + 1
     assert text.count("by speed</h2>") == 1
     assert text.count("The same over displacement") == 2
@@ -63,7 +60,6 @@ def test_a_study_has_its_figures_and_two_for_each_held_out_test(text: str) -> No
 
 
 def test_a_study_has_every_part_a_certification_review_asks_for(text: str) -> None:
-    """Results, bands, data, method, bias, tests, limits and provenance, each in its section."""
     sections = ["result", "tables", "band", "data", "quality", "method", "bias", "limits", "origin"]
     assert re.findall(r"<section id=(\w+)><h2>", text) == sections
     assert re.findall(r"<section class=test><h2>Test (\w+): ", text) == ["T1", "T2"]
@@ -82,7 +78,6 @@ def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
 
 
 def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None:
-    """At the top, with how it came out; in the window of the page."""
     text = study_report(replace(study, folds=study.folds[:1]), Display(window_ms=20.0))
     assert text.count("Use the ") == 1
     assert "Recommended before it was run" not in text
@@ -90,7 +85,6 @@ def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None
 
 
 def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst(text: str, study: Study) -> None:
-    """A sentence each; the worst test is named below the verdict, with what is known of it."""
     assert text.count("Why it is rated as it is") == 2
     assert text.count("over 0–60 ms: nothing is lost.") == 2
     worst = text.partition("<h3>The worst test</h3>")[2].partition("</section>")[0]
@@ -100,7 +94,6 @@ def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst
 
 
 def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, text: str) -> None:
-    """What is not recorded is said; by limits, runs are counted and those that fail are named."""
     heading = "<h2>Is the CAE model fit to be believed?</h2>"
     assert f"{heading}\n<p>Energy balance, hourglass energy and added mass are not recorded for any of the 24" in text
     quality = (RunQuality(-0.02, 0.12, 0.01), *(RunQuality(-0.02, 0.01),) * 23)
@@ -114,7 +107,6 @@ def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, 
 
 @pytest.mark.slow
 def test_the_best_rating_of_each_window_is_bold(study: Study) -> None:
-    """As it is shown, to three digits; names stand before the numbers."""
     config = StudyConfig(approaches=("cae", "fused"), windows_ms=(20.0, 60.0))
     folds = []
     for test in study.campaign.tests[:2]:
@@ -142,7 +134,6 @@ def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(stu
 
 
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
-    """The same tests, rated without any other at their speed."""
     both = study_report(replace(study, speed_groups=study))
     assert "A whole speed group left out" in both
     assert figures(both) == figures(study_report(study)) + 1
@@ -165,7 +156,6 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
 
 
 def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campaign) -> None:
-    """Pulses, those of pinned conditions too, and metrics; data, method and settings are in the whole one."""
     here, other = campaign.tests[:2]
     beside = [PredictedPulse(campaign, (estimate(other),), CONFIG)]
     text = prediction_report(campaign, [estimate(here)], CONFIG, beside=beside, form="short")
@@ -183,7 +173,6 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
 
 
 def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campaign) -> None:
-    """They come in several tables, each with the condition itself first; no line cuts an interval."""
     first = estimate(campaign.tests[0])
     speeds = [replace(first.prediction.condition, speed_mps=speed_mps) for speed_mps in (8.0, 9.0, 10.0, 11.0)]
     moved = (replace(first, prediction=replace(first.prediction, condition=at)) for at in speeds)
@@ -196,13 +185,11 @@ def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campai
 
 
 def test_equal_results_give_equal_bytes(study: Study, text: str) -> None:
-    """Whenever and however long it took: a review can compare reports."""
     assert study_report(replace(study, seconds={"prepare": 7.0})) == text
 
 
 @pytest.mark.slow
 def test_a_short_report_has_the_result_and_the_worst_test_alone(study: Study) -> None:
-    """Heat map and one test's pulses; data, method and the other tests are in the whole one."""
     weaker = replace(estimate(study.campaign.tests[1]), prediction=Prediction(study.campaign.tests[1].condition,
                      0.8 * study.campaign.tests[1].pulse.accel_mps2))  # fmt: skip
     folds = (study.folds[0], Fold.of(study.campaign.tests[1], [weaker], CONFIG.windows_ms))
@@ -232,7 +219,6 @@ def test_a_report_shows_chosen_tests_in_the_units_and_the_window_of_the_page(stu
 
 
 def test_what_users_typed_stands_in_the_report_as_text(study: Study) -> None:
-    """Notes on the tests that were left out, and a campaign's name; nothing in them is markup."""
     notes = (Note("T1", "<img src=x onerror=alert(1)> barrier & face", 12.0, 20.0), Note("T4", "not left out"))
     named = replace(study, campaign=replace(study.campaign, name="<script>alert(1)</script>"))
     text = study_report(named, options=ReportOptions(notes=notes))

@@ -85,7 +85,6 @@ def test_each_score_stands_in_the_row_of_its_test_approach_and_window(campaign: 
 
 
 def test_a_row_for_each_study_holds_the_mean_and_the_least_of_its_tests(campaign: Campaign) -> None:
-    """For single tests and for speed groups, with what was left out."""
     alone, groups = study(campaign, ("T2", "T3", "T4")), study(campaign, ("T2", "T4"), scale=0.8)
     groups = replace(groups, config=replace(groups.config, leave_out="speed group"))
     both = replace(alone, config=replace(alone.config, leave_out="both"), speed_groups=groups)
@@ -138,7 +137,6 @@ def test_metrics_of_a_study_begin_with_those_measured(campaign: Campaign) -> Non
 
 
 def test_a_sweep_has_a_row_for_each_number(campaign: Campaign) -> None:
-    """Predicted ones, then measured ones as the approach ``test``; a missing number stays empty."""
     fits = [Fit.of(campaign, name) for name in ("cae", "displacement_domain")]
     sweeps = sweep_speed(fits, campaign.test("T2").condition, np.array([15.0, 20.0, 30.0]) * MPH)
     table = tables.sweep_table(sweeps, campaign)
@@ -157,7 +155,6 @@ def test_a_sweep_has_a_row_for_each_number(campaign: Campaign) -> None:
 
 
 def test_candidates_are_told_in_mph_lb_and_g_rounded() -> None:
-    """One row each, in rank."""
     condition = Condition.of_vector([50.04 * MPH, 2060.4 * LB, 1525 * LB])
     slower = replace(condition, speed_mps=12 * MPH, factors=(("drive", "AWD"),))
     ranked = [NextTest(slower, 4 * G, 3 * G), NextTest(condition, 4.001 * G, 3.5 * G, ("Extrapolation: speed",))]
@@ -178,7 +175,6 @@ def test_pulses_of_a_study_are_those_measured_then_those_predicted(campaign: Cam
 
 
 def test_what_repeats_rate_stands_with_test_and_window(campaign: Campaign) -> None:
-    """A row each where it is known, and none where it is not."""
     repeats = {20.0: Repeatability(0.9, 0.8, 0.95), 60.0: Repeatability(0.91, 0.85, 0.97, ("T2", "T3"))}
     table = tables.repeat_scores(replace(study(campaign, ("T2", "T4")), repeatability={"T4": repeats}))
     assert table.columns.tolist() == ["held_out", "window_ms", "value", "lower", "upper", "repeats"]

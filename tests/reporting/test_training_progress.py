@@ -9,12 +9,10 @@ from crashfuse.reporting.training_progress import Watched
 
 
 def watched() -> Watched:
-    """A watch that tells nobody else."""
     return Watched(lambda _: None)
 
 
 def test_a_step_that_starts_over_starts_a_new_curve() -> None:
-    """The next test's fit is not drawn onto the last one's."""
     watch = watched()
     for _ in range(2):
         for i in range(3):

@@ -71,7 +71,6 @@ def sweeps(campaign: Campaign) -> list[Sweep]:
 
 
 def ranked(campaign: Campaign) -> list[NextTest]:
-    """Two candidates, one of them an extrapolation."""
     first, second = (test.condition for test in campaign.tests[:2])
     return [NextTest(first, 30.0, 25.0), NextTest(second, 30.0, 28.0, ("Extrapolation.",))]
 
@@ -123,7 +122,6 @@ FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
 
 
 def study(campaign: Campaign) -> Study:
-    """Two tests left out, also with their speed groups."""
     folds = tuple(Fold.of(test, [estimate(test)], CONFIG.windows_ms) for test in campaign.tests[:2])
     alone = Study(campaign, CONFIG, folds)
     return replace(alone, speed_groups=alone)
@@ -140,7 +138,6 @@ def test_a_report_is_in_one_system(campaign: Campaign, name: str, system: UnitSy
 @SYSTEMS
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_figure_is_in_one_system(campaign: Campaign, name: str, system: UnitSystem) -> None:
-    """Axes, legend and what the cursor reads."""
     figure = FIGURES[name](campaign, Display(system=system))
     drawn = json.dumps(figure.to_plotly_json(), default=repr, ensure_ascii=False)
     assert other_units(drawn, system) == []
@@ -148,7 +145,6 @@ def test_a_figure_is_in_one_system(campaign: Campaign, name: str, system: UnitSy
 
 @pytest.mark.parametrize("name", ["conditions", "domain", "next test", "sweep of ΔV"])
 def test_speeds_and_weights_are_the_same_converted(campaign: Campaign, name: str) -> None:
-    """Every point along the axes of both, and the axis of speed itself."""
     usual, metric = (FIGURES[name](campaign, Display(system=system)) for system in (MPH_LB, KPH_KG))
     for one, other in zip(numbers(usual, "x"), numbers(metric, "x"), strict=True):
         np.testing.assert_allclose(other * KPH, one * MPH, rtol=1e-5)
@@ -171,7 +167,6 @@ def test_limits_are_the_same_converted(campaign: Campaign) -> None:
 
 
 def numbers(figure: go.Figure, axis: str) -> Iterator[np.ndarray]:
-    """The numbers of all traces along an axis."""
     for trace in figure.data:
         values = trace[axis]
         if values is not None and len(values) and values[0] is not None:

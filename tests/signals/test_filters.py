@@ -55,7 +55,6 @@ def test_constant_and_ramp_pass_unchanged_to_the_ends() -> None:
 
 
 def test_each_row_of_a_batch_is_filtered_as_if_alone() -> None:
-    """Leading axes are kept; single precision is filtered in double."""
     signals = np.random.default_rng(1).normal(size=(2, 3, 1250)).astype(np.float32)
     batch = cfc_filter(signals, cfc=60, dt_s=8e-5)
     assert batch.shape == (2, 3, 1250)
@@ -63,7 +62,6 @@ def test_each_row_of_a_batch_is_filtered_as_if_alone() -> None:
 
 
 def with_hole() -> FloatArray:
-    """A record with a NaN."""
     record = np.zeros(1000)
     record[7] = np.nan
     return record
@@ -81,7 +79,6 @@ def with_hole() -> FloatArray:
 def test_what_cannot_be_filtered_is_refused_in_one_sentence(
     apply: Callable[[], object], error: type[CrashfuseError], message: str
 ) -> None:
-    """Slow sampling, a short record, a hole and a class that is none say what is wrong."""
     with pytest.raises(error, match=message) as caught:
         apply()
     assert "\n" not in str(caught.value)

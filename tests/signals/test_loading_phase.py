@@ -7,6 +7,7 @@ from crashfuse.signals.loading_phase import energy_crush, loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S
 from crashfuse.units import G
 from tests.conftest import not_none
+from tests.signals.test_metrics import DELTA_V_MPS, DURATION_S, HALF_SINE
 
 
 def test_constant_braking_has_the_closed_form_t0_and_crush() -> None:
@@ -35,16 +36,9 @@ def test_displacement_at_a_share_of_the_speed_follows_energy() -> None:
 
 @pytest.mark.parametrize("speed", [0.4, 3.0, 10.0, 13.0])
 def test_displacement_only_grows(speed: float) -> None:
-    """Displacement is strictly increasing, so acceleration is a function of it."""
     phase = loading_phase(-300 * np.sin(np.pi * GRID_S / 0.07), speed)
     assert (np.diff(phase.displacement_m) > 0).all()
     assert phase.velocity_mps[-1] == 0
-
-
-DURATION_S = 0.08
-PEAK_MPS2 = 40 * G
-DELTA_V_MPS = 2 * PEAK_MPS2 * DURATION_S / np.pi
-HALF_SINE = np.where(GRID_S < DURATION_S, -PEAK_MPS2 * np.sin(np.pi * GRID_S / DURATION_S), 0.0)
 
 
 def test_energy_of_constant_braking_grows_evenly_with_crush() -> None:

@@ -28,7 +28,6 @@ HALF_SINE = np.where(GRID_S < DURATION_S, -PEAK_MPS2 * np.sin(np.pi * GRID_S / D
 
 
 def by_name(metrics: tuple[Metric, ...]) -> dict[str, Metric]:
-    """Metrics by their name."""
     return {metric.name: metric for metric in metrics}
 
 
@@ -203,7 +202,6 @@ def test_a_metric_reads_as_value_and_interval() -> None:
 
 
 def test_an_interval_of_which_one_end_is_known_holds_what_is_on_its_side() -> None:
-    """None at all is no answer."""
     ends = ((1.0, 2.0), (None, 2.0), (None, None))
     known, half, unknown = (Metric("peak", None, lower, upper, "g") for lower, upper in ends)
     assert [known.holds(value) for value in (0.9, 1.0, 2.1)] == [False, True, False]

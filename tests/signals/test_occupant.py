@@ -148,14 +148,12 @@ def test_an_occupant_whom_a_free_vehicle_outruns_has_no_olc() -> None:
 
 @pytest.mark.parametrize(("length", "said"), [(0.065, "write 65"), (1000.1, "between 0 and 1000"), (-1, "between")])
 def test_a_length_in_m_is_refused_with_the_likely_one(length: float, said: str) -> None:
-    """As is one that no vehicle has; none at all is a choice."""
     with pytest.raises(UsageError, match=said):
         OccupantModel(olc_free_flight_mm=length)
     assert [OccupantModel(olc_free_flight_mm=mm).olc_free_flight_mm for mm in (0, 1, 1000)] == [0, 1, 1000]
 
 
 def test_unusual_settings_are_told() -> None:
-    """Those of the metric that they are of, and of both."""
     assert OccupantModel(olc_restraint_mm=200).olc_words == "65 + 200 mm"
     assert OccupantModel(vpi_slack_mm=20).vpi_words == "20 mm, 2500 N/m"
     assert [OccupantModel(olc_restraint_mm=mm).vpi_words for mm in (200, 235)] == ["", ""]

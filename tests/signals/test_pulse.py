@@ -77,7 +77,6 @@ def test_vehicle_that_never_stops_has_no_t0() -> None:
 
 
 def test_resampling_a_straight_line_is_exact_and_zero_outside() -> None:
-    """Linear interpolation keeps a ramp; before and after the record there is no acceleration."""
     ramp = Pulse(np.linspace(0, 0.01, 101), np.linspace(5, 25, 101))
     grid_s = np.linspace(-0.005, 0.015, 401)
     found = ramp.resampled(grid_s)
@@ -88,7 +87,6 @@ def test_resampling_a_straight_line_is_exact_and_zero_outside() -> None:
 
 
 def test_pulse_keeps_its_own_read_only_copy() -> None:
-    """Changing the caller's array does not change the pulse, and the pulse can't be changed."""
     accel = half_sine()
     pulse = Pulse(GRID_S, accel)
     accel[100] = 7
@@ -149,7 +147,6 @@ def test_crashes_cut_anywhere_stop_within_what_they_are_given(campaign: Campaign
 
 @pytest.mark.parametrize("stride", [10, 20])
 def test_it_is_the_cubic_spline_through_the_samples(stride: int) -> None:
-    """For one pulse and for many."""
     sequences = np.random.default_rng(0).normal(size=(3, len(GRID_S[::stride])))
     expected = CubicSpline(GRID_S[::stride], sequences, axis=1)(GRID_S)
     np.testing.assert_allclose(in_full(sequences, stride), expected, atol=1e-12)

@@ -27,7 +27,6 @@ def scores(rating: Rating) -> FloatArray:
 
 
 def table(path: Path) -> dict[str, dict[str, str]]:
-    """Rows of a CSV file by their first column."""
     with path.open() as stream:
         return {row["case"]: row for row in csv.DictReader(stream)}
 
@@ -38,7 +37,6 @@ OTHERS = [pytest.param(case, marks=needs_shared) for case in EXPECTED if case no
 
 
 def curves(case: str) -> tuple[FloatArray, FloatArray]:
-    """Reference and comparison of a published case."""
     folder = OWN if case in OURS else FURTHER
     _, reference, comparison = np.loadtxt(folder / f"{case}.csv", delimiter=",", skiprows=1, unpack=True)
     return reference, comparison
@@ -194,7 +192,6 @@ def test_warping_forgives_what_the_band_reaches() -> None:
 
 @pytest.mark.parametrize(("overall", "name"), [(1, "Excellent"), (0.9401, "Excellent"), (0.94, "Good"), (0.80, "Fair")])
 def test_grades_need_more_than_their_limit(overall: float, name: str) -> None:
-    """A rating on the limit has the grade below it."""
     assert grade(overall) == name
     assert (grade(0.5801), grade(0.58), grade(0)) == ("Fair", "Poor", "Poor")
 
@@ -259,7 +256,6 @@ def test_arrays_and_pulses_rate_alike_over_a_window() -> None:
 
 
 def test_many_curves_rate_as_one_by_one() -> None:
-    """A batch gives each curve the rating it gets alone, whatever shift it needs."""
     rng = np.random.default_rng(3)
     reference = bell(250) + 0.3 * bell(420)
     comparisons = np.array([bell(250 + rng.normal() * 20) + rng.normal() * bell(400) for _ in range(40)])
@@ -291,7 +287,6 @@ def test_flat_comparison_is_poor_and_well_defined(level: float) -> None:
 
 
 def nan_at(index: int) -> FloatArray:
-    """A curve with a hole."""
     curve = bell(250).copy()
     curve[index] = np.nan
     return curve

@@ -21,7 +21,6 @@ def pulse(values: FloatArray) -> Pulse:
 
 
 def bump(centre_ms: float, height: float, width_ms: float = 5.0) -> FloatArray:
-    """One hump of braking, a Gaussian."""
     curve: FloatArray = -height * np.exp(-0.5 * ((TIME_S * 1e3 - centre_ms) / width_ms) ** 2)
     return curve
 
@@ -32,7 +31,6 @@ TEST = bump(15, 200) + bump(33, 250) + bump(50, 220)
 
 @pytest.mark.parametrize("late_ms", [3.0, -3.0])
 def test_a_pulse_shifted_by_3_ms_is_3_ms_late_or_early(late_ms: float) -> None:
-    """So is each of its humps; the other scores of the shifted curves are perfect."""
     shifted = np.interp(TIME_S - late_ms / 1e3, TIME_S, TEST)
     found = explain_rating(pulse(TEST), pulse(shifted), 70.0)
     assert found.shift_s == pytest.approx(late_ms / 1e3)
@@ -52,7 +50,6 @@ def test_only_the_hump_that_comes_late_is_late_and_gains_by_the_shift() -> None:
 
 
 def test_a_hump_that_the_comparison_lacks_has_no_counterpart() -> None:
-    """Its place in the comparison is flat."""
     found = explain_rating(pulse(TEST), pulse(bump(15, 200) + bump(33, 250)), 70.0)
     assert [hump.counterpart_s is None for hump in found.humps] == [False, False, True]
     worst = max(found.humps, key=lambda hump: hump.magnitude_share)
@@ -91,7 +88,6 @@ def _pairs() -> list[tuple[str, FloatArray, FloatArray]]:
 
 @pytest.mark.parametrize(("name", "t", "c"), _pairs(), ids=[name for name, *_ in _pairs()])
 def test_summed_up_again_the_parts_give_the_rating_to_the_last_digit(name: str, t: FloatArray, c: FloatArray) -> None:
-    """Smooth, rough, shifted and tie-rich pairs."""
     window_ms = t.size * STEP_S * 1e3
     one, other = (Pulse(np.arange(t.size) * STEP_S, values) for values in (t, c))
     found = explain_rating(one, other, window_ms)
@@ -123,7 +119,6 @@ def bumps(*centres: float, height: float = 200.0) -> FloatArray:
 
 
 def test_peaks_are_where_the_humps_are_and_valleys_half_way_between() -> None:
-    """Together they fill the curve, whatever its sign."""
     for curve in (bumps(15, 35), -bumps(15, 35)):
         first, second = humps(curve)
         assert (first.begin, first.peak, second.peak, second.end) == (0, 150, 350, N)
@@ -131,7 +126,6 @@ def test_peaks_are_where_the_humps_are_and_valleys_half_way_between() -> None:
 
 
 def test_a_ripple_is_no_hump_and_a_rise_has_none() -> None:
-    """What rises less than a tenth of the largest value above its valleys does not count."""
     ripple = bumps(15) + bumps(40, height=15.0)
     assert [hump.peak for hump in humps(ripple)] == [150]
     assert humps(np.linspace(0.0, -1.0, N)) == ()
@@ -153,7 +147,6 @@ CASES = {
 
 
 def test_each_fault_is_told() -> None:
-    """With what it costs, its time and its size."""
     told = {name: rating_sentences(explain_rating(pulse(TEST), pulse(own), 70.0)) for name, own in CASES.items()}
     assert_golden(
         "rating_sentences", (f"{name}: {part}: {said}" for name, of in told.items() for part, said in of.items())

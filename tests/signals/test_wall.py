@@ -30,7 +30,6 @@ TIME_S = BEGIN_S + DT_S * np.arange(1900)
 
 
 def pulse(late_s: float = 0.0) -> FloatArray:
-    """That of a vehicle that stops, on the study grid."""
     return np.asarray(half_sine_g(GRID_S - late_s) * 9.80665)
 
 
@@ -66,7 +65,6 @@ def test_what_is_wrong_is_found_and_nothing_else(
 
 
 def test_it_is_kept_with_its_test_and_told_by_the_check(campaign: Campaign, tmp_path: Path) -> None:
-    """A wrong mass is a warning; an impulse is refused in a sentence."""
     test = campaign.tests[0]
     force = np.interp(TIME_S, GRID_S, -1.2 * test.condition.mass_kg * test.pulse.accel_mps2, left=0.0, right=0.0)
     tests = (replace(test, wall=Wall(TIME_S, force)), *campaign.tests[1:])
@@ -94,7 +92,6 @@ def test_forces_and_impulses_of_rigid_walls_are_read_in_either_solver(tmp_path: 
 
 
 def test_load_cells_of_nhtsa_are_read_at_import(tmp_path: Path) -> None:
-    """Summed, in time from contact, in a table of their own."""
     (settled,) = import_source(written(tmp_path / "v", nhtsa_files()), tmp_path / "c", fmt="nhtsa")
     assert settled.wall is not None
     assert settled.wall.beside(np.interp(GRID_S, settled.pulse.time_s, settled.pulse.accel_mps2)).share(
@@ -107,7 +104,6 @@ def test_load_cells_of_nhtsa_are_read_at_import(tmp_path: Path) -> None:
 
 @needs_shared
 def test_impulses_of_the_solver_are_the_change_of_its_momentum() -> None:
-    """In a run of OpenRadioss with a rigid wall."""
     path = SHARED / "real" / "formats" / "radioss" / "BOX1BLT01"
     history = read_binary(path.read_bytes(), path.name)
     change, impulse = (values - values[0] for values in (history.model["X-MOMENTUM"], history.walls["X"]))

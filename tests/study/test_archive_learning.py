@@ -28,7 +28,6 @@ def vehicle(campaign: Campaign, name: str, stiffer: float) -> Campaign:
 
 @pytest.fixture
 def vehicles(campaign: Campaign) -> list[Campaign]:
-    """Four of them."""
     return [vehicle(campaign, name, by) for name, by in zip("ABCD", (1.0, 1.02, 1.05, 1.08), strict=True)]
 
 
@@ -56,7 +55,6 @@ def test_a_vehicle_of_the_archive_is_judged_as_if_it_had_never_been_in(
 
 
 def test_what_cannot_be_learned_from_is_refused(vehicles: list[Campaign]) -> None:
-    """Before anything is computed."""
     with pytest.raises(UsageError, match="takes 3 campaigns or more, not 2"):
         learn_archive(vehicles[:2])
     with pytest.raises(UsageError, match="with 4 tests or more; B has 3"):

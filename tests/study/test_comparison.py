@@ -23,7 +23,6 @@ def study(overall: dict[str, float], **changes: object) -> PastResult:
 
 
 def raw(overall: dict[str, float], **changes: object) -> PastResult:
-    """A study of the raw CAE model alone."""
     return study({}, ratings={test: {"cae": {60.0: rating}} for test, rating in overall.items()}, **changes)
 
 
@@ -53,7 +52,6 @@ def test_windows_and_ways_are_compared_like_with_like() -> None:
 
 
 def test_a_test_left_out_alone_is_compared_with_itself_left_out_with_its_speed_group() -> None:
-    """Each by its own way, and it is said which question was the harder one."""
     alone, grouped = study({"T1": 0.6}), study({"T1": 0.8}, config=StudyConfig(leave_out="speed group"))
     for first, second, harder in ((alone, grouped, "second"), (grouped, alone, "first")):
         compared = StudyComparison(first, second)
@@ -78,7 +76,6 @@ def test_studies_of_two_vehicles_are_refused() -> None:
 
 
 def test_two_without_anything_in_common_are_refused() -> None:
-    """No test, or no approach."""
     for other in (study({"T9": 0.5}), study({}, ratings={"T1": {"time_domain": {60.0: 0.5}}})):
         with pytest.raises(UsageError, match="no rating in common"):
             StudyComparison(study(FIRST), other)

@@ -15,13 +15,11 @@ from crashfuse.units import MPH
 
 
 def test_a_plan_names_each_test_once(campaign: Campaign) -> None:
-    """Every test of the campaign, if none is named."""
     assert StudyPlan(campaign).held_out == campaign.test_ids
     assert StudyPlan(campaign, held_out=("T4", "T1", "T4")).held_out == ("T4", "T1")
 
 
 def test_both_ways_to_leave_out_are_planned_where_both_are_possible(campaign: Campaign) -> None:
-    """Tests of one speed group can be left out one by one only."""
     both = StudyConfig(leave_out="both")
     assert [config.leave_out for config in StudyPlan(campaign, both).configs] == ["test", "speed group"]
     assert [config.leave_out for config in StudyPlan(campaign.without(["T1", "T4"]), both).configs] == ["test"]
@@ -45,7 +43,6 @@ def test_both_ways_to_leave_out_are_planned_where_both_are_possible(campaign: Ca
     ],
 )
 def test_an_impossible_setting_is_refused_where_it_is_stated(settings: dict[str, Any], sentence: str) -> None:
-    """The message names what was asked and what there is, or the nearest of it."""
     with pytest.raises(UsageError, match=sentence):
         StudyConfig(**settings)
 
@@ -64,7 +61,6 @@ def test_a_preset_that_does_not_act_is_refused_and_of_several_approaches_it_is_s
 
 
 def test_a_speed_group_is_spelled_as_on_the_command_line_or_in_words() -> None:
-    """A hyphen, an underscore and a space are one."""
     spellings: list[Any] = ["speed group", "speed-group", "speed_group"]
     assert len({StudyConfig(leave_out=spelling) for spelling in spellings}) == 1
 
@@ -78,7 +74,6 @@ def test_a_single_test_or_speed_group_cannot_be_left_out(campaign: Campaign) -> 
 
 
 def test_a_test_that_is_flat_over_a_window_is_named_before_anything_is_computed(campaign: Campaign) -> None:
-    """It cannot be rated; the sentence names test and window."""
     late = np.where(GRID_S < 0.025, 0.0, campaign.test("T1").pulse.accel_mps2)
     tests = (replace(campaign.tests[0], pulse=Pulse(GRID_S, late)), *campaign.tests[1:])
     with pytest.raises(DataError, match="T1: expected a pulse that varies over 0–20 ms"):
@@ -96,7 +91,6 @@ def test_a_window_beyond_the_end_of_a_held_out_record_is_refused(campaign: Campa
 
 
 def at(campaign: Campaign, *speeds_mph: float) -> Campaign:
-    """A campaign with tests A, B … at these speeds."""
     one = campaign.tests[0]
     conditions = [replace(one.condition, speed_mps=speed * MPH) for speed in speeds_mph]
     tests = (replace(one, id=name, condition=at) for name, at in zip("ABCDEFGH", conditions, strict=False))
@@ -116,5 +110,4 @@ def at(campaign: Campaign, *speeds_mph: float) -> Campaign:
 def test_it_lies_between_others_near_the_middle_of_the_speeds(
     campaign: Campaign, speeds_mph: tuple[float, ...], chosen: str
 ) -> None:
-    """Not an extreme, where an approach has to extrapolate."""
     assert telling_test(at(campaign, *speeds_mph)).id == chosen

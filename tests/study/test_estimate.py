@@ -43,7 +43,6 @@ def test_an_impossible_speed_is_refused(campaign: Campaign, speed_mps: float, sa
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.slow
 def test_far_beyond_the_library_the_vehicle_still_stops(campaign: Campaign, approach: str, factor: float) -> None:
-    """At half and twice the weights every approach predicts a crash, and flags the extrapolation."""
     base = campaign.tests[1].condition
     condition = replace(
         base, front_weight_kg=factor * base.front_weight_kg, rear_weight_kg=factor * base.rear_weight_kg
@@ -55,7 +54,6 @@ def test_far_beyond_the_library_the_vehicle_still_stops(campaign: Campaign, appr
 
 
 def test_a_prediction_says_whose_sensor_failed(campaign: Campaign) -> None:
-    """Computed and from the cache, and only by an approach that learns from the test."""
     first, *others = campaign.tests
     failed = replace(first, faults=(SensorFault("lost", 0.03, 0.035, -20 * G, 9.0),))
     condition = first.condition
@@ -70,7 +68,6 @@ def test_a_prediction_says_whose_sensor_failed(campaign: Campaign) -> None:
 def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
     campaign: Campaign, fitting_is_an_error: Callable[[], None], tmp_path: Path
 ) -> None:
-    """The second fit learns nothing; with one test less it has to."""
     condition = campaign.tests[1].condition
     config, cache = StudyConfig(approaches=("displacement_domain",)), Cache(tmp_path)  # where no other test fitted
     first = Fit.of(campaign, "displacement_domain", config, cache=cache).estimate(condition)
@@ -113,7 +110,6 @@ def test_several_approaches_say_together_what_each_says_alone(
 
 @pytest.mark.slow
 def test_parts_with_other_settings_are_not_shared(campaign: Campaign) -> None:
-    """A time domain with another seed is not what fused is made of."""
     condition = campaign.tests[1].condition
     fused = Fit.of(campaign, "fused")
     other = Fit.of(campaign, "time_domain", StudyConfig(seed=1))
@@ -122,7 +118,6 @@ def test_parts_with_other_settings_are_not_shared(campaign: Campaign) -> None:
 
 
 def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign) -> None:
-    """Pulse, draws, metrics with intervals and the rating that is expected; not at another condition."""
     rest, config, cache = campaign.without(["T2"]), StudyConfig(), Cache()
     condition = replace(campaign.test("T2").condition, front_weight_kg=911.0)
     own = Fit.of(rest, "displacement_domain", config, cache=cache).estimate(condition)
@@ -139,7 +134,6 @@ def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign
 
 @pytest.mark.slow
 def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is kept is kept by the settings, not by the preset's name."""
     condition = campaign.tests[0].condition
     estimate_at(campaign, condition, "displacement_domain")
     few = replace(DisplacementConfig.fast(), n_draws=20)

@@ -19,7 +19,6 @@ from tests.conftest import not_none
 
 
 def drawn(accel_mps2: FloatArray, spread: float) -> FloatArray:
-    """Draws of a relative spread."""
     return accel_mps2 * (1 + spread * np.linspace(-1, 1, 41)[:, None])
 
 
@@ -107,7 +106,6 @@ def test_a_condition_hardly_beyond_all_tests_has_tests_on_no_side(campaign: Camp
 
 
 def test_where_no_test_was_left_out_nothing_is_expected(campaign: Campaign) -> None:
-    """The paper's preset does not ask."""
     assert expected_rating(at(campaign, 30.0, {}), campaign) is None
 
 
@@ -122,14 +120,12 @@ def test_what_ratings_lack_is_log_t_and_other_campaigns_count_as_four_tests() ->
 
 
 def test_no_rating_is_above_one_or_below_zero() -> None:
-    """However bad or good the left-out tests were."""
     for ratings in ([0.05, 0.6], [1.0, 1.0, 1.0], [0.999, 0.4]):
         found = RatingDistribution.learned(np.array(ratings), np.zeros(len(ratings)))
         assert all(0 <= found.quantile(share) <= 1 for share in (0.001, 0.025, 0.5, 0.975, 0.999))
 
 
 def test_a_rating_and_its_share_are_each_others_inverse() -> None:
-    """As of every distribution."""
     found = RatingDistribution.learned(np.array([0.9, 0.7, 0.8]), np.arange(3.0), np.array([0.95, 0.9, 0.9]), 0.85)
     for share in (0.1, 0.5, 0.9):
         assert found.cdf(found.quantile(share)) == pytest.approx(share)
@@ -146,7 +142,6 @@ def test_draws_agree_as_they_would_be_rated_by_corridor_and_slope() -> None:
 
 
 def test_without_draws_nothing_is_known_of_their_agreement() -> None:
-    """As of the raw CAE model, whose rating follows from left-out tests alone."""
     prediction = Prediction(Condition.of_vector([15.0, 800.0, 700.0]), np.ones(1250))
     assert np.isnan(prediction.agreement)
     ratings = np.array([0.9, 0.8])

@@ -41,7 +41,6 @@ def test_a_test_far_below_its_expectation_is_told_with_its_range_and_its_rating(
 
 
 def test_a_test_that_comes_out_like_the_others_is_as_expected(campaign: Campaign) -> None:
-    """Off by the same factor as they are; all of it in its band."""
     found = account(campaign, CONFIG, fold(campaign, "T3", 0.93, 0.93))
     assert not found.disappoints
     assert found.inside == 1.0

@@ -36,7 +36,6 @@ N = 9
     ],
 )
 def test_a_cost_is_an_amount_with_or_without_a_currency(text: str, amount: float, currency: str) -> None:
-    """As people write it."""
     assert Cost.of(text) == Cost(amount, currency)
 
 
@@ -44,7 +43,6 @@ def test_a_cost_is_an_amount_with_or_without_a_currency(text: str, amount: float
     "text", ["-5", "0", "", "many", "1e400", "60,00 EUR", "5 6", "nan", "inf", "1'000 000", "1.2.3"]
 )
 def test_what_is_no_cost_is_a_sentence(text: str) -> None:
-    """Nothing is guessed."""
     with pytest.raises(UsageError, match="number above 0, with or without a currency"):
         Cost.of(text)
 
@@ -57,7 +55,6 @@ def test_a_point_before_three_digits_is_asked_about(text: str) -> None:
 
 
 def test_a_multiple_is_rounded_to_two_digits() -> None:
-    """With its currency; small amounts are not rounded away."""
     assert Cost(60000.0, "EUR").times(4 / 3) == "80,000 EUR"
     assert Cost(60000.0).times(0.0713) == "4,300"
     assert Cost(0.5).times(0.25) == "0.12"
@@ -76,18 +73,15 @@ def curve_of(campaign: Campaign, rating: Callable[[int, int], float], sizes: tup
 
 
 def law(size: int, test: int) -> float:
-    """The law, with tests of different difficulty."""
     return 0.95 - 0.1 / size + 0.01 * (test - 4)
 
 
 @pytest.fixture
 def lawful(campaign: Campaign) -> LearningCurve:
-    """A curve that follows the law exactly."""
     return curve_of(campaign, law, (1, 2, 3, 4, 6, 8))
 
 
 def test_a_gain_is_the_mean_difference_on_the_same_tests(campaign: Campaign) -> None:
-    """How difficult tests are does not count, how differently they gain does."""
     curve = curve_of(campaign, lambda size, test: 0.5 + 0.05 * test + 0.01 * size * (1 + (test % 2)), (1, 2, 4))
     first, second = gains(curve)
     own = 0.01 * (1 + np.arange(N) % 2)
@@ -120,7 +114,6 @@ def test_a_curve_that_scatters_tells_less(campaign: Campaign) -> None:
 
 
 def test_the_fewest_tests_that_do_as_well_are_found(campaign: Campaign) -> None:
-    """From four tests on nothing is gained beyond the scatter; where each step gains, none are enough."""
     level = curve_of(campaign, lambda s, t: min(s, 4) * 0.1 + 0.001 * ((s * 7 + t) % 3), (1, 2, 3, 4, 6, 8))
     assert not_none(enough(level)).before == 4
     steep = curve_of(campaign, lambda s, t: 0.05 * s + 0.001 * t, (1, 2, 3, 4, 6, 8))
@@ -128,14 +121,12 @@ def test_the_fewest_tests_that_do_as_well_are_found(campaign: Campaign) -> None:
 
 
 def test_an_approach_that_learns_from_no_test_gains_nothing(lawful: LearningCurve) -> None:
-    """Asked for the raw CAE model alone, it says so."""
     alone = replace(lawful, config=replace(CONFIG, approaches=("cae",)))
     assert gains(alone) == ()
     assert gains_table(alone).empty
 
 
 def test_the_summary_counts_every_test_once(lawful: LearningCurve) -> None:
-    """Means and standard errors over the tests, quantiles of the single predictions."""
     row = summary(lawful).query("approach == 'fused' and choice == 'even' and n_tests == 4").iloc[0]
     ratings = np.array([law(4, test) for test in range(N)])
     assert row["rating"] == pytest.approx(ratings.mean())
@@ -145,7 +136,6 @@ def test_the_summary_counts_every_test_once(lawful: LearningCurve) -> None:
 
 
 def test_the_steps_show_a_price_only_where_there_is_a_gain(campaign: Campaign) -> None:
-    """Another column with a cost, a dash where the gain is not above its error."""
     curve = curve_of(campaign, lambda s, t: min(s, 2) * 0.1 + (0.001 * (t % 2) if s > 2 else 0) - 0.001 * s, (1, 2, 3))
     table = gains_table(curve, Cost(1000.0))
     assert table["Tests"].tolist() == ["1 → 2", "2 → 3"]

@@ -1,6 +1,5 @@
 """A sweep is what approaches say at each speed; of a candidate is known what it would bring, and which is best."""
 
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -31,13 +30,13 @@ from crashfuse.study.planning import (
     usual_speeds,
 )
 from crashfuse.units import KPH, LB, MPH, G
+from tests.conftest import cancelled_after
 
 SPEEDS_MPS = np.array([15.0, 20.0, 30.0]) * MPH
 
 
 @pytest.fixture(scope="module")
 def fits(campaign: Campaign) -> list[Fit]:
-    """The raw CAE, and an approach with a band."""
     return [Fit.of(campaign, name) for name in ("cae", "displacement_domain")]
 
 
@@ -48,7 +47,6 @@ def sweeps(campaign: Campaign, fits: list[Fit]) -> tuple[Sweep, ...]:
 
 
 def test_each_speed_is_what_approaches_say(campaign: Campaign, fits: list[Fit], sweeps: tuple[Sweep, ...]) -> None:
-    """Value, interval and unit of every metric, at the weights and factors that were asked for."""
     for fit, sweep in zip(fits, sweeps, strict=True):
         assert sweep.approach == fit.approach.name
         for speed, metrics in zip(SPEEDS_MPS.tolist(), sweep.metrics, strict=True):
@@ -67,33 +65,19 @@ def test_the_cae_sweep_is_the_closed_form(campaign: Campaign, sweeps: tuple[Swee
 
 
 def test_a_speed_that_is_none_is_refused(campaign: Campaign, fits: list[Fit]) -> None:
-    """As anywhere else."""
     with pytest.raises(UsageError, match="speed and weights above 0"):
         sweep_speed(fits[:1], campaign.tests[0].condition, np.array([0.0, 9.0]))
 
 
 def test_a_sweep_tells_how_far_it_is_and_can_be_cancelled(campaign: Campaign, fits: list[Fit]) -> None:
-    """It ends before the next speed."""
     reports: list[Progress] = []
     sweep_speed(fits[:1], campaign.tests[0].condition, SPEEDS_MPS, Watch(reports.append))
     assert [report.done for report in reports] == [0, 1, 2, 3]
-    cancel, seen = threading.Event(), []
-
-    def stop(progress: Progress) -> None:
-        seen.append(progress.done)
-        if progress.done == 1:
-            cancel.set()
-
+    seen: list[Progress] = []
+    watch = cancelled_after(lambda progress: progress.done == 1, seen)
     with pytest.raises(Cancelled, match="Sweep over speed"):
-        sweep_speed(fits[:1], campaign.tests[0].condition, SPEEDS_MPS, Watch(stop, cancel))
-    assert seen == [0, 1]
-
-
-def test_measured_metrics_are_those_of_the_tests_pulse(campaign: Campaign) -> None:
-    """A half sine of duration T peaks at T/2."""
-    test = campaign.tests[0]
-    times = {metric.name: metric.value for metric in campaign.metrics_of(test)}
-    assert times["peak_time"] == pytest.approx(35 * test.condition.mass_kg / 1700, abs=0.1)
+        sweep_speed(fits[:1], campaign.tests[0].condition, SPEEDS_MPS, watch)
+    assert [report.done for report in seen] == [0, 1]
 
 
 def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campaign) -> None:
@@ -112,7 +96,6 @@ def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campai
 
 
 def test_speeds_without_runs_are_found(campaign: Campaign) -> None:
-    """Below, above, and between runs that are far apart; only within the range that is asked for."""
     speeds = [10.0, 12.0, 14.0, 20.0, 21.0]
     conditions = tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds)
     library = CaeLibrary(tuple("abcde"), conditions, campaign.cae.accel_mps2[:5])
@@ -144,7 +127,6 @@ def at(speed_mph: float) -> Condition:
 
 
 def braking(condition: Condition, decel_mps2: float) -> Pulse:
-    """Constant braking until the vehicle stops."""
     return Pulse(GRID_S, np.where(condition.speed_mps / decel_mps2 > GRID_S, -decel_mps2, 0.0))
 
 
@@ -156,7 +138,6 @@ def clustered(campaign: Campaign) -> Campaign:
 
 @pytest.fixture(scope="module")
 def domain(clustered: Campaign) -> DisplacementDomain:
-    """The displacement domain that has learned from it."""
     return DisplacementDomain(FEW).fit(clustered)
 
 
@@ -219,7 +200,6 @@ def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain) -> 
 
 
 def test_what_the_tests_showed_has_no_influence(domain: DisplacementDomain) -> None:
-    """With the hyperparameters kept, biases three times as large, or others, give the same shares."""
     assert isinstance(domain.bias_, HierarchicalBias)
     targets = [domain.expected_points(condition) for condition in RANGE.spread(4)]
     further = [domain.expected_points(condition) for condition in RANGE.grid(4, 1)]
@@ -244,14 +224,12 @@ def test_an_expected_test_lies_where_a_real_one_would(domain: DisplacementDomain
 
 
 def test_a_candidate_outside_the_cae_runs_is_flagged(domain: DisplacementDomain) -> None:
-    """It can be ranked, and says which input lies outside."""
     flags = {test.condition: test.extrapolation for test in rank_next_tests(domain, RANGE, [at(20.0), at(50.0)])}
     assert flags[at(20.0)] == ()
     assert "speed" in flags[at(50.0)][0]
 
 
 def test_table_4_and_an_unfitted_approach_are_refused(clustered: Campaign) -> None:
-    """The sentences say what to take instead."""
     with pytest.raises(NotFittedError, match="fit"):
         rank_next_tests(DisplacementDomain(), RANGE)
     paper = DisplacementDomain(replace(DisplacementConfig.paper(), projected_points=4, restarts=0, n_draws=4))
@@ -298,7 +276,6 @@ def test_conditions_are_spread_evenly_over_the_range() -> None:
 
 
 def test_a_range_that_makes_no_sense_is_refused() -> None:
-    """Upside down, without speed, of two kinds of vehicle, of no tests."""
     for low, high in ((20.0, 10.0), (0.0, 10.0), (10.0, np.nan)):
         with pytest.raises(UsageError, match="range"):
             ConditionRange(at(low), at(high))
@@ -316,7 +293,6 @@ RANKED = (
 
 
 def test_the_figure_shows_the_gain_over_speed(clustered: Campaign) -> None:
-    """In order of speed and joined where the weights are the same; the best numbered, extrapolations open."""
     figure = next_tests(RANKED, clustered.tests)
     candidates, run = figure.data[:2]
     np.testing.assert_allclose(candidates.x, [12, 20, 50], rtol=1e-6)

@@ -1,6 +1,5 @@
 """Repeatability: what repeats of a test would rate, and the scatter that they are drawn with."""
 
-import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import Watch
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_many
@@ -20,6 +18,7 @@ from crashfuse.study.repeatability import Scatter, combined, repeatability, repe
 from crashfuse.synthetic.sample import TABLE_1
 from crashfuse.synthetic.specimens import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
 from crashfuse.units import LB, MPH, G
+from tests.conftest import cancelled_after
 
 WINDOWS = (20.0, 60.0)
 
@@ -89,7 +88,6 @@ def test_one_test_says_nothing_about_repeats(campaign: Campaign) -> None:
 
 
 def test_a_window_beyond_the_record_has_no_value(campaign: Campaign) -> None:
-    """What was padded was not measured."""
     short = replace(campaign.tests[0], recorded_s=0.05)
     found = repeatability(replace(campaign, tests=(short, *campaign.tests[1:])), WINDOWS)
     assert set(found["T1"]) == {20.0}
@@ -98,11 +96,8 @@ def test_a_window_beyond_the_record_has_no_value(campaign: Campaign) -> None:
 
 @pytest.mark.slow
 def test_it_is_computed_once_and_can_be_cancelled(campaign: Campaign, tmp_path: Path) -> None:
-    """A second call reads the same numbers from the cache."""
-    stop = threading.Event()
-    stop.set()
     with pytest.raises(Cancelled):
-        repeatability(campaign, WINDOWS, cache=Cache(tmp_path), watch=Watch(lambda _: None, stop))
+        repeatability(campaign, WINDOWS, cache=Cache(tmp_path), watch=cancelled_after(lambda _: True))
     first = repeatability(campaign, WINDOWS, cache=Cache(tmp_path))
     cache = Cache(tmp_path)
     assert repeatability(campaign, WINDOWS, cache=cache) == first
@@ -155,13 +150,11 @@ def scattered(campaign: Campaign, growing_g: float, seed: int = 0) -> Campaign:
 
 @pytest.fixture(scope="module")
 def fitted(campaign: Campaign) -> dict[float, tuple[Campaign, Scatter]]:
-    """Three campaigns of known scatter."""
     campaigns = {growing: scattered(campaign, growing) for growing in (0.0, 1.5, 3.0)}
     return {growing: (own, Scatter().fit(own)) for growing, own in campaigns.items()}
 
 
 def over_displacement(test: CrashTest, pulses: FloatArray, at_m: FloatArray) -> FloatArray:
-    """Accelerations over displacement, shape (n_pulses, n)."""
     return np.array([loading_phase(pulse, test.condition.speed_mps).accel_at(at_m) for pulse in pulses])
 
 
@@ -171,21 +164,16 @@ def test_repeats_differ_as_much_as_two_tests_do(fitted: dict[float, tuple[Campai
     test = own.tests[0]
     at = np.array([0.1, 0.2, 0.3])
     drawn = over_displacement(test, scatter.repeats(test, 300, np.random.default_rng(0)), at)
-    spread = np.sqrt(np.mean((drawn - test_at(test, at)) ** 2, axis=0)) / G
+    spread = np.sqrt(np.mean((drawn - accel_at(test, at)) ** 2, axis=0)) / G
     np.testing.assert_allclose(spread, np.sqrt(2) * 3.0 * at / 0.5, rtol=0.45)
     assert spread[0] < spread[1] < spread[2]
 
 
-def test_at(test: CrashTest, at_m: FloatArray) -> FloatArray:
-    """The test's own acceleration over displacement."""
+def accel_at(test: CrashTest, at_m: FloatArray) -> FloatArray:
     return loading_phase(test.pulse.accel_mps2, test.condition.speed_mps).accel_at(at_m)
 
 
-test_at.__test__ = False  # type: ignore[attr-defined] # a name that pytest would collect
-
-
 def test_more_scatter_among_tests_is_more_scatter_of_repeats(fitted: dict[float, tuple[Campaign, Scatter]]) -> None:
-    """Tests that agree draw repeats that agree; the estimate follows the scatter rather than the prior."""
     spreads = []
     for own, scatter in fitted.values():
         test = own.tests[0]

@@ -66,7 +66,6 @@ def test_nobody_else_is_asked_to_compute_a_single_fold(campaign: Campaign, monke
 
 
 def test_a_speed_group_of_one_test_is_that_test_alone(campaign: Campaign) -> None:
-    """One fold serves both."""
     alone = next(test_id for test_id in campaign.test_ids if len(campaign.speed_group(test_id)) == 1)
     both = run_study(campaign, replace(CONFIG, approaches=("cae",), leave_out="both"), held_out=[alone], workers=1)
     assert both.speed_groups is not None
@@ -74,7 +73,6 @@ def test_a_speed_group_of_one_test_is_that_test_alone(campaign: Campaign) -> Non
 
 
 def test_predictions_from_the_same_tests_are_one_task() -> None:
-    """They share their fits."""
     wanted = [
         running.Wanted(left_out, test, name)
         for left_out, test in ((("A",), "A"), (("A", "B"), "A"), (("A", "B"), "B"))

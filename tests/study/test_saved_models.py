@@ -36,7 +36,6 @@ def fits(
     quick_networks: None,  # noqa: ARG001
     tmp_path_factory: pytest.TempPathFactory,
 ) -> dict[str, Fit]:
-    """Every approach, fitted once to all tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
         return {name: Fit.of(campaign, name) for name in APPROACHES}
@@ -44,7 +43,6 @@ def fits(
 
 @pytest.fixture
 def saved(campaign: Campaign, fits: dict[str, Fit], tmp_path: Path) -> Path:
-    """A saved time domain."""
     path = tmp_path / "models" / "time_domain.safetensors"
     save_model(fits["time_domain"], campaign, path)
     return path
@@ -54,7 +52,6 @@ def saved(campaign: Campaign, fits: dict[str, Fit], tmp_path: Path) -> Path:
 def test_a_saved_model_predicts_the_same_bits_without_learning_again(
     name: str, campaign: Campaign, fits: dict[str, Fit], tmp_path: Path, fitting_is_an_error: Callable[[], None]
 ) -> None:
-    """Mean, draws, notes, and what it says of its fit."""
     path = tmp_path / f"{name}.safetensors"
     save_model(fits[name], campaign, path)
     fitting_is_an_error()
@@ -88,7 +85,6 @@ def test_the_papers_models_can_be_kept_too(
 
 
 def test_other_data_is_refused(campaign: Campaign, saved: Path) -> None:
-    """A model is shown beside the data it learned from, or not at all."""
     with pytest.raises(DataError, match=r"a model of the data in Tiny .* found one of Tiny .* take the campaign"):
         load_model(saved, campaign.without(["T1"]))
 
@@ -111,7 +107,6 @@ def test_another_version_is_refused(
 
 
 def test_a_model_under_the_name_of_another_is_refused(campaign: Campaign, saved: Path) -> None:
-    """A name of ours says what is in it; any other name is the user's."""
     other = saved.rename(saved.with_name("fused.safetensors"))
     with pytest.raises(DataError, match="a model of fused, found one of time_domain"):
         load_model(other, campaign)
@@ -120,14 +115,12 @@ def test_a_model_under_the_name_of_another_is_refused(campaign: Campaign, saved:
 
 @pytest.mark.parametrize("keep", [0, 1, 7, 100, 5000, -1])
 def test_a_file_that_was_cut_off_is_refused(campaign: Campaign, saved: Path, keep: int) -> None:
-    """Wherever it ends."""
     saved.write_bytes(saved.read_bytes()[:keep])
     with pytest.raises(DataError, match=r"time_domain\.safetensors: expected a model .*, found .*cut off"):
         load_model(saved, campaign)
 
 
 def test_a_flipped_byte_is_noticed_wherever_it_is(campaign: Campaign, saved: Path) -> None:
-    """In the header or in a weight: one sentence, and never a prediction."""
     content = saved.read_bytes()
     for place in np.linspace(0, len(content) - 1, 60).astype(int):
         damaged = bytearray(content)
@@ -138,7 +131,6 @@ def test_a_flipped_byte_is_noticed_wherever_it_is(campaign: Campaign, saved: Pat
 
 
 def test_arrays_that_do_not_fit_are_refused_although_the_checksum_is_right(campaign: Campaign, saved: Path) -> None:
-    """Whoever forges a file can forge its checksum; the sentence is the same."""
     import safetensors
 
     with safetensors.safe_open(saved, framework="numpy") as file:
@@ -174,7 +166,6 @@ def test_a_pickle_is_not_opened(campaign: Campaign, tmp_path: Path) -> None:
 
 
 def test_an_unfitted_approach_cannot_be_saved(campaign: Campaign, tmp_path: Path) -> None:
-    """There is nothing to save, and nothing is written."""
     for name in APPROACHES:
         unfitted = Fit(StudyConfig().create(name), StudyConfig(), 0.0, {}, {}, campaign)
         with pytest.raises(NotFittedError):
@@ -205,7 +196,6 @@ def test_a_model_of_one_process_is_read_by_another(
     "text", ["[" * 100_000, "null", "[]", '{"crashfuse": []}', '{"crashfuse": NaN, "fingerprint": 1}']
 )
 def test_a_header_that_means_harm_is_a_sentence(campaign: Campaign, tmp_path: Path, text: str) -> None:
-    """Its checksum is right."""
     path = tmp_path / "m.safetensors"
     path.write_bytes(save({}, {"crashfuse": text, "sha256": checksum(text, {})}))
     with pytest.raises(DataError, match=r"m\.safetensors: expected a model"):
@@ -214,7 +204,6 @@ def test_a_header_that_means_harm_is_a_sentence(campaign: Campaign, tmp_path: Pa
 
 @pytest.mark.parametrize("kind", ["F8_E4M3", "F8_E5M2", "BF16", "X9"])
 def test_numbers_that_numpy_lacks_are_a_sentence(campaign: Campaign, tmp_path: Path, kind: str) -> None:
-    """Eight-bit floats, say."""
     header = json.dumps({"a": {"dtype": kind, "shape": [2], "data_offsets": [0, 2 * (1 + (kind == "BF16"))]}}).encode()
     path = tmp_path / "m.safetensors"
     path.write_bytes(len(header).to_bytes(8, "little") + header + bytes(2 * (1 + (kind == "BF16"))))

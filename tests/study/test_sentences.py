@@ -81,7 +81,6 @@ def curves(campaign: Campaign) -> Iterator[str]:
 
 
 def test_what_is_said_of_studies(campaign: Campaign) -> None:
-    """Accounts, recommendations, comparisons, learning curves, repeats, weights."""
     repeat = Repeatability(0.95, 0.91, 0.97)
     weights = weights_sentence(Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500), campaign.tests)
     parts = {

@@ -1,7 +1,6 @@
 """The study: nothing leaks, nothing is computed twice, and the numbers don't depend on how it is run."""
 
 import hashlib
-import threading
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -15,10 +14,9 @@ from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.registry import APPROACHES, CLASSES
 from crashfuse.campaign import Campaign
-from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled, UsageError
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import Progress, Watch
+from crashfuse.execution.progress import Watch
 from crashfuse.signals.metrics import Metric, pulse_metrics
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import rate_iso18571, rate_windows
@@ -28,6 +26,7 @@ from crashfuse.study.recommendation import recommend_for
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Fold, Study
+from tests.conftest import cancelled_after, with_pulse
 
 CONFIG = StudyConfig(windows_ms=(20.0, 60.0))
 KINDS = {"emulator", "fits", "metric errors", "predictions", "repeatability"}  # of what is kept
@@ -41,7 +40,6 @@ def few_draws() -> None:
 
 
 def bits(prediction: Prediction) -> list[bytes]:
-    """Those of the pulse, and of the draws if there are any."""
     return [each.tobytes() for each in (prediction.accel_mps2, prediction.draws_mps2) if each is not None]
 
 
@@ -142,7 +140,6 @@ def finished(campaign: Campaign, quick_networks: None, tmp_path_factory: pytest.
 
 
 def test_each_held_out_test_has_every_approach_rated_over_every_window(finished: Study) -> None:
-    """Two folds, four approaches, two windows."""
     assert [fold.held_out for fold in finished.folds] == ["T2", "T4"]
     for fold in finished.folds:
         assert tuple(fold.ratings) == APPROACHES
@@ -168,12 +165,8 @@ def test_the_rating_is_that_of_prediction_against_test(finished: Study) -> None:
 def test_the_held_out_pulse_does_not_reach_its_own_prediction(
     campaign: Campaign, finished: Study, approach: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """Another held-out pulse, computed afresh, gives the same prediction to the bit, and another rating."""
-    test = campaign.test("T2")
-    wobble = 1 + 0.5 * np.sin(200 * test.pulse.time_s)
-    other_pulse = Pulse(test.pulse.time_s, wobble * test.pulse.accel_mps2)
-    tests = tuple(CrashTest(t.id, t.condition, other_pulse) if t.id == "T2" else t for t in campaign.tests)
-    changed = replace(campaign, tests=tests)
+    pulse = campaign.test("T2").pulse
+    changed = with_pulse(campaign, "T2", (1 + 0.5 * np.sin(200 * pulse.time_s)) * pulse.accel_mps2)
     cache = Cache(tmp_path_factory.mktemp("fresh"))
     config = replace(CONFIG, approaches=(approach,))
     study = run_study(changed, config, held_out=["T2"], cache=cache, workers=1)
@@ -185,10 +178,7 @@ def test_the_held_out_pulse_does_not_reach_its_own_prediction(
 @pytest.mark.slow
 def test_another_training_pulse_does_reach_the_prediction(campaign: Campaign, finished: Study) -> None:
     """The no-leak test above means something: what may be learnt from is learnt from."""
-    test = campaign.test("T3")
-    softer = Pulse(test.pulse.time_s, 0.8 * test.pulse.accel_mps2)
-    tests = tuple(CrashTest(t.id, t.condition, softer) if t.id == "T3" else t for t in campaign.tests)
-    changed = replace(campaign, tests=tests).without(["T2"])
+    changed = with_pulse(campaign, "T3", 0.8 * campaign.test("T3").pulse.accel_mps2).without(["T2"])
     for approach in ("time_domain", "displacement_domain"):
         estimate = estimate_at(changed, campaign.test("T2").condition, approach, CONFIG)
         before = finished.fold("T2").estimate(approach).prediction
@@ -208,7 +198,6 @@ def test_leaving_a_speed_group_out_learns_from_other_speeds_only(campaign: Campa
 
 @pytest.mark.slow
 def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
-    """Two processes give what one gives, to the bit, in the same order."""
     config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
     caches = [Cache(Cache().folder / name) for name in ("one", "two")]
     one = run_study(campaign, config, held_out=["T1", "T2"], cache=caches[0], workers=1)
@@ -220,7 +209,6 @@ def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
 
 
 def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Fits of the displacement domain that came to their end."""
     fits: list[str] = []
     original: Callable[..., Approach] = DisplacementDomain.fit
 
@@ -237,7 +225,6 @@ def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_the_cache_is_searched_once_for_each_prediction(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """By who hands the tasks out; a task computes what it is given."""
     asked: list[str] = []
     find = Cache.find
 
@@ -303,24 +290,17 @@ def test_two_studies_on_one_cache_learn_once(campaign: Campaign, monkeypatch: py
 
 @pytest.mark.slow
 def test_a_study_that_was_stopped_goes_on_where_it_was(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cancelling between two folds keeps the first: only the second is computed afterwards."""
     fits = _count_fits(monkeypatch)
     config = StudyConfig(approaches=("displacement_domain",))
-    cancel = threading.Event()
-
-    def stop_after_one(progress: Progress) -> None:
-        if progress.step == "Held-out predictions" and progress.done == 1:
-            cancel.set()
-
+    watch = cancelled_after(lambda progress: progress.step == "Held-out predictions" and progress.done == 1)
     with pytest.raises(Cancelled):
-        run_study(campaign, config, held_out=["T1", "T2"], watch=Watch(stop_after_one, cancel), workers=1)
+        run_study(campaign, config, held_out=["T1", "T2"], watch=watch, workers=1)
     run_study(campaign, config, held_out=["T1", "T2"], workers=1)
     assert len(fits) == 2
 
 
 @pytest.mark.slow
 def test_both_ways_to_leave_out_give_one_study_beside_the_other(campaign: Campaign) -> None:
-    """Each with the numbers that it has alone."""
     config = StudyConfig(approaches=("displacement_domain",), windows_ms=(60.0,))
     both = run_study(campaign, replace(config, leave_out="both"), held_out=["T2"], workers=1)
     assert both.speed_groups is not None
@@ -339,10 +319,8 @@ def test_tests_of_one_speed_group_are_left_out_one_by_one_only(campaign: Campaig
 
 @pytest.mark.slow
 def test_a_recommendation_for_a_test_does_not_know_its_pulse(campaign: Campaign, finished: Study) -> None:
-    """With another held-out pulse approach and sentences stay the same."""
     test = campaign.test("T2")
-    other = replace(test, pulse=Pulse(test.pulse.time_s, 0.5 * test.pulse.accel_mps2))
-    changed = replace(campaign, tests=tuple(other if t.id == "T2" else t for t in campaign.tests))
+    changed = with_pulse(campaign, "T2", 0.5 * test.pulse.accel_mps2)
     study = run_study(changed, CONFIG, held_out=["T2"], workers=1)
     first, second = (
         recommend_for(s.fold("T2").estimates, c.without(["T2"]), test.condition)

@@ -31,13 +31,11 @@ FULL_SPEED = ("T08", "T09", "T10", "T11")
 
 @pytest.fixture(scope="module")
 def sample() -> Campaign:
-    """The sample campaign, simulated."""
     return sample_campaign()
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sample campaign, written."""
     folder = tmp_path_factory.mktemp("sample") / "campaign"
     write_sample(folder)
     return folder
@@ -52,7 +50,6 @@ def one_spring(stiffness_npm: float) -> Vehicle:
 
 
 def paired_pulse(campaign: Campaign, test_id: str) -> Pulse:
-    """The CAE pulse at a test's condition."""
     run = campaign.cae.paired_run(campaign.test(test_id).condition)
     assert run is not None
     assert campaign.cae.ids[run] == f"CAE-{test_id}"
@@ -60,7 +57,6 @@ def paired_pulse(campaign: Campaign, test_id: str) -> Pulse:
 
 
 def overall(reference: Pulse, comparison: Pulse) -> FloatArray:
-    """Overall ratings over the three windows."""
     return np.array([rating.overall for rating in rate_windows(reference, comparison, WINDOWS_MS).values()])
 
 
@@ -127,7 +123,6 @@ def test_a_finer_time_step_changes_nothing(vehicle: Vehicle) -> None:
 
 @pytest.mark.slow
 def test_the_tests_stand_in_table_1(sample: Campaign) -> None:
-    """Eleven tests have the conditions that the paper lists, powertrain and drive included."""
     assert sample.test_ids == tuple(f"T{number:02d}" for number in range(1, 12))
     rows = [
         (c.speed_mps / MPH, c.front_weight_kg / LB, c.rear_weight_kg / LB, *(value for _, value in c.factors))
@@ -182,7 +177,6 @@ def test_pulses_at_35_mph_are_those_of_a_car(sample: Campaign, test_id: str) -> 
 
 
 def test_variants_differ_and_unknown_ones_are_refused() -> None:
-    """Powertrain and drive change the truth's pulse by more than scatter does; another powertrain is an error."""
     plain = CONDITIONS[-1]
     variants = [
         replace(plain, factors=(("powertrain", powertrain), ("drive", drive)))
@@ -197,7 +191,6 @@ def test_variants_differ_and_unknown_ones_are_refused() -> None:
 
 @pytest.mark.slow
 def test_the_seed_decides_everything(sample: Campaign) -> None:
-    """The same seed gives the same campaign to the bit, another one another."""
     assert sample_campaign(0).fingerprint == sample.fingerprint
     conditions = [test.condition for test in sample.tests]
     assert np.array_equal(measured_pulses(conditions, 0), [test.pulse.accel_mps2 for test in sample.tests])
@@ -206,7 +199,6 @@ def test_the_seed_decides_everything(sample: Campaign) -> None:
 
 @pytest.mark.slow
 def test_the_folder_holds_the_campaign(sample: Campaign, written: Path) -> None:
-    """What is written and read again is the campaign, to the resolution that it is stored with."""
     read = load_campaign(written)
     assert (read.name, read.notice, read.test_ids, read.cae.ids) == (
         sample.name,

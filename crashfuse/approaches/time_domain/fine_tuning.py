@@ -2,8 +2,8 @@
 
 The networks are linearised in the small increments: f(x, θ_LF + θ_HF) = f(x, θ_LF) + J(x) θ_HF. Then the penalty
 λ‖θ_HF‖² is a Gaussian prior, the penalised least squares have one exact minimum, every left-out test's prediction
-comes from the same matrix, and the posterior over θ_HF gives the band. The only input is the tangent kernel J(x) J(x')ᵀ
-(Jacot et al. 2018; as a posterior, Immer et al. 2021).
+comes from the same matrix, and the posterior over θ_HF (Immer et al. 2021) gives the band. The only input is the
+tangent kernel J(x) J(x')ᵀ (Jacot et al. 2018).
 """
 
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ class Posterior:
 
 
 class Increments:
-    """Increments shared by all tests plus those specific to each test (repeats differ): θ_HF + θ_k.
+    """Increments shared by all tests plus those specific to each test: θ_HF + θ_k.
 
     Minimises ‖θ_HF‖² + Σ‖θ_k‖² / ρ + misfit² / unresolved variance; ρ is chosen from :data:`PENALTIES` by leaving out
     each test in turn. The mean uses the first ρ (``penalty_``) whose RMS error is within one standard error of the

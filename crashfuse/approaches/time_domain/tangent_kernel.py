@@ -1,9 +1,8 @@
 """Derivatives of network outputs with respect to the fine-tuned weights, stored compactly.
 
 Only the first and last block and the head are fine-tuned: the blocks between contribute 3 % of the tangent kernel at
-half its cost. For the last block, an output's derivative is a sum of a few outer products of the gradient at the
-output of a convolution and its input; only these factors are stored. An output depends on all of the first block's
-steps, so there the derivatives themselves are stored: 3 MB per pulse and member.
+half its cost. For the last block the factors of outer products are stored: gradients at the outputs of convolutions,
+and their inputs. An output depends on all of the first block's steps: there the derivatives are, 3 MB per pulse.
 """
 
 import hashlib

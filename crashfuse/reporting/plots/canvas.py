@@ -32,7 +32,7 @@ _UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomO
 
 
 def tick_name(name: str) -> str:
-    """A test's or condition's name at an axis: of a long one its beginning and end, so that the figure has its room."""
+    """A test's or condition's name at an axis: of a long one its beginning and end."""
     return name if len(name) <= _TICK_NAME else f"{name[: _TICK_NAME // 2]}…{name[1 - _TICK_NAME // 2 :]}"
 
 
@@ -95,7 +95,7 @@ def figure_over_tests(height: int, ticks: Sequence[str]) -> go.Figure:
 def make_clickable(
     figure: go.Figure, columns: list[str], rows: list[str], values: list[str], size: int, **hover: object
 ) -> None:
-    """Put marks that are not seen on the cells of a heat map, row by row: marks can be clicked, cells can't."""
+    """Put invisible marks on the cells of a heat map, row by row: cells can't be clicked."""
     figure.add_scatter(
         x=columns * len(rows), y=[row for row in rows for _ in columns], customdata=values, mode="markers",
         marker_size=size, marker_opacity=0, showlegend=False, **hover,
@@ -112,7 +112,7 @@ def fix_cells(figure: go.Figure, columns: int, rows: int) -> None:
 
 
 def height_under_names(count: int) -> int:
-    """Height of a figure with this many names in the legend above it, whose rows take space from the curves."""
+    """Height of a figure with this many names in the legend above it."""
     return 440 + 6 * count
 
 
@@ -209,8 +209,8 @@ def share_y_range(figures: Iterable[go.Figure]) -> None:
 
 
 def _add(figure: go.Figure, x: FloatArray, y: FloatArray, style: dict[str, Any]) -> None:
-    """Add a curve; one given as a dict is checked once, by ``add_scatter`` twice."""
     panel = {name: style.pop(name) for name in ("row", "col") if name in style}
+    # a dict is checked once, by ``add_scatter`` twice
     figure.add_trace({"type": "scatter", "mode": "lines", "x": x, "y": y, **style}, **panel)
 
 

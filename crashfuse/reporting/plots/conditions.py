@@ -91,14 +91,14 @@ def condition_space(
 
 
 def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
-    """Side of each point on which its label least obstructs the points and the labels before it."""
     places = points / span / _LABEL
     taken = list(places)
     chosen = []
     for i, place in enumerate(places):
         others = np.array(taken[:i] + taken[i + 1 :]).reshape(-1, 2)
         room = {side: np.abs(others - place - off).max(axis=1).min(initial=9.0) for side, off in _SIDES.items()}
-        chosen.append(max(room, key=lambda side: min(room[side], 1.2)))  # beyond this distance the first side wins
+        # where it least obstructs points and earlier labels; beyond this distance the first side wins
+        chosen.append(max(room, key=lambda side: min(room[side], 1.2)))
         taken.append(place + _SIDES[chosen[-1]])
     return chosen
 

@@ -52,8 +52,8 @@ def draw_curves(
 ) -> None:
     """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else; the last is on top.
 
-    One band is filled and in the legend, by default the preferred approach's, whose band of whole pulses is dashed, and
-    that of a single curve beside the approaches; of the others the edges are drawn.
+    Filled are one band, by default the preferred approach's, and that of a single curve beside the approaches; of the
+    others the edges are drawn.
     """
     lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
     filled = with_filled_band(curves, filled)

@@ -15,7 +15,7 @@ from crashfuse.reporting.plots.canvas import add_band, add_line, height_under_na
 from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, curve_line, curve_lines, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS
-from crashfuse.signals.loading_phase import LoadingPhase, checked_energy, loading_phase
+from crashfuse.signals.loading_phase import LoadingPhase, energy_crush, loading_phase
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import MS
@@ -39,7 +39,7 @@ def over_displacement(
 
     A band covers the draws that get so far, and ends where half of them have stopped.
     """
-    figure = displacement_figure(height=460 + room_for_names(predictions))
+    figure = _new_figure(height=460 + room_for_names(predictions))
     scale = display.accel_scale
     phases = _loading_phases(measured, predictions, speed_mps)
     curves: dict[str, Curve] = {}
@@ -58,7 +58,7 @@ def over_displacement(
         if np.isfinite(phases[name].t0_s):
             _mark_crush(figure, name, curve, lines[name]["color"], crush.get(name))
     figure.update_yaxes(title=display.accel_title)
-    return fit_axis(figure)
+    return _fit_axis(figure)
 
 
 def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> go.Figure:
@@ -100,13 +100,13 @@ def energy_over_crush(
     filled: str | None = None,
 ) -> go.Figure:
     """Draw the energy absorbed by the vehicle over its crush: the test, of this speed and mass, and predictions."""
-    figure = displacement_figure(height=460 + room_for_names(predictions))
+    figure = _new_figure(height=460 + room_for_names(predictions))
     pulses = {
-        name: (checked_energy(own.accel_mps2, own.condition.speed_mps, own.draws_mps2), own.condition.mass_kg)
+        name: (energy_crush(own.accel_mps2, own.condition.speed_mps, own.draws_mps2), own.condition.mass_kg)
         for name, own in predictions.items()
     }
     if measured is not None:
-        pulses[TEST] = checked_energy(measured.accel_mps2, speed_mps), mass_kg
+        pulses[TEST] = energy_crush(measured.accel_mps2, speed_mps), mass_kg
     curves = {}
     for name, (found, own_mass_kg) in pulses.items():
         band, scale = None, own_mass_kg / _KJ
@@ -115,18 +115,16 @@ def energy_over_crush(
         curves[name] = Curve(found.crush_m / _MM, found.energy_jpkg * scale, band)
     draw_curves(figure, curves, filled=filled)
     figure.update_yaxes(title="Absorbed energy (kJ)", rangemode="tozero")
-    return fit_axis(figure)
+    return _fit_axis(figure)
 
 
-def displacement_figure(height: int) -> go.Figure:
-    """An empty figure over displacement in mm."""
+def _new_figure(height: int) -> go.Figure:
     figure = new_figure(height)
     figure.update_xaxes(title="Displacement (mm)", unifiedhovertitle={"text": "%{x:.0f} mm"})
     return figure
 
 
-def fit_axis(figure: go.Figure) -> go.Figure:
-    """Start the axes at contact and leave some room beyond the longest curve, and the interval of its end."""
+def _fit_axis(figure: go.Figure) -> go.Figure:
     ends = [(float(np.max(trace.x)), trace.error_x.array) for trace in figure.data]
     longest = max(end + max((length or 0.0 for length in error or ()), default=0.0) for end, error in ends)
     figure.update_xaxes(range=[0, 1.02 * longest])
@@ -177,18 +175,18 @@ def bias_by_speed(
     display: Display = DEFAULT,
 ) -> go.Figure:
     """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16)."""
-    figure = displacement_figure(height_under_names(len(tests)))
+    figure = _new_figure(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
     for test, style in by_speed(tests, highlight, display, speeds_mps):
         bias = of_test[test.id]
         add_line(figure, bias.displacement_m / _MM, bias.bias_mps2 * display.accel_scale, **style)
     figure.update_yaxes(title=_BIAS.format(display.unit))
-    return fit_axis(figure)
+    return _fit_axis(figure)
 
 
 def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str | None = None) -> go.Figure:
     """Draw the force that the CAE model lacks in each test, coloured by speed, and its events with their ranks."""
-    figure, colour = displacement_figure(height_under_names(len(found.tests))), COLOURS["displacement_domain"]
+    figure, colour = _new_figure(height_under_names(len(found.tests))), COLOURS["displacement_domain"]
     for rank, event in enumerate(found.events, start=1):
         ends_mm, force_kn = np.array([event.from_m, event.to_m]) / _MM, np.full(2, event.force_n / _KN)
         key: dict[str, Any] = {"name": "Events by rank", "legendgroup": "events", "whose": f"Event {rank}"}
@@ -199,7 +197,7 @@ def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str |
     for test, style in by_speed(found.tests, highlight, display):
         add_line(figure, found.displacement_m / _MM, forces[test], **style)
     figure.update_yaxes(title="Force, test − CAE (kN)")
-    return fit_axis(figure)
+    return _fit_axis(figure)
 
 
 def bias_parts(
@@ -211,7 +209,7 @@ def bias_parts(
     """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band."""
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)
-    figure = displacement_figure(height=400 + 200 * rows)
+    figure = _new_figure(height=400 + 200 * rows)
     x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     places = [{"row": 1, "col": 1}]
     places += [{"row": 2 + number // _IN_A_ROW, "col": 1 + number % _IN_A_ROW} for number in range(len(some))]
@@ -250,7 +248,7 @@ def bias_parts(
     figure.update_yaxes(
         title=_BIAS.format(display.unit), range=_with_margin(scale * np.concatenate(shown)), row=1, col=1
     )
-    return fit_axis(figure)
+    return _fit_axis(figure)
 
 
 def _with_margin(values: FloatArray) -> list[float]:

@@ -37,23 +37,18 @@ class DisplayOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """The reader's display settings for all figures and tables.
+    """The reader's display settings for all figures and tables; a UsageError if there is no such setting.
 
     Parameters
     ----------
     window_ms : float
-        The rating is computed over [0, window_ms); figures that show a test shade it.
+        The rating is computed over [0, window_ms), of 10 to 100 ms; figures that show a test shade it.
     unit : {"g", "m/s²"}
         Unit of accelerations.
     deceleration : bool
         Show braking as positive; the data stay signed.
     system : UnitSystem, or {"mph-lb", "kph-kg"}
         Units of speeds and weights, such as :data:`crashfuse.wording.KPH_KG`.
-
-    Raises
-    ------
-    UsageError
-        If there is no such unit or system, the window is not of 10 to 100 ms, or the sign is no bool.
     """
 
     window_ms: float = WINDOWS_MS[-1]

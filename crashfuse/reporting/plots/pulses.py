@@ -135,10 +135,7 @@ def measured_pulses(
             canvas.add_line(figure, time_ms, accel * display.accel_scale, **as_read)
             accel = cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
         canvas.add_line(figure, time_ms, accel * display.accel_scale, **style)
-    draw_curves(figure, _accelerations(None, further, display))
-    figure.update_yaxes(title=display.accel_title)
-    canvas.shade_window(figure, display.window_ms)
-    return figure
+    return _with_further(figure, further, display)
 
 
 def wall_forces(
@@ -174,6 +171,10 @@ def library_band(
         if (run := library.paired_run(test.condition)) is not None:
             style["name"] = f"{library.ids[run]} · {display.speed(test.condition.speed_mps)}"
             canvas.add_line(figure, _GRID_MS, library.accel_mps2[run] * display.accel_scale, **style)
+    return _with_further(figure, further, display)
+
+
+def _with_further(figure: go.Figure, further: Mapping[str, Prediction], display: Display) -> go.Figure:
     draw_curves(figure, _accelerations(None, further, display))
     figure.update_yaxes(title=display.accel_title)
     canvas.shade_window(figure, display.window_ms)
@@ -188,7 +189,6 @@ def _accelerations(
     *,
     minus: Pulse | None = None,
 ) -> dict[str, Curve]:
-    """Curves of a(t), or of the residuals from a test, then with their root mean square in the rated window."""
     curves = {}
     base, scale = np.zeros_like(_GRID_MS) if minus is None else minus.accel_mps2, display.accel_scale
 
@@ -211,7 +211,6 @@ def _accelerations(
 
 
 def _join_hover(figure: go.Figure, display: Display, bands: Mapping[str, Band | None]) -> None:
-    """Show a, v and s of a curve in one hover line instead of three, and the ends of these bands of a."""
     curves = [trace for trace in figure.data if trace.hoverinfo != "skip"]
     speed, unit = display.units.speed, display.unit
     for group in {trace.legendgroup for trace in curves}:
@@ -227,9 +226,8 @@ def _join_hover(figure: go.Figure, display: Display, bands: Mapping[str, Band | 
 
 
 def _said(values: FloatArray, digits: int) -> list[str]:
-    """Numbers as the cursor reads them, with a minus sign; Plotly would format them with a hyphen."""
     different, place = np.unique(np.round(values, digits) + 0.0, return_inverse=True)  # each is written once
-    texts = [number(own, f".{digits}f") for own in different.tolist()]
+    texts = [number(own, f".{digits}f") for own in different.tolist()]  # Plotly would write hyphens
     return [texts[own] for own in place.tolist()]
 
 
@@ -240,7 +238,7 @@ _MOST_CHANNELS, _MOST_POINTS = 8, 4000
 def imported_pulse(
     channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT
 ) -> go.Figure:
-    """Draw a record's pulse over its channels, contact at 0; the channels alone as long as it can't be settled."""
+    """Draw a record's pulse over its channels, contact at 0; without one the channels alone."""
     figure = canvas.new_figure(height=420)
     scale = display.accel_scale
     factor, zero_s = 1.0, 0.0

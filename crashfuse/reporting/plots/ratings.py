@@ -28,7 +28,7 @@ _ROW_PX, _NAMES_PX, _BELOW_PX = 29, 52, 8  # of a heat map: a row, the names of 
 def rating_heatmap(
     scores: Mapping[str, Mapping[str, float]], repeats: Mapping[str, Repeatability] | None = None
 ) -> go.Figure:
-    """Draw overall ratings by test id and approach as a table coloured by grade, with their mean and a repeat's."""
+    """Draw overall ratings by test and approach, coloured by grade, with their mean and a repeat's."""
     tests = list(scores)
     approaches = max((list(own) for own in scores.values()), key=len)
     names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]

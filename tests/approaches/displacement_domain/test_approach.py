@@ -39,7 +39,6 @@ def cae_force() -> FloatArray:
 
 
 def bias() -> FloatArray:
-    """What the real vehicle does in addition."""
     return np.asarray(-70 * np.exp(-(((S - 0.15) / 0.08) ** 2)) + 60 * np.exp(-(((S - 0.4) / 0.1) ** 2)))
 
 
@@ -56,7 +55,6 @@ def made_up(extra: FloatArray, speeds: tuple[float, ...] = SPEEDS) -> Campaign:
 
 @pytest.mark.slow
 def test_a_perfect_cae_model_is_left_as_it_is() -> None:
-    """Tests identical to the CAE runs have no bias, so the prediction is the CAE pulse."""
     campaign = made_up(0 * S)
     pulses = [Pulse(GRID_S, accel.astype(float)) for accel in campaign.cae.accel_mps2]
     campaign = replace(
@@ -121,7 +119,6 @@ def test_the_band_covers_velocity_and_crush() -> None:
 
 @pytest.mark.slow
 def test_the_seed_decides_the_draws(campaign: Campaign) -> None:
-    """Same seed, same draws; another seed, other draws about the same mean."""
     condition = campaign.tests[0].condition
     fits = [DisplacementDomain(FEW, seed=seed).fit(campaign) for seed in (1, 1, 2)]
     first, again, other = (np.asarray(fit.predict(condition).draws_mps2) for fit in fits)
@@ -131,7 +128,6 @@ def test_the_seed_decides_the_draws(campaign: Campaign) -> None:
 
 @pytest.mark.slow
 def test_one_test_is_a_fallback_that_is_said() -> None:
-    """One test corrects the CAE model too, with a band from prior knowledge alone."""
     first, second, *_ = (campaign := made_up(bias())).tests
     prediction = DisplacementDomain(FEW).fit(replace(campaign, tests=(first,))).predict(second.condition)
     assert any("Only one test" in note for note in prediction.notes)
@@ -165,7 +161,6 @@ def test_the_paper_preset_runs_and_tells_how_its_fit_went() -> None:
 
 @pytest.mark.slow
 def test_progress_is_reported_and_the_state_is_plain_json(campaign: Campaign) -> None:
-    """The emulator, the bias model and the check of the band each begin, in this order."""
     seen: list[Progress] = []
     model = DisplacementDomain(FEW).fit(campaign, Watch(seen.append))
     assert list(dict.fromkeys(p.step for p in seen)) == ["CAE emulator", "Bias model", "Check of the band"]
@@ -176,7 +171,6 @@ def test_progress_is_reported_and_the_state_is_plain_json(campaign: Campaign) ->
 
 
 def test_the_parts_of_the_bias_foresee_a_test_that_was_left_out(campaign: Campaign) -> None:
-    """They come from the other tests, and yet their total is near what it measured."""
     held_out = campaign.tests[1]
     domain = DisplacementDomain().fit(campaign.without([held_out.id]))
     grid = np.linspace(0, 0.4, 41)

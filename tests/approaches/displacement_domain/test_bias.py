@@ -16,7 +16,6 @@ CONDITION = Condition.of_vector([SPEED, 950.0, 700.0])
 
 
 def linear(s: FloatArray) -> FloatArray:
-    """A force that grows with crush."""
     return np.asarray(-80.0 - 200.0 * s)
 
 
@@ -30,8 +29,6 @@ def test_the_trend_of_a_curve_without_humps_is_the_curve() -> None:
 
 
 def test_the_trend_at_a_displacement_does_not_depend_on_the_others_asked_for() -> None:
-    """Points of a test that stopped early have the trend of a curve that goes on."""
-
     def dented(s: FloatArray) -> FloatArray:
         return np.asarray(linear(s) - 60 * np.exp(-(((s - 0.3) / 0.05) ** 2)))
 

@@ -17,7 +17,6 @@ def test_one_group_is_scikit_learns_matern() -> None:
 
 
 def test_groups_multiply_and_parts_add() -> None:
-    """Two groups make a product of correlations; two parts a sum of covariances."""
     x, z = np.random.default_rng(0).normal(size=(2, 10, 3))
     parts = (Part("product", ANY, (((0, ANY),), ((1, ANY),))), Part("other", ANY, (((0, ANY),),)))
     ours = Covariance(parts, x, z)(np.log([1.0, 0.5, 2.0, 2.0, 0.3]))
@@ -26,14 +25,12 @@ def test_groups_multiply_and_parts_add() -> None:
 
 
 def test_a_part_of_each_test_links_no_two_tests() -> None:
-    """Rows of different tests have no covariance in it."""
     x = np.array([[0.0, 1], [0.0, 1], [0.0, 2]])
     ours = Covariance((Part("own", ANY, (((0, ANY),),), same=-1),), x, x)(np.log([2.0, 1.0]))
     np.testing.assert_allclose(ours, [[4, 4, 0], [4, 4, 0], [0, 0, 4]])
 
 
 def test_a_known_factor_multiplies_both_sides() -> None:
-    """w(x) f(x) has covariance w(x) w(x') k(x, x')."""
     x = np.array([[0.0, 3.0, 0], [0.0, -2.0, 0]])
     ours = Covariance((Part("ratio", ANY, (((0, ANY),),), times=1),), x, x)(np.zeros(2))
     np.testing.assert_allclose(ours, [[9, -6], [-6, 4]])

@@ -96,7 +96,6 @@ def test_the_band_does_not_depend_on_the_time_step() -> None:
 
 
 def test_what_all_draws_have_in_common_may_be_told_once_at_finer_steps() -> None:
-    """Added to coarser draws it gives the motions of the sums at the finer steps."""
     common, draws = random_functions(1)[0], random_functions(4, seed=1)[:, ::100] / 5
     coarse, fine = np.linspace(0, 1, 5), np.linspace(0, 1, 401)
     sums = common + np.array([np.interp(fine, coarse, draw) for draw in draws])

@@ -42,7 +42,6 @@ def events(missing_n: FloatArray, slowest: float = 0.0) -> CaeEvents:
 
 
 def test_a_cae_model_that_equals_the_tests_has_no_event() -> None:
-    """Not even a small one."""
     found = events(0 * S)
     assert not found.events
     assert found.rating_cae == pytest.approx(1, abs=1e-3)
@@ -51,7 +50,6 @@ def test_a_cae_model_that_equals_the_tests_has_no_event() -> None:
 
 @pytest.mark.parametrize(("start", "stop", "force_kn"), [(0.1, 0.2, 30.0), (0.25, 0.35, -30.0)])
 def test_a_constant_force_is_found_to_a_cell_and_a_tenth(start: float, stop: float, force_kn: float) -> None:
-    """As one event, in all tests, that costs nearly all that is lost."""
     found = events(1e3 * force_kn * ((start <= S) & (stop > S)))
     (row,) = events_frame(found).to_dict("records")
     assert (row["from_mm"], row["to_mm"]) == pytest.approx((1e3 * start, 1e3 * stop), abs=10)
@@ -63,7 +61,6 @@ def test_a_constant_force_is_found_to_a_cell_and_a_tenth(start: float, stop: flo
 
 
 def test_a_force_that_only_fast_tests_have_is_theirs() -> None:
-    """The event names the conditions that show it."""
     first = events(4e4 * ((S >= 0.1) & (S < 0.2)), slowest=11.0).events[0]
     assert (first.conditions, first.tests) == ("fast", ("T12", "T14", "T16"))
     assert (first.from_m, first.to_m, first.force_n) == pytest.approx((0.1, 0.2, 4e4), rel=0.15)

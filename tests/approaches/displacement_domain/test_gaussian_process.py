@@ -25,7 +25,6 @@ NOISE = LogNormal(0.1, 0.7)
 
 
 def deviations(process: GaussianProcess, x: FloatArray) -> FloatArray:
-    """Posterior standard deviation."""
     return np.sqrt(np.diag(process.posterior(x)[1]))
 
 
@@ -48,7 +47,6 @@ def test_the_likelihood_is_scikit_learns() -> None:
 
 
 def test_the_gradient_is_the_finite_difference() -> None:
-    """For every hyperparameter of every kind of part, and the noise."""
     process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
     theta = process.theta_ + np.random.default_rng(1).normal(scale=0.3, size=process.theta_.size)
     gradient = process.log_marginal_likelihood(theta)[1]
@@ -79,7 +77,6 @@ def test_predictions_are_the_textbooks() -> None:
 
 
 def test_the_fit_is_a_maximum_of_the_posterior() -> None:
-    """Likelihood times priors falls in every direction."""
     process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
     medians = [prior.median for part in ALL_KINDS for prior in part.priors] + [NOISE.median]
     spreads = np.array([prior.spread for part in ALL_KINDS for prior in part.priors] + [NOISE.spread])
@@ -128,7 +125,6 @@ def test_each_part_is_the_textbooks() -> None:
 
 
 def test_the_density_of_a_left_out_test_is_the_textbooks() -> None:
-    """Block by block it is the normal density given the other tests, by a plain solver."""
     x, y = rows()
     process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 3 * y)
     covariance = Covariance(ALL_KINDS, x, x)(process.theta_[:-1])
@@ -157,7 +153,6 @@ def test_without_a_test_it_predicts_from_the_others() -> None:
 
 
 def test_the_spread_of_hyperparameters_is_that_of_the_posteriors_curvature() -> None:
-    """Along one hyperparameter alone it is at least what the second difference of the posterior gives."""
     process = GaussianProcess((ONE,), NOISE).fit(*rows())
     spread, step = process.spread(), 1e-3
     for i, direction in enumerate(step * np.eye(spread.size)):

@@ -19,22 +19,18 @@ NO_HUMP = CaeStop(SHARES, np.zeros(101), 0.4)
 
 
 def condition(speed_mps: float) -> Condition:
-    """A crash at this speed."""
     return Condition.of_vector([speed_mps, 950.0, 700.0])
 
 
 def cae(speed_mps: float) -> FloatArray:
-    """A CAE curve that depends on the speed."""
     return np.asarray(-10 * speed_mps * (1 - np.exp(-S / 0.1)) + 30 * np.sin(20 * S))
 
 
 def force(speed_mps: float) -> CaeForce:
-    """That curve and its trend."""
     return CaeForce.at(S, lambda s: np.interp(s, S, cae(speed_mps)))
 
 
 def fit(biases: Mapping[float, FloatArray]) -> HierarchicalBias:
-    """Fit to a bias for each speed."""
     return HierarchicalBias().fit([BiasPoints(condition(v), S, SHARE, force(v), bias) for v, bias in biases.items()])
 
 
@@ -60,7 +56,6 @@ def mean_and_width(model: HierarchicalBias, speed_mps: float) -> tuple[FloatArra
 
 
 def shared(s: FloatArray) -> FloatArray:
-    """A bias that all tests have."""
     return np.asarray(-60 * np.exp(-(((s - 0.2) / 0.1) ** 2)))
 
 
@@ -89,7 +84,6 @@ def test_tests_that_contradict_each_other_are_not_believed() -> None:
 
 
 def test_how_each_test_stops_does_not_blur_what_they_share() -> None:
-    """Wild last moments, another for each test, leave the shared bias before them as it is."""
     wild = np.where(SHARE < 0.2, 150.0, 0.0)
     signs = {7.0: 1, 9.0: -1, 11.0: 1, 13.0: -1}
     mean, _ = mean_and_width(fit({v: shared(S) + sign * wild for v, sign in signs.items()}), 10.0)
@@ -97,7 +91,6 @@ def test_how_each_test_stops_does_not_blur_what_they_share() -> None:
 
 
 def test_a_bias_of_noise_alone_is_said_to_be_one() -> None:
-    """The note tells the reader that nothing was found."""
     rng = np.random.default_rng(0)
     model = fit({v: 30 * rng.normal(size=S.size) for v in (6.0, 9.0, 12.0)})
     assert model.state["dead"] is True
@@ -105,7 +98,6 @@ def test_a_bias_of_noise_alone_is_said_to_be_one() -> None:
 
 
 def test_the_parts_add_up_to_what_is_expected() -> None:
-    """Their means do, and the total's band is that of the draws."""
     model = fit({v: v / 10 * shared(S) + 0.1 * cae(v) for v in (6.0, 8.0, 12.0, 14.0)})
     *parts, total = model.parts(moving(condition(10.0)))
     assert [part.name for part in parts] == ["shared", "by speed", "by weight", "ratio", "humps", "own"]
@@ -118,7 +110,6 @@ def test_the_parts_add_up_to_what_is_expected() -> None:
 
 
 def test_nothing_is_known_of_what_a_new_test_has_alone_but_its_size() -> None:
-    """Zero, give or take the same at every displacement, the larger the more like tests differ."""
     alike = fit({v: shared(S) for v in (9.9, 10.0, 10.1, 10.2)}).parts(moving(condition(10.0)))[-2]
     wiggle = 15 * np.sin(S / 0.05)
     unlike = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})
@@ -169,7 +160,6 @@ def test_a_factor_that_tells_tests_apart_is_used() -> None:
 
 @pytest.mark.slow
 def test_a_factor_without_effect_is_left_out() -> None:
-    """Telling tests apart that are alike only makes each less certain."""
     model = with_factor("ABABABAB", 0 * S)
     assert model.factors_ == ()
     assert model.state["factors"] == []

@@ -12,7 +12,6 @@ SPEED = 12.0
 
 
 def bouncing(duration_s: float, factor: float = 1.2) -> FloatArray:
-    """A half sine strong enough to throw the vehicle back."""
     peak = factor * SPEED * np.pi / (2 * duration_s)
     return np.where(duration_s > GRID_S, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0)
 
@@ -37,7 +36,6 @@ def test_a_vehicle_that_never_stops_is_left_as_it_is() -> None:
 
 
 def test_a_cae_pulse_that_never_stops_has_no_branch() -> None:
-    """The acceleration then fades."""
     cae = np.full(1250, -50.0)
     continued = follow_unloading(np.full((1, 1250), -200.0), SPEED, cae, loading_phase(cae, SPEED))[0]
     t0 = SPEED / 200
@@ -90,7 +88,6 @@ def test_the_rebound_is_the_same_in_coarser_steps() -> None:
 
 
 def test_draws_start_at_t0_without_a_step() -> None:
-    """Each draw leaves its own loading continuously, however much tests differ."""
     model = Rebound().fit([unloading(k * EXTRA, 10.0 + k) for k in (-2.0, 1.0, 3.0)])
     new = unloading(EXTRA, 12.0)
     rng = np.random.default_rng(0)
@@ -101,7 +98,6 @@ def test_draws_start_at_t0_without_a_step() -> None:
 
 
 def test_a_test_left_out_is_forgotten_and_none_left_means_the_cae_branch() -> None:
-    """Its pulse no longer matters; without any test the CAE branch is followed."""
     tests = [unloading(EXTRA, 10.0), unloading(2 * EXTRA, 13.0)]
     model = Rebound().fit(tests)
     assert model.process_ is not None

@@ -1,7 +1,6 @@
 """The paper's bias model at Table 4."""
 
 import json
-import threading
 
 import numpy as np
 import pytest
@@ -10,8 +9,9 @@ from crashfuse.approaches.displacement_domain.bias import BiasPoints, CaeForce, 
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
 from crashfuse.condition import Condition
 from crashfuse.errors import Cancelled
-from crashfuse.execution.progress import Progress, Watch
+from crashfuse.execution.progress import Progress
 from crashfuse.signals.pulse import FloatArray
+from tests.conftest import cancelled_after
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -24,7 +24,6 @@ def points(bias: FloatArray, k: int) -> BiasPoints:
 
 
 def smooth(k: int) -> FloatArray:
-    """A bias that grows with the speed."""
     return -30 * np.sin(2 * np.pi * np.linspace(0, 1, 15)) * (1 + 0.1 * k)
 
 
@@ -66,7 +65,6 @@ def test_a_dead_optimum_is_found_out() -> None:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_same_seed_gives_the_same_fit(seed: int) -> None:
-    """Starts are drawn from the seed."""
     tests = [points(smooth(k), k) for k in range(3)]
     first, second = (Table4Bias(restarts=2, seed=seed).fit(tests) for _ in range(2))
     np.testing.assert_array_equal(first.process_.kernel_.theta, second.process_.kernel_.theta)
@@ -74,14 +72,7 @@ def test_the_same_seed_gives_the_same_fit(seed: int) -> None:
 
 def test_it_can_be_stopped_while_it_climbs() -> None:
     """Its fit takes minutes on a whole campaign: cancelling takes effect at once, not at the end."""
-    cancel = threading.Event()
-    seen = []
-
-    def stop(progress: Progress) -> None:
-        seen.append(progress)
-        cancel.set()
-
+    seen: list[Progress] = []
     with pytest.raises(Cancelled):
-        Table4Bias().fit([points(smooth(k), k) for k in range(3)], Watch(stop, cancel))
-    assert len(seen) == 1
-    assert seen[0].total == 11
+        Table4Bias().fit([points(smooth(k), k) for k in range(3)], cancelled_after(lambda _: True, seen))
+    assert [progress.total for progress in seen] == [11]

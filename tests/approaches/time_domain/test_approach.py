@@ -1,6 +1,5 @@
 """The time domain: it learns what the tests show, its band holds, its pulses stop the vehicle."""
 
-import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,9 +16,8 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import Progress, Watch
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
-from tests.conftest import not_none
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+from tests.conftest import cancelled_after, not_none, with_pulse
 
 pytestmark = pytest.mark.slow
 
@@ -29,7 +27,6 @@ BY_ADAM = replace(SMALL, tuning="gradient", members=1, tuning_steps=150, tuning_
 
 @pytest.fixture(scope="module")
 def lf(campaign: Campaign) -> LfTcn:
-    """LF networks of the small campaign."""
     return LfTcn(SMALL).fit(campaign)
 
 
@@ -40,7 +37,6 @@ def mf(campaign: Campaign) -> TimeDomain:
 
 
 def relative_error(predicted: FloatArray, true: FloatArray) -> float:
-    """Root mean square difference, relative to the true pulse."""
     return float(np.sqrt(np.mean((predicted - true) ** 2) / np.mean(true**2)))
 
 
@@ -75,7 +71,6 @@ def test_predicted_pulses_end_as_the_tests_did(campaign: Campaign, mf: TimeDomai
 
 
 def test_a_pulse_that_does_not_stop_the_vehicle_is_noted(campaign: Campaign) -> None:
-    """Only if the CAE model's does stop it; the sentence says what is left."""
     condition = campaign.tests[0].condition
     pulse = campaign.tests[0].pulse.accel_mps2
     assert stopping_notes(condition, pulse, pulse) == ()
@@ -94,12 +89,9 @@ def test_tests_alone_at_their_speed_are_left_out_once(mf: TimeDomain) -> None:
 def test_a_test_without_its_speed_group_is_predicted_from_the_others(campaign: Campaign) -> None:
     """T2 and T3 are at 25 and 26 mph: what T3 measured does not change what is predicted of T2 without both."""
     approach = TimeDomain(replace(SMALL, min_steps=60))
-    changed = tuple(
-        replace(test, pulse=Pulse(GRID_S, 1.5 * test.pulse.accel_mps2)) if test.id == "T3" else test
-        for test in campaign.tests
-    )
+    changed = with_pulse(campaign, "T3", 1.5 * campaign.test("T3").pulse.accel_mps2)
     assert campaign.speed_group("T2") == ("T2", "T3")
-    both = [approach.fit(each).left_out_groups_ for each in (campaign, replace(campaign, tests=changed))]
+    both = [approach.fit(each).left_out_groups_ for each in (campaign, changed)]
     alone = approach.left_out_
     ours = [left.mean_mps2[left.numbers == 1][0] for left in (*both, alone)]
     apart = [np.abs(own - ours[0]).max() for own in ours[1:]]
@@ -114,31 +106,17 @@ def test_the_band_is_wider_far_from_tests_at_a_single_speed(campaign: Campaign) 
     assert single.calibration_.further(1.0) == 1.0
 
 
-def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -> None:
-    """Mean and draws, whatever the caller's random state."""
-    torch.manual_seed(77)
-    condition = campaign.test("T3").condition
-    first, again = mf.predict(condition), TimeDomain(SMALL).fit(campaign.without(["T3"])).predict(condition)
-    assert first.accel_mps2.tobytes() == again.accel_mps2.tobytes()
-    assert not_none(first.draws_mps2).tobytes() == not_none(again.draws_mps2).tobytes()
-
-
 def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A study fits the LF TCN once without tests: no fold trains a member again."""
     quick = replace(SMALL, min_steps=20)
     LfTcn(quick, cache=Cache()).fit(campaign.without(campaign.test_ids))
-
-    def forbidden(*_: object) -> None:
-        raise AssertionError("trained again")
-
-    monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", forbidden)
+    monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", None)
     TimeDomain(quick, cache=Cache()).fit(campaign)
 
 
 def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -> None:
-    """A test that was trained on is met far better than by the LF network."""
     mf = TimeDomain(BY_ADAM).fit(campaign)
     for test in campaign.tests:
         before = relative_error(lf.predict(test.condition).accel_mps2, test.pulse.accel_mps2)
@@ -161,15 +139,9 @@ def test_an_infinite_penalty_keeps_the_lf_network(campaign: Campaign) -> None:
     [("Training LF TCN", SMALL), ("Strength of the fine-tuning", SMALL), ("Fine-tuning on tests", BY_ADAM)],
 )
 def test_a_training_that_is_cancelled_ends_at_its_next_report(campaign: Campaign, step: str, config: TcnConfig) -> None:
-    """Cancelled is raised from within either training."""
-    cancel = threading.Event()
-
-    def stop(progress: Progress) -> None:
-        if progress.step == step and progress.done:  # the report after this one raises
-            cancel.set()
-
+    watch = cancelled_after(lambda progress: progress.step == step and progress.done > 0)
     with pytest.raises(Cancelled, match=step):
-        TimeDomain(replace(config, epochs=5, min_steps=0)).fit(campaign, Watch(stop, cancel))
+        TimeDomain(replace(config, epochs=5, min_steps=0)).fit(campaign, watch)
 
 
 def test_the_papers_network_takes_a_few_steps(campaign: Campaign) -> None:

@@ -32,7 +32,6 @@ def one_penalty(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("one_penalty")
 def test_the_mean_minimises_the_penalised_squares() -> None:
-    """Shared and own weights from one stacked least-squares problem predict the new condition alike."""
     jacobian, misfit = _toy()
     fitted = Increments().fit(_kernel(jacobian[:N], jacobian[:N]), misfit)
     posterior = fitted.posterior(
@@ -91,7 +90,6 @@ def test_tests_that_repeat_badly_widen_what_each_has_to_itself() -> None:
 
 
 def test_what_is_known_of_a_functional_holds_afterwards() -> None:
-    """Given exactly, mean and every draw have the value; given with a huge variance, nothing changes."""
     rng = np.random.default_rng(0)
     root, functional = rng.standard_normal((4, 4)), rng.standard_normal(4)
     posterior = Posterior(rng.standard_normal(4), root @ root.T)

@@ -63,7 +63,6 @@ def test_the_derivatives_are_those_of_the_sum(kernel: int, dilation: int) -> Non
 
 
 def test_many_taps_are_convolved_alike(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The way for long kernels and the way for short ones give the same numbers."""
     convolution = tcn.CausalConv(2, 3, 4, 10, 2, torch.Generator().manual_seed(0)).double()
     inputs = torch.randn(2, 30, 2, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
     by_library = convolution(inputs)
@@ -72,7 +71,6 @@ def test_many_taps_are_convolved_alike(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_dropout_silences_whole_channels_in_training_only() -> None:
-    """Spatial dropout: in training outputs vary, in evaluation they don't."""
     network = Tcn(TcnConfig(dropout=0.5), torch.Generator().manual_seed(0))
     inputs = torch.ones(5, 3, TcnConfig().n_inputs)
     assert not torch.equal(network(inputs), network(inputs))
@@ -81,7 +79,6 @@ def test_dropout_silences_whole_channels_in_training_only() -> None:
 
 
 def test_members_know_nothing_of_each_other() -> None:
-    """Each member of an ensemble gives what it gives alone, and joined networks what each gave."""
     config = TcnConfig(channels=6, dilations=(1, 2), members=3)
     generator = torch.Generator().manual_seed(0)
     alone = [Tcn(config, generator, members=1).double() for _ in range(3)]
@@ -91,7 +88,6 @@ def test_members_know_nothing_of_each_other() -> None:
 
 
 def test_members_may_be_fed_each_with_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Inputs with a leading axis reach one member each, by either way to convolve."""
     config = TcnConfig(channels=6, dilations=(1, 2), members=2)
     network = Tcn(config, torch.Generator().manual_seed(0)).double()
     inputs = torch.randn(2, 20, 3, config.n_inputs, dtype=torch.float64, generator=torch.Generator().manual_seed(1))

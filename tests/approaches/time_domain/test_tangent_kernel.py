@@ -56,14 +56,11 @@ def inputs(vectors: FloatArray) -> Tensor:
 
 
 def blocks(cache: Cache | None = None) -> KernelBlocks:
-    """Blocks of the same networks, with nothing in memory."""
     return KernelBlocks(NETWORK, CONFIG, inputs, "library", cache)
 
 
 @pytest.fixture
 def nothing_is_computed(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    """A function to call before anything that may only be looked up."""
-
     def refuse(*_: object) -> NoReturn:
         raise AssertionError("computed again")
 
@@ -84,7 +81,6 @@ def test_a_block_does_not_depend_on_what_it_is_computed_with() -> None:
 
 
 def test_all_parts_of_a_campaign_share_what_is_kept(tmp_path: Path, request: pytest.FixtureRequest) -> None:
-    """What one process has computed, another finds: tests among each other, and beside one left out."""
     whole = blocks(Cache(tmp_path)).among(VECTORS)
     request.getfixturevalue("nothing_is_computed")
     np.testing.assert_array_equal(blocks(Cache(tmp_path)).among(VECTORS[[0, 2]]), whole[[0, 2]][:, :, [0, 2]])
@@ -96,7 +92,6 @@ def test_all_parts_of_a_campaign_share_what_is_kept(tmp_path: Path, request: pyt
 def test_of_too_many_conditions_the_latest_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
-    """A file does not grow without end."""
     monkeypatch.setattr(tangent_kernel, "_MOST", 3)
     own = blocks(Cache(tmp_path))
     own.among(VECTORS[:2])

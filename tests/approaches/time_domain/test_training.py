@@ -1,6 +1,5 @@
 """Training step after step: whatever stops it, it goes on to the same bits."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -18,6 +17,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch
+from tests.conftest import cancelled_after
 
 pytestmark = pytest.mark.slow
 
@@ -56,10 +56,8 @@ def _dies_at(step: str, done: int) -> Callable[[Progress], None]:
 
 
 def _cancel_at_once(lf: LfTcn, campaign: Campaign) -> None:
-    """Stop a training at its second report."""
-    cancel = threading.Event()
     with pytest.raises(Cancelled):
-        lf.fit(campaign, Watch(lambda _: cancel.set(), cancel))
+        lf.fit(campaign, cancelled_after(lambda _: True))
 
 
 def _bits(network: Tcn) -> dict[str, bytes]:
@@ -72,13 +70,11 @@ def _checkpoints() -> int:
 
 @pytest.fixture(scope="module")
 def undisturbed(campaign: Campaign) -> LfTcn:
-    """A training that nothing stopped."""
     return LfTcn(SMALL).fit(campaign)
 
 
 @pytest.fixture
 def every_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Report and save after each step."""
     monkeypatch.setattr(training, "_REPORT_S", 0.0)
     monkeypatch.setattr(training, "_CHECKPOINT_S", 0.0)
     monkeypatch.setattr(training, "_SHARE", 1e9)
@@ -100,7 +96,6 @@ def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: C
 
 @pytest.mark.usefixtures("every_step")
 def test_a_fine_tuning_that_was_killed_goes_on_as_well(campaign: Campaign) -> None:
-    """The tests' own training by Adam has its own checkpoint."""
     undisturbed = TimeDomain(BY_ADAM).fit(campaign)
     with pytest.raises(Killed):
         TimeDomain(BY_ADAM, cache=Cache()).fit(campaign, Watch(_dies_at("Fine-tuning on tests", 11)))
@@ -111,23 +106,15 @@ def test_a_fine_tuning_that_was_killed_goes_on_as_well(campaign: Campaign) -> No
 
 
 def test_a_training_that_is_cancelled_leaves_what_it_had(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However short it was: the checkpoint is made when it is stopped."""
     monkeypatch.setattr(training, "_REPORT_S", 0.0)
-    cancel = threading.Event()
-
-    def stop(progress: Progress) -> None:
-        if progress.done == 5:
-            cancel.set()
-
     with pytest.raises(Cancelled):
-        LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(stop, cancel))
+        LfTcn(SMALL, cache=Cache()).fit(campaign, cancelled_after(lambda progress: progress.done == 5))
     reports: list[Progress] = []
     LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
     assert reports[0].done == 6
 
 
 def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campaign) -> None:
-    """It belongs to one training."""
     _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
     reports: list[Progress] = []
     LfTcn(SMALL, seed=1, cache=Cache()).fit(campaign, Watch(reports.append))
@@ -139,7 +126,6 @@ def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campa
 
 
 def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
-    """One flipped byte, and the training begins anew."""
     _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
     (kept,) = (Cache().folder / "checkpoints").glob("*.bin")
     damaged = bytearray(kept.read_bytes())

@@ -36,7 +36,6 @@ SAID: dict[Word, float] = {"met": 0.998, "not met": 0.031, "open": 0.5, "outside
 def certification(
     campaign: Campaign, words: dict[str, tuple[Word, Word]], speeds_mph: dict[str, float]
 ) -> Certification:
-    """A certification with these verdicts on crush and rating."""
     here = campaign.tests[1].condition
     conditions = [replace(here, speed_mps=speeds_mph[name] * MPH) for name in words]
     verdicts = tuple(
@@ -52,18 +51,15 @@ def certification(
 
 @pytest.fixture
 def three(campaign: Campaign) -> Certification:
-    """Three conditions: one is slow, one fast, one outside."""
     return certification(campaign, WORDS, SPEEDS_MPH)
 
 
 def colour_of(heat: go.Heatmap, z: float) -> str:
-    """Colour that a heat map gives to a value."""
     place = (z - heat.zmin) / (heat.zmax - heat.zmin)
     return str(next(colour for (limit, colour) in heat.colorscale if limit >= place))
 
 
 def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(three: Certification) -> None:
-    """Rows in order of speed, columns as the criteria are; a condition outside has no number."""
     heat, marks, *_ = verdict_matrix(three).data
     assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
     assert list(heat.x) == ["<b>crush</b><br>at most 500\N{NO-BREAK SPACE}mm", "<b>rating</b><br>at least 0.80"]
@@ -111,7 +107,6 @@ def test_words_stand_above_their_numbers_and_grow_smaller_with_the_number_of_cri
 
 
 def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> None:
-    """So that the cells keep their room for words; the row itself knows the whole id."""
     name = "a condition with a long name"
     figure = verdict_matrix(certification(campaign, {name: ("met", "open")}, {name: 20.0}))
     assert list(figure.layout.yaxis.ticktext) == ["a condition …a long name · 20.0 mph"]
@@ -123,7 +118,6 @@ def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> 
 
 
 def test_the_legend_counts_the_verdicts_and_is_dim_with_them_on_a_dark_page(three: Certification) -> None:
-    """All four words, those that do not occur included; a bright cell glares."""
     _, _, *legend = verdict_matrix(three).data
     assert [trace.name for trace in legend] == ["met (2)", "not met (1)", "open (1)", "outside (2)"]
     assert [trace.marker.color for trace in legend] == list(VERDICT_COLOURS.values())
@@ -188,7 +182,6 @@ def trial(
     criterion: Criterion = CRUSH,
     said: tuple[float, float, float] = (450.0, 420.0, 490.0),
 ) -> Trial:
-    """A left-out test that got a verdict."""
     verdict = Verdict(Condition.of_vector([speed_mps, 1000.0, 700.0]), criterion, *said, probability, word, "")
     return Trial(held_out, left_out, verdict, measured, None)
 
@@ -236,7 +229,6 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
     [(reliability, ()), (partial(record_figure, criteria=()), ()), (reliability, (trial("A", 440.0, word="outside"),))],
 )
 def test_where_there_is_nothing_to_compare_with_the_figure_says_so(draw: object, trials: tuple[Trial, ...]) -> None:
-    """Of a single test, or where every left-out test is outside; without axes."""
     figure = draw(TrackRecord(trials))  # type: ignore[operator]
     assert len(figure.layout.annotations) == 1
     assert (figure.layout.xaxis.visible, figure.layout.yaxis.visible) == (False, False)

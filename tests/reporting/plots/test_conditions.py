@@ -3,7 +3,7 @@
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from plotly.graph_objects import Figure, Scatter
+from plotly.graph_objects import Figure
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
@@ -19,12 +19,10 @@ INSIDE, OUTSIDE = "Tests", "Tests outside it: extrapolation"
 
 
 def traces(figure: go.Figure, group: str) -> list[go.Scatter]:
-    """The traces of this kind, front weight first."""
     return [trace for trace in figure.data if trace.legendgroup == group]
 
 
 def test_tests_stand_at_their_speeds_and_weights(campaign: Campaign) -> None:
-    """In mph and lb, each under its id, against front weight and against rear weight."""
     figure = condition_space(campaign.cae, campaign.tests)
     front, rear = traces(figure, INSIDE)
     assert list(front.text) == list(rear.text) == ["T1", "T2", "T3", "T4"]
@@ -74,7 +72,6 @@ UPPER = (12.0, 22.0, 32.0, None, None)
 
 
 def _sweep(approach: str, *, band: bool) -> Sweep:
-    """An OLC that is missing here and there."""
     none = (None,) * len(VALUES)
     ends = zip(VALUES, LOWER if band else none, UPPER if band else none, strict=True)
     metrics = tuple((Metric("olc", value, lower, upper, "g"),) for value, lower, upper in ends)
@@ -83,17 +80,12 @@ def _sweep(approach: str, *, band: bool) -> Sweep:
 
 @pytest.fixture
 def figure(campaign: Campaign) -> Figure:
-    """The raw CAE without a band, and fused with one."""
     return sweep_figure([_sweep("cae", band=False), _sweep("fused", band=True)], "olc", campaign)
 
 
-def _lines(figure: Figure) -> dict[str, Scatter]:
-    return {trace.legendgroup: trace for trace in figure.data if trace.mode == "lines+markers"}
-
-
-def test_missing_numbers_leave_gaps(figure: Figure) -> None:
+def test_missing_numbers_leave_gaps_and_the_cursor_reads_the_interval(figure: Figure) -> None:
     """Neither a zero nor a line across; one outline of the band from 10 to 30 mph, none beyond or without."""
-    line = _lines(figure)["fused"]
+    (line,) = [own for own in figure.data if own.mode == "lines+markers" and own.legendgroup == "fused"]
     np.testing.assert_allclose(line.x, SPEEDS_MPH)
     np.testing.assert_array_equal(line.y, [np.nan, 20, 30, np.nan, 50])
     assert line.connectgaps is False
@@ -103,13 +95,8 @@ def test_missing_numbers_leave_gaps(figure: Figure) -> None:
     np.testing.assert_allclose(band.y, [8, 18, 28, 32, 22, 12])
     assert band.legendgroup == "band of fused"
     assert band.fillcolor == "rgba(0, 158, 115, 0.18)"
-
-
-def test_the_cursor_reads_the_speed_and_the_interval(figure: Figure) -> None:
-    """Of an open interval the known end is told."""
-    texts = _lines(figure)["fused"].customdata
-    assert list(texts[1]) == ["20.0 mph", "20.0 [18.0, 22.0] g"]
-    assert list(texts[4]) == ["50.0 mph", "50.0 [≥ 45.0] g"]
+    assert list(line.customdata[1]) == ["20.0 mph", "20.0 [18.0, 22.0] g"]
+    assert list(line.customdata[4]) == ["50.0 mph", "50.0 [≥ 45.0] g"]
 
 
 def test_tests_are_black_points_with_their_id_and_weights(campaign: Campaign, figure: Figure) -> None:

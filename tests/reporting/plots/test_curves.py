@@ -27,7 +27,6 @@ def test_bands_are_drawn_before_all_lines_and_the_test_last() -> None:
 
 
 def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
-    """That of the preferred approach unless another is asked for, and of a single prediction beside."""
     curves = {name: Curve(X, X, (X, X - 1, X + 1)) for name in ("displacement_domain", "fused", "time_domain")}
     for asked, filled in ((None, "fused"), ("time_domain",) * 2, ("cae", "fused")):
         figure = new_figure(300)
@@ -46,7 +45,6 @@ def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
 
 
 def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the_legend() -> None:
-    """The approaches keep their looks whether or not something stands beside them."""
     figure = new_figure(300)
     draw_curves(figure, {"T08 · 35.1 mph": Curve(X, X), "cae": Curve(X, X), "Run C7": Curve(X, X), TEST: Curve(X, X)})
     eighth, cae, run, test = figure.data
@@ -58,7 +56,6 @@ def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the
 
 
 def test_tests_come_by_rising_speed_and_one_is_thick(campaign: Campaign) -> None:
-    """The held-out test says that it is."""
     styles = [(test.id, style["line"]["width"], style["name"]) for test, style in by_speed(campaign.tests[::-1], "T2")]
     assert [test_id for test_id, _, _ in styles] == ["T1", "T2", "T3", "T4"]
     assert [width for _, width, _ in styles] == [1.7, 4, 1.7, 1.7]
@@ -105,7 +102,6 @@ def test_figures_to_be_compared_share_one_range_that_holds_all_curves() -> None:
 
 
 def test_titles_of_axes_are_no_larger_than_text() -> None:
-    """By default they are a fifth larger; a title that is set later keeps the size."""
     figure = new_figure(300)
     figure.update_yaxes(title="Velocity (km/h)")
     assert figure.layout.yaxis.title.font.size is None

@@ -21,7 +21,6 @@ S = np.linspace(0.0, 0.5, 51)
 
 @pytest.fixture(scope="module")
 def model(campaign: Campaign) -> CaeModel:
-    """The CAE model of the small campaign."""
     return CaeModel().fit(campaign.cae)
 
 
@@ -44,7 +43,6 @@ def motion(test: CrashTest) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def trace(figure: go.Figure, name: str, axis: str = "y") -> go.Scatter:
-    """The one line of this name on this axis."""
     (found,) = [
         t for t in figure.data if t.name == name and t.mode == "lines" and t.fill is None and (t.yaxis or "y") == axis
     ]
@@ -52,7 +50,6 @@ def trace(figure: go.Figure, name: str, axis: str = "y") -> go.Scatter:
 
 
 def band(figure: go.Figure) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The one band: displacements, lower and upper limit."""
     (found,) = [t for t in figure.data if t.fill == "toself"]
     n = len(found.x) // 2
     return found.x[:n], found.y[:n], found.y[n:][::-1]
@@ -61,7 +58,6 @@ def band(figure: go.Figure) -> tuple[FloatArray, FloatArray, FloatArray]:
 def test_a_half_sine_over_displacement_is_that_of_the_closed_form(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
-    """In mm and g, and it ends at maximum crush."""
     speed = test.condition.speed_mps
     curve = trace(plots.over_displacement(test.pulse, predictions, speed), "Test")
     _, displacement, accel = motion(test)
@@ -70,7 +66,6 @@ def test_a_half_sine_over_displacement_is_that_of_the_closed_form(
 
 
 def test_every_curve_holds_the_same_energy(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    """The area below it is half the square of the impact speed."""
     speed = test.condition.speed_mps
     figure = plots.over_displacement(test.pulse, predictions, speed, Display(unit="m/s²", deceleration=True))
     for name in ("Test", "CAE", "Displacement domain"):
@@ -113,7 +108,6 @@ def test_the_mark_is_the_maximum_crush_with_the_interval_of_the_tables(
 
 
 def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: CaeModel) -> None:
-    """At every displacement up to the test's maximum crush; the sign turns with the axis."""
     biases = [measured_bias(test, model) for test in campaign.tests]
     figure = plots.bias_by_speed(campaign.tests, biases, display=Display(unit="m/s²", deceleration=True))
     for test, bias, curve in zip(campaign.tests, biases, figure.data, strict=True):
@@ -141,7 +135,6 @@ def part(name: str, level: float) -> BiasPart:
 
 
 def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
-    """Each in a panel of its own with its band; the measured bias over the total only."""
     parts = [part("shared", -3.0), part("by speed", 2.0), part("own", 0.0), part("total", -1.0)]
     measured = BiasPoints(test.condition, S, np.linspace(1, 0, S.size), CaeForce(0 * S, 0 * S), np.full(S.size, -2.0))
     figure = plots.bias_parts(parts, S, measured, Display(unit="m/s²"))

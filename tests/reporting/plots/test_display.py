@@ -24,7 +24,6 @@ def test_numbers_are_in_the_chosen_units() -> None:
 
 
 def test_labels_have_the_chosen_units() -> None:
-    """Axis titles, headings, conditions in words, and in as few as tell them apart."""
     assert (METRIC.title("Impact speed", "mph"), USUAL.title("Velocity", "km/h")) == (
         "Impact speed (km/h)",
         "Velocity (mph)",

@@ -72,7 +72,6 @@ def test_ratings_and_band_are_drawn_over_the_number_of_tests(campaign: Campaign)
 
 
 def test_one_more_test_is_drawn_where_it_can_be_told(campaign: Campaign) -> None:
-    """From four numbers of tests on, with its interval; not before."""
     name = "Fused, expected with one test more"
     assert name not in [trace.name for trace in over_number_of_tests(made_up(campaign, ("fused",))).data]
     curve = made_up(campaign, ("fused",), (1, 2, 3, 4))

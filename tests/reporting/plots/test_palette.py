@@ -23,7 +23,6 @@ LIGHT, DARK = palette.PAPER, palette.IN_THE_DARK[palette.PAPER]
 
 
 def linear(colour: str) -> FloatArray:
-    """Shares of red, green and blue light."""
     parts = [int(colour[i : i + 2], 16) for i in (1, 3, 5)] if colour[0] == "#" else colour[4:-1].split(",")
     shares = np.array([int(part) / 255 for part in parts])
     return np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
@@ -52,7 +51,6 @@ _LAB = [
 
 
 def seen(colours: Sequence[str], sight: FloatArray) -> FloatArray:
-    """Colours in OKLab as an eye sees them."""
     light = np.clip(np.array([linear(colour) for colour in colours]) @ sight.T, 0, 1)
     return np.asarray(np.cbrt(light @ np.transpose(_CONES)) @ np.transpose(_LAB))
 
@@ -64,14 +62,12 @@ def contrast(colour: str, ground: str) -> float:
 
 
 def blend(colour: str, ground: str, share: float = 0.6) -> str:
-    """A colour seen through, as Streamlit draws captions."""
     over, under = (np.array([int(part[i : i + 2], 16) for i in (1, 3, 5)]) for part in (colour, ground))
     return "#{:02X}{:02X}{:02X}".format(*np.round(share * over + (1 - share) * under).astype(int))
 
 
 @pytest.fixture
 def predictions(campaign: Campaign) -> dict[str, Prediction]:
-    """One of each approach, some with bands."""
     test = campaign.test("T2")
     accel = test.pulse.accel_mps2
     draws = accel * np.linspace(0.9, 1.1, 21)[:, None]
@@ -189,7 +185,6 @@ def test_what_is_put_beside_looks_like_no_approach_to_the_colour_blind_either() 
 
 
 def test_tests_of_rising_speed_rise_in_brightness_on_both_pages(campaign: Campaign) -> None:
-    """A scale that the colour-blind, and a grey printer, can follow."""
     styles = palette.speed_lines({test.id: test.condition.speed_mps for test in campaign.tests})
     slow_to_fast = [styles[test.id]["line"]["color"] for test in campaign.tests]
     for colours in (slow_to_fast, [palette.IN_THE_DARK[colour] for colour in slow_to_fast]):

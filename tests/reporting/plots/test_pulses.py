@@ -30,7 +30,6 @@ def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
 
 
 def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
-    """The one trace of this name in this row."""
     axis = None if row == 1 else f"y{row}"
     (found,) = [t for t in figure.data if t.name == name and (t.yaxis or "y") == (axis or "y")]
     return found
@@ -69,7 +68,6 @@ def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predic
 
 
 def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    """Curves lose nothing, and both ends of the record are there."""
     for curve in plots.motion(test.pulse, predictions, test.condition.speed_mps).data:
         assert curve.x.size == curve.y.size
         assert curve.x.size < N_SAMPLES if curve.meta else curve.x.size == N_SAMPLES
@@ -169,7 +167,6 @@ def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -
 
 
 def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaign: Campaign) -> None:
-    """To either side of the test, over the rated window only."""
     pulse = campaign.tests[1].pulse
     outer, inner = plots.add_corridors(new_figure(400), pulse, Display(window_ms=40.0)).data
     largest = np.abs(pulse.accel_mps2[GRID_S < 0.04]).max() / G
@@ -192,7 +189,6 @@ def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(te
 
 
 def test_the_recording_lies_under_its_pulse() -> None:
-    """Both curves have their trough at one place; what cannot be settled is drawn as it is."""
     raw = replace(channel(scale=-9.80665, unit="m/s²"), time_s=channel().time_s + 0.3)
     source = replace(record(raw, condition=CONDITION), own_time_zero="")
     found = settle(source)

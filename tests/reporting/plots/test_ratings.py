@@ -43,7 +43,6 @@ def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
 
 
 def test_repeats_are_the_last_column_of_the_heat_map_and_bars_behind_the_spread() -> None:
-    """The column needs a value for every test, the bars are drawn where there is one."""
     repeats = {"A": Repeatability(0.9, 0.8, 0.95), "B": Repeatability(0.8, 0.6, 0.9)}
     scores = {"A": {"cae": 0.5}, "B": {"cae": 0.6}}
     heat, marks = plots.rating_heatmap(scores, repeats).data
@@ -56,7 +55,6 @@ def test_repeats_are_the_last_column_of_the_heat_map_and_bars_behind_the_spread(
 
 
 def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> None:
-    """Error bars are lengths from the mark; a test without an approach has no mark of it."""
     figure = plots.rating_spread(
         {"A": {"fused": (0.9, 0.7, 0.95)}, "B": {"fused": (0.8, 0.6, 0.8), "lf_tcn": (0.5, 0.4, 0.6)}}
     )
@@ -87,7 +85,6 @@ def explanation() -> RatingExplanation:
 
 
 def test_the_bars_are_the_four_scores_of_each_approach() -> None:
-    """With their weights in the overall rating, and two digits above each bar."""
     ratings = {"cae": Rating(0.6, 0.7, 0.3, 0.73, 0.6, "Fair"), "fused": Rating(0.9, 0.9, 1.0, 0.8, 0.75, "Good")}
     raw, fused = rating_parts(ratings).data
     assert list(raw.x) == ["Corridor (40 %)", "Phase (20 %)", "Magnitude (20 %)", "Slope (20 %)"]
@@ -96,7 +93,6 @@ def test_the_bars_are_the_four_scores_of_each_approach() -> None:
 
 
 def test_each_row_draws_what_its_score_compares(explanation: RatingExplanation) -> None:
-    """As they stand, shifted, warped, and the slopes in g/ms, over one axis of time."""
     figure = rated_curves(explanation, "fused")
     rows = {
         axis: [trace for trace in figure.data if trace.yaxis == axis and trace.name in ("Test", "Fused")]
@@ -115,7 +111,6 @@ def test_each_row_draws_what_its_score_compares(explanation: RatingExplanation) 
 
 
 def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation: RatingExplanation) -> None:
-    """In the first row, behind the curve; the outer corridor's mark stands only if that is left."""
     figure = rated_curves(explanation, "fused", Display(window_ms=70.0, unit="m/s²"))
     (marked,) = [trace for trace in figure.data if trace.name == "Outside the inner corridor"]
     curves = explanation.compared
@@ -128,7 +123,6 @@ def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation:
 
 
 def test_the_same_hump_has_the_same_number_in_both_curves(explanation: RatingExplanation) -> None:
-    """At the time of its peak in each."""
     marks = [(a.text, a.x) for a in rated_curves(explanation, "fused").layout.annotations if a.showarrow]
     assert [text for text, _ in marks] == ["1", "1", "2", "2", "3", "3"]
     assert [at for _, at in marks] == pytest.approx([15, 15, 33, 33, 50, 54], abs=0.3)
