@@ -145,6 +145,27 @@ def test_a_sound_record_has_no_fault(rate: int, *, filtered: bool) -> None:
     assert not sensor_faults(np.arange(still.size) / rate, still)
 
 
+@pytest.mark.parametrize("cfc", [None, 60, 180])
+@pytest.mark.parametrize("width_ms", [1.2, 2.0, 4.0])
+def test_a_short_hump_of_the_structure_is_no_spike(width_ms: float, cfc: int | None) -> None:
+    """What meets water or a stop brakes for 2 to 7 ms (at half height) and may do nothing else."""
+    time_s = np.arange(0, 0.1, 1e-4)
+    t = time_s / MS
+    accel = -G * (8 * (1 - np.exp(-t / 3)) + 25 * np.exp(-(((t - 6) / width_ms) ** 2)))
+    accel = accel if cfc is None else cfc_filter(accel, cfc=cfc, dt_s=1e-4)
+    assert not any(fault.strength >= 1 for fault in sensor_faults(time_s, accel))
+
+
+def test_a_spike_that_repeats_show_is_the_structure() -> None:
+    """Most of them, whether a little earlier or not."""
+    time_s = np.arange(0, 0.1, 1e-4)
+    whole = crash(time_s)
+    record, early = spiked(time_s, whole), spiked(time_s + 2e-3, whole)
+    fault = SensorFault("spike", 0.052, 0.052, 57 * G, 2.0)
+    assert confirmed([fault], time_s, record, record, [early, early, whole]) == ()
+    assert confirmed([fault], time_s, record, whole, [early, whole, whole]) == (fault,)
+
+
 def test_a_likely_fault_is_one_if_other_records_do_not_show_it() -> None:
     """A flat top that all tests have is the structure; one that hides a peak of the others is the sensor."""
     time_s = np.arange(0, 0.1, 1e-4)
