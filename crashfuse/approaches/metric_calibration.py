@@ -49,7 +49,7 @@ Errors = Mapping[str, FloatArray]
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """Distribution of a positive number at a single test: Student's t."""
+    """Distribution of a positive number at a single test: Student's t, cut off at 0."""
 
     centre: float
     scale: float  # 0 if there is no doubt
@@ -81,9 +81,14 @@ class Distribution:
 
     def cdf(self, x: float) -> float:
         """Probability of a value of at most ``x``."""
-        away = x - self.centre
-        within = float(stdtr(self.freedom, away / self.scale)) if self.scale else float(away >= 0)
+        negative = self._uncut(0.0)
+        within = max(self._uncut(x) - negative, 0.0) / (1 - negative)
         return self.lowest + (1 - self.lowest - self.highest) * within
+
+    def _uncut(self, x: float) -> float:
+        away = x - self.centre
+        share = float(stdtr(self.freedom, away / self.scale)) if self.scale else float(away >= 0)
+        return min(share, 1 - 1e-9) if x == 0 else share
 
     def probability(self, at_least: float | None, at_most: float | None) -> float:
         """Probability of a value between the limits."""
@@ -99,7 +104,9 @@ class Distribution:
         within = (share - self.lowest) / (1 - self.lowest - self.highest)
         if not 0 < within < 1:
             return None
-        return min(max(self.centre + self.scale * float(stdtrit(self.freedom, within)), 0.0), self.most)
+        negative = self._uncut(0.0)
+        away = float(stdtrit(self.freedom, negative + within * (1 - negative)))
+        return min(max(self.centre + self.scale * away, 0.0), self.most)
 
     @property
     def median(self) -> float | None:
@@ -108,9 +115,10 @@ class Distribution:
 
     @property
     def interval(self) -> tuple[float | None, float | None]:
-        """Central 95 %; None beyond the record, or from 0 to beyond it."""
-        lower, upper = self.quantile((1 - _LEVEL) / 2), self.quantile((1 + _LEVEL) / 2)
-        return (None if upper is None and lower == 0 else lower), upper
+        """Central 95 %; None beyond the record, or from next to 0 to beyond it."""
+        tail = (1 - _LEVEL) / 2
+        lower, upper = self.quantile(tail), self.quantile(1 - tail)
+        return (None if upper is None and self._uncut(0.0) > tail else lower), upper
 
 
 def standardised_error(values: FloatArray, measured: float, metric: str = "") -> float:
