@@ -42,7 +42,7 @@ _LOST, _ZERO = 6.0, 0.1  # the same of a gap, and its level as a share of what i
 _HELD, _HELD_FLOOR = 80.0, 5e-4  # the same on one side
 _LEAP = 4.0  # the same within 0.3 ms
 _SPIKE, _SPIKE_S, _SPIKE_MPS2 = 4.0, 1.6e-3, 8 * G
-_BUMP, _BUMP_S = 4.5, 0.8e-3  # the same in the band: what it makes of an impulse, shorter than most structures
+_BUMP, _BUMP_S = 4.5, 0.8e-3
 _WIDER, _BENT, _FWHM = 1.3, 1.15, 2.355  # limits in widths of an impulse, see below; of a Gaussian at half its height
 _SMOOTH_S = 0.4e-3  # of a raw record, so that noise makes no inflection
 _BESIDE_S, _SHARED = 4e-3, 0.5  # of a bump; share of a spike that other records show if it is the structure's
@@ -378,9 +378,7 @@ def _spike(raw: _Signal, band: _Signal) -> Iterator[SensorFault]:
 
 def _is_impulse(signal: _Signal, off: FloatArray, top: int, lasts_s: float) -> bool:
     """Whether a peak is as narrow as an impulse that lasts so long: at half its height, and between its inflections."""
-    impulse_s, smooth_s = float(np.hypot(lasts_s / _FWHM, signal.impulse_s)), 0.0
-    if not signal.impulse_s:
-        smooth_s = _SMOOTH_S
+    impulse_s, smooth_s = float(np.hypot(lasts_s / _FWHM, signal.impulse_s)), 0.0 if signal.impulse_s else _SMOOTH_S
     smooth = gaussian_filter1d(signal.accel, smooth_s / signal.step_s, mode="nearest") if smooth_s else signal.accel
     bends = -np.sign(off[top]) * np.gradient(np.gradient(smooth))
     near = max(top - signal.samples(_SMOOTH_S), 0)

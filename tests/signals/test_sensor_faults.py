@@ -116,7 +116,6 @@ def test_noise_is_found_in_slow_records_and_after_a_wider_filter(rate: int, cfc:
     (fault,) = sensor_faults(time_s, accel)
     assert fault.kind == "noise"
     assert fault.start_s == pytest.approx(0.04, abs=5e-3)
-    assert not sensor_faults(time_s, crash(time_s))
 
 
 def test_a_record_that_repeats_all_its_samples_is_sound() -> None:
@@ -136,7 +135,7 @@ def test_the_sign_of_a_record_does_not_matter(change: Break, rate: int, *, filte
     assert sizes[0] == pytest.approx(sizes[1])
 
 
-@pytest.mark.parametrize("rate", [1_000, *RATES])
+@pytest.mark.parametrize("rate", [1_000, 1_600, *RATES])
 @pytest.mark.parametrize("filtered", [False, True])
 def test_a_sound_record_has_no_fault(rate: int, *, filtered: bool) -> None:
     """Noise, rounding and smooth humps are none, nor is a crash of nothing."""
