@@ -34,6 +34,7 @@ _USUAL_SCALES = {
 _REPEATABILITY = dict.fromkeys(("max_crush", "esw", "centroid_time"), 0.015)  # of the value
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
+_MOST_CUT = 1 - 1e-9
 _LATEST_MS = dict.fromkeys(("peak_time", "step_time", "centroid_time"), float(GRID_S[-1]) * 1e3)
 _MOST_DRAWS = 1000  # computed at once
 
@@ -81,14 +82,16 @@ class Distribution:
 
     def cdf(self, x: float) -> float:
         """Probability of a value of at most ``x``."""
-        negative = self._uncut(0.0)
-        within = max(self._uncut(x) - negative, 0.0) / (1 - negative)
+        within = max(self._uncut(x) - self._cut, 0.0) / (1 - self._cut)
         return self.lowest + (1 - self.lowest - self.highest) * within
 
     def _uncut(self, x: float) -> float:
         away = x - self.centre
-        share = float(stdtr(self.freedom, away / self.scale)) if self.scale else float(away >= 0)
-        return min(share, 1 - 1e-9) if x == 0 else share
+        return float(stdtr(self.freedom, away / self.scale)) if self.scale else float(away >= 0)
+
+    @property
+    def _cut(self) -> float:
+        return min(self._uncut(0.0), _MOST_CUT)
 
     def probability(self, at_least: float | None, at_most: float | None) -> float:
         """Probability of a value between the limits."""
@@ -104,8 +107,7 @@ class Distribution:
         within = (share - self.lowest) / (1 - self.lowest - self.highest)
         if not 0 < within < 1:
             return None
-        negative = self._uncut(0.0)
-        away = float(stdtrit(self.freedom, negative + within * (1 - negative)))
+        away = float(stdtrit(self.freedom, self._cut + within * (1 - self._cut)))
         return min(max(self.centre + self.scale * away, 0.0), self.most)
 
     @property
@@ -118,7 +120,7 @@ class Distribution:
         """Central 95 %; None beyond the record, or from next to 0 to beyond it."""
         tail = (1 - _LEVEL) / 2
         lower, upper = self.quantile(tail), self.quantile(1 - tail)
-        return (None if upper is None and self._uncut(0.0) > tail else lower), upper
+        return (None if upper is None and self._cut > tail else lower), upper
 
 
 def standardised_error(values: FloatArray, measured: float, metric: str = "") -> float:
