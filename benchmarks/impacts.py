@@ -5,6 +5,8 @@ Every campaign in the folder is predicted with each test left out, then with its
 those at other speeds. Printed: mean ratings, the largest fall of a test below the raw CAE, shares of a(t) inside the
 band and of whole curves, 0 to 60 ms, inside that of whole pulses; by metric the mean relative errors of value and
 averaged pulse, the mean relative width of 95 % intervals, the width that the errors ask for, and the share inside.
+Last verdicts of fused on each test and repeat, at limits of 0.8 to 1.25 times the mean of what repeats show at their
+speed, from above and from below: how many, and how many decided and wrong, by metric.
 """
 
 import argparse
@@ -15,8 +17,10 @@ import numpy as np
 import pandas as pd
 from vehicles import metrics_of
 
+from crashfuse.approaches.metric_calibration import metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.certification.domain import REST_ON_PEAK, Domain
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
@@ -30,6 +34,7 @@ from crashfuse.units import G
 _WINDOWS_MS = (60.0, 80.0)
 _APPROACHES = ("cae", "time_domain", "displacement_domain", "fused")
 _METRICS = ("peak", "max_crush", "sm25", "olc")
+_LIMITS = (0.8, 0.9, 1.0, 1.1, 1.25)
 
 
 def _unseen(folder: Path, campaign: Campaign) -> list[CrashTest]:
@@ -89,6 +94,29 @@ def _rows(fold: Fold) -> tuple[list[dict[str, object]], list[dict[str, object]]]
     return pulses, metrics
 
 
+def _verdicts(campaign: Campaign, folds: Sequence[tuple[str, str, Fold]]) -> Iterator[dict[str, object]]:
+    """Verdicts on each test and repeat, by what was left out, and whether nothing faster was learned from."""
+    shown = {fold.test.id: metrics_of(fold.test.pulse.accel_mps2, fold.test.condition) for *_, fold in folds}
+    speeds = {fold.test.id: fold.test.condition.speed_mps for *_, fold in folds}
+    for left_out, of, fold in folds:
+        v0, estimate = fold.test.condition.speed_mps, next(e for e in fold.estimates if e.approach == "fused")
+        group = {i for i in campaign.test_ids if speeds[i] == v0} if left_out == "speed" else {fold.test.id}
+        domain = Domain.of(campaign.without(sorted(group.intersection(campaign.test_ids))), for_record=True)
+        outside, unshown = domain.exceeded_by(fold.test.condition), domain.unshown(fold.test.condition)
+        where = "above" if unshown else "below" if v0 < domain.speeds_mps[0] - 0.1 else "between"
+        for metric, law in metric_distributions(estimate.drawn, estimate.metric_errors).items():
+            measured = shown[fold.test.id][metric]
+            mean = float(np.mean([shown[i][metric] for i, speed in speeds.items() if speed == v0]))
+            if law is None or not (np.isfinite(measured) and np.isfinite(mean)):
+                continue
+            for limit in np.multiply(_LIMITS, mean).tolist():
+                for is_met, p in ((measured >= limit, 1 - law.cdf(limit)), (measured <= limit, law.cdf(limit))):
+                    is_judged = not outside and not (unshown and metric in REST_ON_PEAK)
+                    decided = is_judged and not 0.05 < p < 0.95
+                    about = {"left out": left_out, "of": of, "where": where, "metric": metric}
+                    yield {**about, "decided": decided, "wrong": decided and (p >= 0.95) != is_met}
+
+
 def main() -> None:
     """Run the studies and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
@@ -96,10 +124,13 @@ def main() -> None:
     series = parser.parse_args().folder.glob("*/tests.csv")
     pulses: list[dict[str, object]] = []
     metrics: list[dict[str, object]] = []
+    verdicts: list[dict[str, object]] = []
     for folder in sorted(path.parent for path in series):
         campaign = load_campaign(folder)
         study = run_study(campaign, StudyConfig(_APPROACHES, windows_ms=_WINDOWS_MS, leave_out="both"))
-        for left_out, of, fold in _folds(study, _unseen(folder, campaign)):
+        folds = [*_folds(study, _unseen(folder, campaign))]
+        verdicts += [{"series": folder.name, **row} for row in _verdicts(campaign, folds)]
+        for left_out, of, fold in folds:
             about = {"left out": left_out, "of": of, "series": folder.name}
             for rows, more in zip((pulses, metrics), _rows(fold), strict=True):
                 rows += [{**about, **row} for row in more]
@@ -111,6 +142,9 @@ def main() -> None:
         shown = by[["value", "of_pulse", "width", "inside"]].mean()  # an open interval has no width
         shown.insert(3, "asked", 3.92 * by["value"].agg(lambda errors: float(np.sqrt(np.mean(errors**2)))))
         print(shown.join(by.size().rename("n")).to_string(float_format="{:.3f}".format))
+    for keys in (["left out", "where", "metric"], ["left out", "where", "series", "metric"]):
+        by = pd.DataFrame(verdicts).groupby(keys, sort=False)
+        print(by[["decided", "wrong"]].sum().join(by.size().rename("n")).to_string())
 
 
 if __name__ == "__main__":

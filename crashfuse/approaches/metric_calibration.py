@@ -34,6 +34,7 @@ _USUAL_SCALES = {
 _REPEATABILITY = dict.fromkeys(("max_crush", "esw", "centroid_time"), 0.015)  # of the value
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
+_MOST_CUT = 1 - 1e-9
 _LATEST_MS = dict.fromkeys(("peak_time", "step_time", "centroid_time"), float(GRID_S[-1]) * 1e3)
 _MOST_DRAWS = 1000  # computed at once
 
@@ -49,7 +50,7 @@ Errors = Mapping[str, FloatArray]
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """Distribution of a positive number at a single test: Student's t."""
+    """Distribution of a positive number at a single test: Student's t, cut off at 0."""
 
     centre: float
     scale: float  # 0 if there is no doubt
@@ -81,9 +82,16 @@ class Distribution:
 
     def cdf(self, x: float) -> float:
         """Probability of a value of at most ``x``."""
-        away = x - self.centre
-        within = float(stdtr(self.freedom, away / self.scale)) if self.scale else float(away >= 0)
+        within = max(self._uncut(x) - self._cut, 0.0) / (1 - self._cut)
         return self.lowest + (1 - self.lowest - self.highest) * within
+
+    def _uncut(self, x: float) -> float:
+        away = x - self.centre
+        return float(stdtr(self.freedom, away / self.scale)) if self.scale else float(away >= 0)
+
+    @property
+    def _cut(self) -> float:
+        return min(self._uncut(0.0), _MOST_CUT)
 
     def probability(self, at_least: float | None, at_most: float | None) -> float:
         """Probability of a value between the limits."""
@@ -99,7 +107,8 @@ class Distribution:
         within = (share - self.lowest) / (1 - self.lowest - self.highest)
         if not 0 < within < 1:
             return None
-        return min(max(self.centre + self.scale * float(stdtrit(self.freedom, within)), 0.0), self.most)
+        away = float(stdtrit(self.freedom, self._cut + within * (1 - self._cut)))
+        return min(max(self.centre + self.scale * away, 0.0), self.most)
 
     @property
     def median(self) -> float | None:
@@ -108,9 +117,10 @@ class Distribution:
 
     @property
     def interval(self) -> tuple[float | None, float | None]:
-        """Central 95 %; None beyond the record, or from 0 to beyond it."""
-        lower, upper = self.quantile((1 - _LEVEL) / 2), self.quantile((1 + _LEVEL) / 2)
-        return (None if upper is None and lower == 0 else lower), upper
+        """Central 95 %; None beyond the record, or from next to 0 to beyond it."""
+        tail = (1 - _LEVEL) / 2
+        lower, upper = self.quantile(tail), self.quantile(1 - tail)
+        return (None if upper is None and self._cut > tail else lower), upper
 
 
 def standardised_error(values: FloatArray, measured: float, metric: str = "") -> float:

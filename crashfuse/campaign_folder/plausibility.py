@@ -305,15 +305,22 @@ def confirmed_faults(
     *,
     is_comparable: bool = True,
 ) -> dict[str, tuple[SensorFault, ...]]:
-    """The faults of sensors that a record shows alone, and likely ones that other, comparable tests do not show."""
+    """The faults of sensors that a record shows alone, and likely ones, that other, comparable tests do not show."""
     confirmed_of = {}
     for test_id, likely in faults.items():
         row = tables["tests"].ids.index(test_id)
         measured = pulses["tests"][row]
         expected = _expected(tables, pulses, row) if is_comparable else measured
-        if sure := confirmed(likely, GRID_S, measured, expected):
+        alike = [*pulses["tests"][_alike(tables["tests"].speeds_mps, row)]]
+        if sure := confirmed(likely, GRID_S, measured, expected, alike):
             confirmed_of[test_id] = sure
     return confirmed_of
+
+
+def _alike(speeds_mps: FloatArray, row: int) -> npt.NDArray[np.intp]:
+    """The other tests at about the speed of one."""
+    near = np.abs(speeds_mps - speeds_mps[row]) < SPEED_STEP_MPS
+    return np.setdiff1d(np.flatnonzero(near), row)
 
 
 def _expected(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], row: int) -> FloatArray:
@@ -323,9 +330,9 @@ def _expected(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatAr
     def model(v0: float) -> FloatArray:
         return np.asarray(np.median(pulses["cae"][np.argsort(np.abs(runs - v0), kind="stable")[:NEAR]], axis=0))
 
-    others = np.delete(np.arange(tests.size), row)
-    alike = others[np.abs(tests[others] - tests[row]) < SPEED_STEP_MPS]
-    added = [pulses["tests"][other] - model(tests[other]) for other in (alike if alike.size else others)]
+    alike = _alike(tests, row)
+    others = alike if alike.size else np.delete(np.arange(tests.size), row)
+    added = [pulses["tests"][other] - model(tests[other]) for other in others]
     return model(tests[row]) + (np.median(added, axis=0) if added else 0.0)
 
 

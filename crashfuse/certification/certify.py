@@ -210,8 +210,8 @@ def certify_matrix(
     def by(criteria: Criteria) -> Certification:
         record = _record(criteria, left_out)
         judged = tuple(
-            judge(at_cells[cell], cell.condition, criteria, domain.outside(cell.condition), tests)
-            for cell, tests in zip(cells, run, strict=True)
+            judge(at_cells[cell], at, criteria, domain.outside(at), tests, domain.unshown(at))
+            for cell, at, tests in zip(cells, matrix.conditions, run, strict=True)
         )
         verdicts = hold(judged, campaign, criteria, record)
         return Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
@@ -266,6 +266,7 @@ class _LeftOut(NamedTuple):
     forecast: Forecast
     cae: Forecast
     outside: tuple[str, ...]
+    unshown: tuple[str, ...]
     measured: dict[str, float | None]  # by :func:`quantity`
     whole: bool | None  # whether its pulse lies in the band of whole pulses; None if there is none, or it counts once
 
@@ -274,19 +275,20 @@ def _left_out(
     campaign: Campaign, criteria: Criteria, splits: list[_Split], approach: str, forecasts: dict[Asked, Forecast]
 ) -> Iterator[_LeftOut]:
     for test, way, held_out in splits:
-        outside = Domain.of(campaign.without(held_out), for_record=True).exceeded_by(test.condition)
+        domain = Domain.of(campaign.without(held_out), for_record=True)
+        outside = domain.exceeded_by(test.condition), domain.unshown(test.condition)
         own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
         measured = {quantity(limit): own.measured(limit, test, campaign.occupant) for limit in criteria.items}
         whole = None
         if len(own.whole_mps2) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
             whole = holds_whole((own.whole_mps2[0], own.whole_mps2[1]), test.pulse.accel_mps2)
-        yield _LeftOut(test, way, own, cae, outside, measured, whole)
+        yield _LeftOut(test, way, own, cae, *outside, measured, whole)
 
 
 def _record(criteria: Criteria, left_out: Sequence[_LeftOut]) -> TrackRecord:
     trials, tuned = list[Trial](), list[Trial]()
-    for test, way, forecast, cae, outside, measured, _ in left_out:
-        for verdict in judge(forecast, test.condition, criteria, outside):
+    for test, way, forecast, cae, outside, unshown, measured, _ in left_out:
+        for verdict in judge(forecast, test.condition, criteria, outside, unshown=unshown):
             criterion = verdict.criterion
             baseline = cae.distributions[quantity(criterion)] if criterion.window_ms is None else None
             raw = None if baseline is None else baseline.probability(criterion.at_least, criterion.at_most)

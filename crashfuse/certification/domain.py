@@ -9,14 +9,18 @@ import numpy as np
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
+from crashfuse.certification.criteria import RATING
 from crashfuse.condition import STEP_KG, STEP_MPS, Condition
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
-from crashfuse.units import MPH
+from crashfuse.units import KPH, MPH
 from crashfuse.wording import Sentence, joined, speed, weight
 
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
 _FARTHEST_BEYOND_MPS = 5 * MPH  # the slowest or fastest test
 _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
+_SAME_SPEED_MPS = 1.0 * KPH  # and a speed
+REST_ON_PEAK = ("peak", "peak_time", RATING)
+"""Metrics that nobody knows beyond the fastest test: what is crushed there for the first time may bottom out."""
 _Gap = tuple[CrashTest, tuple[str, ...], float]  # a test, its speed group, and how far the nearest other one is
 
 
@@ -110,6 +114,14 @@ class Domain:
     def outside(self, condition: Condition) -> tuple[str, ...]:
         """Sentences on why no verdict is given at a condition: too few tests, or it lies outside; empty if it is."""
         return self.too_few_tests or self.exceeded_by(condition)
+
+    def unshown(self, condition: Condition) -> tuple[str, ...]:
+        """A sentence on why no verdict on :data:`REST_ON_PEAK` is given at a condition; empty if it is."""
+        beyond = condition.speed_mps - self.speeds_mps[-1]
+        if beyond <= _SAME_SPEED_MPS:
+            return ()
+        told = "{} is {} above the fastest test: no test shows whether the structure bottoms out there."
+        return (Sentence(told, speed(condition.speed_mps), speed(beyond)),)
 
     def exceeded_by(self, condition: Condition) -> tuple[str, ...]:
         """Sentences on why a condition lies outside; empty if it lies inside."""

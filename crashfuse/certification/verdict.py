@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.domain import REST_ON_PEAK
 from crashfuse.certification.forecasts import Forecast, quantity
 from crashfuse.condition import Condition
 from crashfuse.study.learning_curve import LearningCurve
@@ -105,10 +106,12 @@ def judge(
     criteria: Criteria,
     outside: tuple[str, ...] = (),
     tests: Sequence[str] = (),
+    unshown: tuple[str, ...] = (),
 ) -> tuple[Verdict, ...]:
     """Verdicts on all criteria at a condition by its forecast; ``outside`` says why it is beyond what was checked.
 
-    Where ``tests`` were run an open verdict is on another one; what they measured is None.
+    ``unshown`` says the same of what rests on the peak, see :data:`crashfuse.certification.domain.REST_ON_PEAK`. Where
+    ``tests`` were run an open verdict is on another one; what they measured is None.
     """
     verdicts = []
     for criterion in criteria.items:
@@ -120,11 +123,12 @@ def judge(
             probability = distribution.probability(criterion.at_least, criterion.at_most)
         if folds := forecast.by_fold(criterion):
             probability = float(np.average(folds, weights=(1 - forecast.apart_share, forecast.apart_share)))
-        word: Word = "outside" if outside else _word(probability, criteria.confidence)
+        why = outside or (unshown if criterion.metric in REST_ON_PEAK else ())
+        word: Word = "outside" if why else _word(probability, criteria.confidence)
         run, drawn = dict.fromkeys(tests), forecast.drawn(criterion)
         numbers = value, lower, upper, probability
-        verdict = Verdict(condition, criterion, *numbers, word, joined(outside), run, drawn, folds)
-        verdicts.append(verdict if outside else replace(verdict, reason=_reason(verdict, criteria.confidence)))
+        verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, drawn, folds)
+        verdicts.append(verdict if why else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
 
 

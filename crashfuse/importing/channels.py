@@ -246,8 +246,9 @@ def _sound(case: Case, channels: Channels) -> Channels:
         time_s, values = signals[channel.name]
         factor = ACCELERATION_UNITS.get(case.choices.unit or channel.unit or "", G)
         others = [np.interp(time_s, *signals[other.name]) for other in channels if other is not channel]
-        accel, expected = values * factor, (np.mean(others, axis=0) if others else values) * factor
-        if faults := confirmed(sensor_faults(time_s, accel), time_s, accel, expected):
+        accel, others = values * factor, [other * factor for other in others]
+        expected = np.mean(others, axis=0) if others else accel
+        if faults := confirmed(sensor_faults(time_s, accel), time_s, accel, expected, others):
             clauses = joined([fault.text for fault in faults], "; ")
             failures[channel.name] = Sentence("{}: {}", printable(channel.name), clauses)
     sound = tuple(channel for channel in channels if channel.name not in failures)

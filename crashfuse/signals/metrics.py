@@ -235,7 +235,8 @@ def pulse_metrics(
     :mod:`crashfuse.signals.occupant`; for the others, shape and rebound, :mod:`crashfuse.signals.pulse_shape`.
 
     The value is that of the pulse itself, the interval that of the draws: a mean curve is smoother than any of them, so
-    its peak may lie below the interval. A speed or step that can only be in another unit is a DataError.
+    its peak may lie below the interval. A speed or step that can only be in another unit is a DataError, and so is a
+    pulse that is over before it stops the vehicle.
 
     If the record ends too early the value is None. A draw that ends too early still counts. One that has lost three
     quarters of its impact speed goes on with half of its mean deceleration so far; one that is faster counts as larger

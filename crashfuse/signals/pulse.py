@@ -25,9 +25,9 @@ TAIL = 0.025  # share on either side of the central 95 % of draws
 
 _LONGEST_STEP_S, _LONGEST_S = 0.02, 10.0  # beyond any record of a crash: what is meant is in ms
 _FASTEST_MPS = 100.0
-_OVER = 0.02  # share of the peak that is left in the last tenth of a record when the crash is over
+_OVER = 0.4  # share of the mean deceleration that is left in the last tenth of a record when the crash is over
 _GAINED = 0.1  # share of the impact speed; a pulse before contact may add some hundredths
-_REBOUND = (0.98, 1.3)  # change of velocity over impact speed, rebound included
+_CHANGE, _USUAL_CHANGE = (0.9, 1.6), 1.15  # of velocity over impact speed, rebound included
 _NEARLY_STOPPED = 0.25  # share of the impact speed
 _LEAST_BRAKING = 0.5  # share of the mean deceleration so far: cut anywhere, no crash of 70 random vehicles braked less
 
@@ -197,19 +197,22 @@ def checked_pulse(
     if gained > _GAINED and gained > lost / speed_mps:
         found = f"a pulse that adds {100 * gained:.0f} % to the impact speed"
         raise DataError(Problem("accel_mps2", "acceleration, negative while braking", found, "change its sign"))
-    likely = {"km/h": KPH} if speed_mps > _FASTEST_MPS else {}
-    accel, last = np.abs(motion.accel_mps2), max(motion.accel_mps2.size // 10, 1)
-    is_over = motion.velocity_mps[-1] > 0 and accel[-last:].mean() < _OVER * accel.max()
-    change, (least, most) = lost / speed_mps, _REBOUND
-    if is_over:
-        likely |= {unit: size for unit, size in (("mph", MPH), ("km/h", KPH)) if least < change / size < most}
+    likely, change = {"km/h": KPH} if speed_mps > _FASTEST_MPS else {}, lost / speed_mps
+    braking_mps2 = -float(motion.accel_mps2[-max(accel_mps2.size // 10, 1) :].mean())
+    is_over = braking_mps2 < _OVER * lost / (accel_mps2.size * dt_s)
+    if is_unstopped := is_over and motion.velocity_mps[-1] > 0 and change < _CHANGE[0]:
+        found = f"a pulse that is over and took away {100 * change:.0f} % of the impact speed"
+        if not likely and _CHANGE[0] < change * G < _CHANGE[1]:
+            advice = f"multiply it by {G:g} if it is in g"
+            raise DataError(Problem("accel_mps2", "acceleration in m/s²", found, advice))
         stated += f", of which the pulse takes away {100 * change:.0f} %"
-    for unit, size in likely.items():
+        sizes = {"mph": MPH, "km/h": KPH}
+        likely |= {unit: size for unit, size in sizes.items() if _CHANGE[0] < change / size < _CHANGE[1]}
+    for unit, size in sorted(likely.items(), key=lambda item: abs(np.log(change / item[1] / _USUAL_CHANGE))):
         advice = f"convert it: {speed_mps:g} {unit} are {speed_mps * size:.4g} m/s"
         raise DataError(Problem("speed_mps", expected, stated, advice))
-    if is_over and least < change * G < most:
-        found = f"a pulse that takes away {100 * change:.0f} % of the impact speed"
-        raise DataError(Problem("accel_mps2", "acceleration in m/s²", found, f"multiply it by {G:g} if it is in g"))
+    if is_unstopped:
+        raise DataError(Problem("accel_mps2", "one that stops the vehicle", found, "check its unit and the speed's"))
     if draws_mps2 is None:
         return accel_mps2, None
     draws_mps2 = numbers("draws_mps2", draws_mps2)

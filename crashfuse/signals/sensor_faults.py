@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import gaussian_filter1d
 
 from crashfuse.signals.filters import cfc_filter, cfc_gain
 from crashfuse.signals.pulse import FloatArray
@@ -27,6 +28,7 @@ _SLOWEST_HZ, _BAND_HZ = 2000, 1000  # least rate at which CFC 60 is undone; what
 _PADDING_S = 0.02
 _FILTERED = 0.25  # of the amplitude at 125–250 Hz lies at 250–500 Hz after CFC 60, at most; of noise or a jump, more
 _RISE = 1.5  # of the amplitude with frequency, where nothing but rounding is left
+_FLAT_BAND = 1.1  # the same at 250–400 Hz: the spectrum of an impulse is flat, that of a crash falls
 _IN_CRASH = 0.1  # of the peak at CFC 60: from the first to the last such sample
 _SAME = 1e-7  # of the peak, by which equal values differ in another unit
 _JUMP = 0.05  # of the peak
@@ -39,8 +41,11 @@ _FLAT, _FLOOR = 22.0, 0.002  # ratio of the fall on both sides to the range betw
 _LOST, _ZERO = 6.0, 0.1  # the same of a gap, and its level as a share of what is around
 _HELD, _HELD_FLOOR = 80.0, 5e-4  # the same on one side
 _LEAP = 4.0  # the same within 0.3 ms
-_SPIKE, _SPIKE_S, _SPIKE_MPS2 = 4.0, 1.8e-3, 8 * G
-_BUMP, _BUMP_S = 4.5, 3.1e-3
+_SPIKE, _SPIKE_S, _SPIKE_MPS2 = 4.0, 1.6e-3, 8 * G
+_BUMP, _BUMP_S = 4.5, 0.8e-3
+_WIDER, _BENT, _FWHM = 1.3, 1.15, 2.355  # limits in widths of an impulse, see below; of a Gaussian at half its height
+_SMOOTH_S = 0.4e-3  # of a raw record, so that noise makes no inflection
+_BESIDE_S, _SHARED = 4e-3, 0.5  # of a bump; share of a spike that other records show if it is the structure's
 _AROUND_S = 30e-3
 _BEYOND_S, _EDGE_S = 1e-3, 4e-3
 _CUT, _ODD = 1.3, 1.5  # of the level, and of the difference elsewhere; sound, with a flat top: 1.24 and 3.1
@@ -71,7 +76,10 @@ class SensorFault:
 
 
 class _Signal(NamedTuple):
-    """A record at even steps, the places between which the vehicle crashes, and the peak at CFC 60 there."""
+    """A record at even steps, the places between which the vehicle crashes, and the peak at CFC 60 there.
+
+    In a band an impulse is a Gaussian of standard deviation ``impulse_s``, NaN if none can be told there.
+    """
 
     time_s: FloatArray
     accel: FloatArray
@@ -79,12 +87,19 @@ class _Signal(NamedTuple):
     first: int
     last: int
     peak: float
+    impulse_s: float = 0.0
 
     def fault(self, kind: Kind, first: int, last: int, size: float, strength: float) -> SensorFault:
         return SensorFault(kind, float(self.time_s[first]), float(self.time_s[last]), float(size), float(strength))
 
     def samples(self, lasts_s: float) -> int:
         return max(round(lasts_s / self.step_s), 1)
+
+    def above_median(self, half_s: float) -> FloatArray:
+        """What stands out from the running median of so much on both sides."""
+        half = self.samples(half_s)
+        windows = sliding_window_view(np.pad(self.accel, half, mode="edge"), 2 * half + 1)
+        return np.asarray(self.accel - np.median(windows, axis=1))
 
 
 def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFault, ...]:
@@ -110,9 +125,16 @@ def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFau
 
 
 def confirmed(
-    faults: Sequence[SensorFault], time_s: FloatArray, accel_mps2: FloatArray, expected_mps2: FloatArray
+    faults: Sequence[SensorFault],
+    time_s: FloatArray,
+    accel_mps2: FloatArray,
+    expected_mps2: FloatArray,
+    alike_mps2: Sequence[FloatArray] = (),
 ) -> tuple[SensorFault, ...]:
-    """The faults that a record shows alone, and of the others those that are not expected there."""
+    """The faults that a record shows alone, and of the others those that are not expected there.
+
+    A spike that most records of about the same condition (``alike_mps2``) show, too, is none.
+    """
     off = accel_mps2 - expected_mps2
 
     def is_odd(fault: SensorFault) -> bool:
@@ -124,8 +146,19 @@ def confirmed(
         inside, elsewhere = (float(np.sqrt(np.mean(off[part] ** 2))) for part in (within, ~within))
         return inside > _ODD * elsewhere
 
+    def is_shared(fault: SensorFault) -> bool:
+        near = np.abs(time_s - fault.start_s) <= _EDGE_S
+        if fault.kind != "spike" or not (len(alike_mps2) and near.any()):
+            return False
+        own, *alike = (
+            float((np.sign(fault.size_mps2) * _bumps(time_s, accel)[near]).max()) for accel in (accel_mps2, *alike_mps2)
+        )
+        return float(np.median(alike)) > _SHARED * own
+
     return tuple(
-        replace(fault, strength=max(fault.strength, 1.0)) for fault in faults if fault.strength >= 1 or is_odd(fault)
+        replace(fault, strength=max(fault.strength, 1.0))
+        for fault in faults
+        if not is_shared(fault) and (fault.strength >= 1 or is_odd(fault))
     )
 
 
@@ -152,11 +185,13 @@ def _band(raw: _Signal) -> tuple[_Signal, FloatArray]:
     width = 0.2 * _BAND_HZ
     fast = 1 / step_s > _SLOWEST_HZ
     undone = bool(fast and np.sqrt(2) * amplitude(spectrum, 250, 500) < _FILTERED * amplitude(spectrum, 125, 250))
+    rises = False
     if undone:
         spectrum = spectrum / cfc_gain(hertz, cfc=_CFC, dt_s=step_s)
-        most, width = _RISE * amplitude(spectrum, 125, 250), 160.0
+        usual, width = amplitude(spectrum, 125, 250), 160.0
+        rises = amplitude(spectrum, 250, 400) > _FLAT_BAND * usual  # as no impulse does: another filter was undone
         for low, high in ((400, 630), (630, _BAND_HZ)):
-            if 2 * high > 1 / step_s or amplitude(spectrum, low, high) > most:
+            if 4 * high > 1 / step_s or amplitude(spectrum, low, high) > _RISE * usual:
                 break
             width = 0.4 * high
     gain = np.exp(-0.5 * (hertz / width) ** 2)
@@ -168,7 +203,17 @@ def _band(raw: _Signal) -> tuple[_Signal, FloatArray]:
         hidden = raw.accel - (cfc_filter(raw.accel, cfc=3 * _CFC, dt_s=step_s) if fast else raw.accel)
     first, last = raw.first // every, raw.last // every
     peak = float(np.abs(accel).max())
-    return _Signal(raw.time_s[::every], accel[::every], step_s * every, first, last, peak), hidden
+    impulse_s = np.nan if rises else 1 / (2 * np.pi * width)
+    return _Signal(raw.time_s[::every], accel[::every], step_s * every, first, last, peak, impulse_s), hidden
+
+
+def _bumps(time_s: FloatArray, accel: FloatArray) -> FloatArray:
+    step_s = float(time_s[1] - time_s[0])
+    raw = _signal(time_s, accel, step_s, cfc_filter(accel, cfc=_CFC, dt_s=step_s))
+    if raw is None:
+        return np.zeros_like(accel)
+    band, _ = _band(raw)
+    return np.interp(time_s, band.time_s, band.above_median(_BESIDE_S))
 
 
 def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
@@ -310,30 +355,43 @@ def _left_at_once(raw: _Signal) -> Iterator[SensorFault]:
 
 
 def _spike(raw: _Signal, band: _Signal) -> Iterator[SensorFault]:
-    """The highest peak above a running median, if it is narrow and alone; sound: 0.2."""
+    """The highest peak above a running median, if it is an impulse and alone; sound: 0.2."""
     best = None
-    for signal, half_s, widest_s, limit, rest_s in (
+    for signal, half_s, lasts_s, limit, rest_s in (
         (raw, 2.5 * MS, _SPIKE_S, _SPIKE, 2 * MS),
-        (band, 4 * MS, _BUMP_S, _BUMP, 6 * MS),
+        (band, _BESIDE_S, _BUMP_S, _BUMP, 6 * MS),
     ):
-        half = signal.samples(half_s)
-        median = np.median(sliding_window_view(np.pad(signal.accel, half, mode="edge"), 2 * half + 1), axis=1)
-        off = signal.accel - median
+        half, off = signal.samples(half_s), signal.above_median(half_s)
         crash = np.arange(off.size)
         in_crash = (crash >= signal.first - half) & (crash <= signal.last + half)
         top = int(np.argmax(np.abs(off) * in_crash))
         height = float(off[top])
-        low = np.abs(off) < abs(height) / 2
-        first = top - int(np.argmax(np.r_[low[top::-1], True]))
-        last = top + int(np.argmax(np.r_[low[top:], True]))
         away = np.abs(crash - top)
         others = np.abs(off[(away > signal.samples(rest_s)) & (away < signal.samples(_AROUND_S))])
         score = (abs(height) / max(others.max(initial=0.0), 0.02 * raw.peak) - 1) / (limit - 1)
-        narrow = (last - first - 1) * signal.step_s <= widest_s
-        if narrow and abs(height) > _SPIKE_MPS2 and (best is None or score > best.strength):
+        is_best = best is None or score > best.strength
+        if is_best and abs(height) > _SPIKE_MPS2 and _is_impulse(signal, off, top, lasts_s):
             best = signal.fault("spike", top, top, height, score)
     if best is not None:
         yield best
+
+
+def _is_impulse(signal: _Signal, off: FloatArray, top: int, lasts_s: float) -> bool:
+    """Whether a peak is as narrow as an impulse that lasts so long: at half its height, and between its inflections."""
+    impulse_s, smooth_s = float(np.hypot(lasts_s / _FWHM, signal.impulse_s)), 0.0 if signal.impulse_s else _SMOOTH_S
+    smooth = gaussian_filter1d(signal.accel, smooth_s / signal.step_s, mode="nearest") if smooth_s else signal.accel
+    bends = -np.sign(off[top]) * np.gradient(np.gradient(smooth))
+    near = max(top - signal.samples(_SMOOTH_S), 0)
+    sharpest = near + int(bends[near : top + signal.samples(_SMOOTH_S) + 1].argmax())
+    widest_s, longest_s = _WIDER * _FWHM * impulse_s, _BENT * 2 * float(np.hypot(impulse_s, smooth_s))
+    is_narrow = _run_s(np.abs(off) >= abs(off[top]) / 2, top, signal.step_s) <= widest_s
+    return is_narrow and _run_s(bends > 0, sharpest, signal.step_s) <= longest_s
+
+
+def _run_s(where: npt.NDArray[np.bool_], at: int, step_s: float) -> float:
+    """How long it is so without a break around a sample."""
+    before, after = np.argmin(np.r_[where[at::-1], False]), np.argmin(np.r_[where[at:], False])
+    return float(before + after - 1) * step_s
 
 
 def _noise(raw: _Signal, hidden: FloatArray) -> Iterator[SensorFault]:

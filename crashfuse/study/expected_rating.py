@@ -56,6 +56,10 @@ class RatingDistribution(Distribution):
         scale = np.hypot(np.sqrt(variance), _DOUBT * np.average(surer, weights=weights))
         return cls(float(centre), float(scale), float(freedom))
 
+    @property
+    def _cut(self) -> float:
+        return 0.0  # of a rating below 0 nothing is cut off
+
     def cdf(self, x: float) -> float:
         """Probability of a rating of at most ``x``."""
         return super().cdf(float(_logs(x)))

@@ -42,6 +42,17 @@ def with_tests(campaign: Campaign, *speeds_mph: float, **drives: str) -> Campaig
     return replace(campaign, tests=tests)
 
 
+def test_no_test_shows_a_peak_beyond_the_fastest(wide: Campaign) -> None:
+    """A structure may bottom out there; up to 1 km/h are a little off."""
+    domain = Domain.of(wide)
+    assert [bool(domain.unshown(at(speed_mph))) for speed_mph in (10.0, 35.0, 35.6, 35.7)] == [
+        False,
+        False,
+        False,
+        True,
+    ]
+
+
 @pytest.mark.parametrize(
     ("speed_mph", "said"),
     [

@@ -41,6 +41,18 @@ def test_the_word_changes_where_probability_crosses_confidence(campaign: Campaig
     assert verdict(campaign, Criterion("crush", "max_crush", at_most=at_most)).word == word
 
 
+def test_what_rests_on_the_peak_is_outside_where_no_test_shows_it(campaign: Campaign) -> None:
+    """What is integrated over the crash is judged as ever."""
+    names = ("peak", "rating 60", "max_crush", "sm25")
+    forecast = Forecast(np.zeros(1250), dict.fromkeys(names, 1.0), dict.fromkeys(names, Distribution(1.0, 0.1, FREE)))
+    limits = [
+        Criterion(name, name.split()[0], at_most=2.0, window_ms=60 * ("rating" in name) or None) for name in names
+    ]
+    verdicts = judge(forecast, campaign.tests[1].condition, Criteria(tuple(limits), 0.95), unshown=("Faster.",))
+    assert [verdict.word for verdict in verdicts] == ["outside", "outside", "met", "met"]
+    assert verdicts[0].reason == "Faster."
+
+
 def test_where_tests_fold_in_two_ways_the_probability_weighs_both(campaign: Campaign) -> None:
     """Crush of 500 mm in seven of ten draws, 540 mm in three; kept in the cache and found again."""
     ways = np.array([[astuple(Distribution(crush, 1.0, FREE))] for crush in (500.0, 540.0)])

@@ -28,7 +28,7 @@ from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report
 from crashfuse.reporting.verdicts import Verdicts
-from crashfuse.signals.metrics import pulse_metrics
+from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -66,7 +66,7 @@ def estimate(test: CrashTest) -> Estimate:
 def sweeps(campaign: Campaign) -> list[Sweep]:
     """One approach at two speeds, slower than all runs and faster, so that both ends are shaded."""
     speeds = np.array([1.0, 40.0])
-    metrics = tuple(pulse_metrics(-300 * np.exp(-GRID_S / 0.03), v0) for v0 in speeds)
+    metrics = tuple(checked_metrics(-300 * np.exp(-GRID_S / 0.03), v0) for v0 in speeds)
     return [Sweep("cae", campaign.tests[1].condition, speeds, metrics)]
 
 

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import (
     MAIN_METRICS,
     METRIC_LABELS,
     METRIC_NEEDS,
     Metric,
+    checked_metrics,
     metric_values,
     missing_metrics,
     missing_sentences,
@@ -78,7 +80,7 @@ def test_step_of_time_does_not_matter() -> None:
 
 def test_vehicle_that_does_not_stop_has_no_t0_and_no_crush() -> None:
     """Too little braking: peak and ΔV are there; t0, maximum crush and mean are None, and nothing is NaN."""
-    found = by_name(pulse_metrics(HALF_SINE, 1.5 * DELTA_V_MPS))
+    found = by_name(checked_metrics(HALF_SINE, 1.5 * DELTA_V_MPS))
     missing = [name for name in METRIC_LABELS if found[name].value is None]
     assert missing == [name for name, needs in METRIC_NEEDS.items() if needs in STOPPED]
     assert {"t0", "max_crush", "mean", *REBOUND} < set(missing)
@@ -90,6 +92,9 @@ def test_vehicle_that_does_not_stop_has_no_t0_and_no_crush() -> None:
     [
         (0.95 * DELTA_V_MPS / MPH, DT_S, "mph are"),
         (0.95 * DELTA_V_MPS / KPH, DT_S, "km/h are"),
+        (0.8 * DELTA_V_MPS / MPH, DT_S, "mph are"),  # rebounds
+        (0.8 * DELTA_V_MPS / KPH, DT_S, "km/h are"),
+        (1.3 * DELTA_V_MPS, DT_S, "took away 77 % of the impact speed"),
         (130.0, DT_S, "130 km/h are 36.11 m/s"),
         (15.0, 0.08, "0.08 ms are 8e-05 s"),
         (-15.0, DT_S, "a number above 0"),
@@ -101,6 +106,17 @@ def test_a_speed_or_step_in_another_unit_is_refused_with_the_likely_one(speed: f
     """A vehicle that goes on at half its speed once the crash is over was not in a barrier test."""
     with pytest.raises(DataError, match=meant):
         pulse_metrics(HALF_SINE, speed, dt_s=dt_s)
+
+
+@pytest.mark.parametrize(
+    ("speed", "pulse", "meant"), [(1 / MPH, 1, "mph are"), (1 / KPH, 1, "km/h are"), (1, 1 / G, "in g")]
+)
+def test_a_unit_is_told_by_any_test_of_the_sample(speed: float, pulse: float, meant: str) -> None:
+    """A record that goes on when the crash is over, noise and rebound included."""
+    for test in load_campaign("sample_data").tests:
+        pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps)
+        with pytest.raises(DataError, match=meant):
+            pulse_metrics(pulse * test.pulse.accel_mps2, speed * test.condition.speed_mps)
 
 
 def scaled_draws(low: float, high: float, n: int = 1001) -> FloatArray:

@@ -116,7 +116,6 @@ def test_noise_is_found_in_slow_records_and_after_a_wider_filter(rate: int, cfc:
     (fault,) = sensor_faults(time_s, accel)
     assert fault.kind == "noise"
     assert fault.start_s == pytest.approx(0.04, abs=5e-3)
-    assert not sensor_faults(time_s, crash(time_s))
 
 
 def test_a_record_that_repeats_all_its_samples_is_sound() -> None:
@@ -136,13 +135,34 @@ def test_the_sign_of_a_record_does_not_matter(change: Break, rate: int, *, filte
     assert sizes[0] == pytest.approx(sizes[1])
 
 
-@pytest.mark.parametrize("rate", [1_000, *RATES])
+@pytest.mark.parametrize("rate", [1_000, 1_600, *RATES])
 @pytest.mark.parametrize("filtered", [False, True])
 def test_a_sound_record_has_no_fault(rate: int, *, filtered: bool) -> None:
     """Noise, rounding and smooth humps are none, nor is a crash of nothing."""
     assert not found(None, rate, filtered=filtered)
     still = np.zeros(rate // 10)
     assert not sensor_faults(np.arange(still.size) / rate, still)
+
+
+@pytest.mark.parametrize("cfc", [None, 60, 180])
+@pytest.mark.parametrize("width_ms", [1.2, 2.0, 4.0])
+def test_a_short_hump_of_the_structure_is_no_spike(width_ms: float, cfc: int | None) -> None:
+    """What meets water or a stop brakes for 2 to 7 ms (at half height) and may do nothing else."""
+    time_s = np.arange(0, 0.1, 1e-4)
+    t = time_s / MS
+    accel = -G * (8 * (1 - np.exp(-t / 3)) + 25 * np.exp(-(((t - 6) / width_ms) ** 2)))
+    accel = accel if cfc is None else cfc_filter(accel, cfc=cfc, dt_s=1e-4)
+    assert not any(fault.strength >= 1 for fault in sensor_faults(time_s, accel))
+
+
+def test_a_spike_that_repeats_show_is_the_structure() -> None:
+    """Most of them, whether a little earlier or not."""
+    time_s = np.arange(0, 0.1, 1e-4)
+    whole = crash(time_s)
+    record, early = spiked(time_s, whole), spiked(time_s + 2e-3, whole)
+    fault = SensorFault("spike", 0.052, 0.052, 57 * G, 2.0)
+    assert confirmed([fault], time_s, record, record, [early, early, whole]) == ()
+    assert confirmed([fault], time_s, record, whole, [early, whole, whole]) == (fault,)
 
 
 def test_a_likely_fault_is_one_if_other_records_do_not_show_it() -> None:
