@@ -53,6 +53,11 @@ def navigate() -> Page:
     return page
 
 
+def given() -> dict[str, list[str]]:
+    """What the address says now."""
+    return {key: st.query_params.get_all(key) for key in st.query_params}
+
+
 def show_links() -> None:
     """Links to all pages. Streamlit's own would drop this session's choices from the address."""
     from crashfuse.ui.kit import address
@@ -98,9 +103,7 @@ def open_asked() -> None:
 
 
 def _open_first_page() -> None:
-    from crashfuse.ui.kit import address
-
-    st.switch_page(pages()["data"], query_params=address.given())
+    st.switch_page(pages()["data"], query_params=given())
 
 
 def watch_browser() -> None:

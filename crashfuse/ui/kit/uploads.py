@@ -15,10 +15,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path, PurePath
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import streamlit as st
 from filelock import FileLock, Timeout
+from streamlit.runtime.uploaded_file_manager import UploadedFile
 
 from crashfuse.campaign_folder.condition_tables import TABLES as CAMPAIGN_TABLES
 from crashfuse.campaign_folder.condition_tables import Role
@@ -141,16 +142,7 @@ def settled_of(
     return settled, (*problems, *refused)
 
 
-class Upload(Protocol):
-    """A file as Streamlit provides it."""
-
-    name: str
-
-    def getvalue(self) -> bytes:
-        """The file's content."""
-
-
-def open_uploads(files: Sequence[Upload]) -> str | Source:
+def open_uploads(files: Sequence[UploadedFile]) -> str | Source:
     """Open uploads as a campaign, whose name is returned, or keep them to be imported."""
     if not files:  # none was dropped, or the browser refused those that are too large
         expected = f"files of at most {st.get_option('server.maxUploadSize')} MB each"
