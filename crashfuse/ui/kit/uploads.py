@@ -10,7 +10,7 @@ import shutil
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
@@ -151,12 +151,8 @@ def open_uploads(files: Sequence[UploadedFile]) -> str | Source:
     uploads = [(file.name, file.getvalue()) for file in files]
     if _are_foreign(uploads):
         return _keep(lambda own: source_at(lay_out_source(uploads, own), scratch=own))
-    digest = hashlib.sha256()
-    for name, content in sorted(uploads):
-        digest.update(f"{name}|{len(content)}|".encode())
-        digest.update(content)
     opened = _opened()
-    key = visitor().key, digest.hexdigest()
+    key = visitor().key, tuple(sorted((name, hashlib.sha256(content).hexdigest()) for name, content in uploads))
     if key not in opened:
         opened[key] = _keep(lambda own: campaigns.open_uploaded(lay_out(uploads, own)))
         fingerprint = campaigns.load(opened[key]).fingerprint
@@ -228,7 +224,7 @@ def _make_room() -> None:
 
 
 @st.cache_resource
-def _opened() -> dict[tuple[str, str], str]:
+def _opened() -> dict[Hashable, str]:
     return {}
 
 
