@@ -12,7 +12,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.reporting.training_progress import Step, Watched
+from crashfuse.reporting.training_progress import Watched
 from crashfuse.ui.kit.address import Place
 from crashfuse.ui.kit.visitors import Visitor, note_in_log
 
@@ -45,6 +45,7 @@ class Job(Generic[T]):
         self._cancel = threading.Event()
         self._ended = threading.Event()
         self._watch = Watched(self._report, self._cancel, self._show_part)
+        self.steps = self._watch.steps  # so far, in order of start
 
     @property
     def active(self) -> bool:
@@ -55,11 +56,6 @@ class Job(Generic[T]):
     def cancelling(self) -> bool:
         """True if it was told to stop but has not stopped yet."""
         return self.active and self._cancel.is_set()
-
-    @property
-    def steps(self) -> dict[str, Step]:
-        """Every step so far, in order of start."""
-        return self._watch.steps
 
     @property
     def elapsed_s(self) -> float:
