@@ -22,7 +22,6 @@ from crashfuse.errors import UsageError
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, require_window
-from crashfuse.ui.kit.navigation import given
 from crashfuse.wording import SYSTEMS
 
 MOST_PINS = 6  # each takes ten megabytes, and a column of the table
@@ -215,6 +214,11 @@ def parameters(page: str, keys: Collection[str] = ()) -> dict[str, list[str]]:
         for key, choice in _of(page, keys).items()
         if (value := state.get(key)) is not None and value not in (defaults.get(key), _in_session(choice.default))
     }
+
+
+def given() -> dict[str, list[str]]:
+    """What the address says now."""
+    return {key: st.query_params.get_all(key) for key in st.query_params}
 
 
 def acts(key: str, page: str) -> bool:

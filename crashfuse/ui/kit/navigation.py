@@ -53,11 +53,6 @@ def navigate() -> Page:
     return page
 
 
-def given() -> dict[str, list[str]]:
-    """What the address says now."""
-    return {key: st.query_params.get_all(key) for key in st.query_params}
-
-
 def show_links() -> None:
     """Links to all pages. Streamlit's own would drop this session's choices from the address."""
     from crashfuse.ui.kit import address
@@ -103,7 +98,9 @@ def open_asked() -> None:
 
 
 def _open_first_page() -> None:
-    st.switch_page(pages()["data"], query_params=given())
+    from crashfuse.ui.kit import address
+
+    st.switch_page(pages()["data"], query_params=address.given())
 
 
 def watch_browser() -> None:

@@ -24,7 +24,7 @@ import streamlit as st
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import sole_writer, write_atomically
-from crashfuse.ui.kit.navigation import given, pages
+from crashfuse.ui.kit.navigation import pages
 from crashfuse.ui.kit.text import plain
 
 BROWSER = "crashfuse_browser"  # cookie with a random value, so that a browser is known again after a reload
@@ -178,10 +178,12 @@ def require_login(page: str) -> None:
                 st.switch_page(pages()[link[0]], query_params=link[1])
         return
     if page:
+        from crashfuse.ui.kit import address  # takes seconds, and the server starts with this module
+
         with _linking:
             while len(_links()) >= _MOST_LINKS:
                 _links().pop(next(iter(_links())))
-            _links()[browser()] = page, given()
+            _links()[browser()] = page, address.given()
     st.title("crashfuse")
     st.markdown("This server is for people who are known to it." if auth else "Nobody can log in at the moment.")
     for provider in _providers(auth):
