@@ -55,7 +55,7 @@ def show(view: View, row: DeltaGenerator) -> None:
     try:
         if len(studies) < 2:
             raise UsageError("Only two studies are compared, by their ratings.")
-        _show_compared(_compared(studies[0].id, studies[1].id, studies), view, row)
+        _show_compared(_compared(studies[0], studies[1]), view, row)
     except UsageError as error:
         st.info(plain(error), icon=":material/join_inner:")
 
@@ -146,9 +146,9 @@ def _open_certification(earlier: Earlier, view: View) -> None:
         open_next("certify")
 
 
-@st.cache_resource(max_entries=20, show_spinner=False)
-def _compared(first: str, second: str, _chosen: list[PastResult]) -> StudyComparison:  # noqa: ARG001 - the key
-    return StudyComparison(*_chosen)
+@st.cache_resource(max_entries=20, show_spinner=False, hash_funcs={PastResult: lambda result: result.id})
+def _compared(first: PastResult, second: PastResult) -> StudyComparison:
+    return StudyComparison(first, second)
 
 
 def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -> None:

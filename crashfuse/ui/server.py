@@ -15,6 +15,7 @@ import webbrowser
 from collections.abc import AsyncIterator, Sequence
 from concurrent.futures import Future
 from contextlib import asynccontextmanager, suppress
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -73,8 +74,6 @@ _SLOW = (  # what the pages need; most of the time is that of SciPy, Plotly and 
 _NEXT = "torch"  # what a first prediction needs: it takes as long again
 _PREDICTS = "crashfuse.study.estimate"
 _SWITCH_S = 5e-4  # while importing: the server's own threads wait for the interpreter a tenth of the usual time
-_lock = threading.Lock()
-_imported: Future[None] | None = None
 
 
 def launch(
@@ -159,7 +158,6 @@ class Guard:
 
 
 def _is_own_page(connection: HTTPConnection) -> bool:
-    """Of this server or a configured origin, or of no browser."""
     host, origin = map(connection.headers.get, ("host", "origin"))
     origins = {name.strip() for name in st.get_option("server.corsAllowedOrigins")}
     return origin is None or origin in origins or origin.partition("://")[2] == host
@@ -213,14 +211,12 @@ def prepare() -> tuple[Middleware, ...]:
     return (Middleware(Guard),)
 
 
+@cache
 def start_importing() -> Future[None]:
     """Import what the pages need in the background, once."""
-    global _imported
-    with _lock:
-        if _imported is None:
-            _imported = Future()
-            threading.Thread(target=_import, args=(_imported,), name="crashfuse-imports", daemon=True).start()
-        return _imported
+    imported = Future[None]()
+    threading.Thread(target=_import, args=(imported,), name="crashfuse-imports", daemon=True).start()
+    return imported
 
 
 def _import(done: Future[None]) -> None:

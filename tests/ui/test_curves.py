@@ -11,12 +11,12 @@ from tests.ui.conftest import Session, Visit
 
 pytestmark = pytest.mark.usefixtures("open_campaign")
 
-CAE_ONLY = {"campaign": "campaign", "approaches": "cae"}
-ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
+CAE_ONLY = {"approaches": "cae"}
+ONE = {"approaches": "displacement_domain"}
 SEED_1 = "by:fast 1 test"
 NOT_YET = "The prediction of {} with {} is not there (any more)."
 NEVER = "Not shown: {}. There are no such settings."
-HERE = {"campaign": "campaign", "approaches": "displacement_domain", "speed_mph": "30"}
+HERE = {**ONE, "speed_mph": "30"}
 
 
 def beside_the_figure(session: Session) -> list[str]:
@@ -29,7 +29,7 @@ def test_a_link_may_ask_for_anything(visit: Visit) -> None:
     """What is known is shown, and labelled in full; beside the figure it is said which tests and runs are not known."""
     asked = ["T9", "T3", "cae:C00", "cae:none", "at:1mph"]
     session = visit("compare", **CAE_ONLY, test="T2", explained="magic", compare_also=asked)
-    predicted(session, "T2")
+    predicted(session)
     session.app.session_state["pins"] = ["30mph 2000lb 1500lb", "0mph 1lb", "🚗"]
     session.run()
     (also,) = [each for each in session.app.multiselect if each.label == "Also show"]
@@ -70,7 +70,7 @@ def test_a_page_begins_with_the_curves_that_matter(visit: Visit, monkeypatch: py
     captions: list[Caption] = []
     monkeypatch.setattr("crashfuse.ui.kit.figures.offer_files", lambda _, caption, __: captions.append(caption))
     approaches = ["cae", "displacement_domain"]
-    session = predicted(visit("compare", campaign="campaign", approaches=approaches, test="T2"), "T2")
+    session = predicted(visit("compare", approaches=approaches, test="T2"))
     over_time = "Acceleration, velocity and displacement over time: "
     assert captions[-1].title == f"{over_time}test T2 and its prediction by CAE and Displacement domain"
     assert "pulses-Displacement-domain-Test-CAE" in captions[-1].name
@@ -78,7 +78,7 @@ def test_a_page_begins_with_the_curves_that_matter(visit: Visit, monkeypatch: py
     session.run()
     assert captions[-1].title == f"{over_time}test T2, prediction by Displacement domain"
     assert "Test" not in captions[-1].name
-    fitted(visit("predict", campaign="campaign", approaches=approaches))
+    fitted(visit("predict", approaches=approaches))
     assert captions[-1].title.startswith("Prediction by CAE and Displacement domain at ")
     assert "Representative" not in captions[-1].name
 
@@ -127,11 +127,9 @@ def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
 
 def test_its_rating_and_metrics_stand_below_those_that_it_was_put_beside(visit: Visit) -> None:
     """In the same tables; those of the study that computed it."""
-    other = predicted(visit("compare", **ONE, test="T2", leave_out="speed group")).open_tab(
-        "compare", "Ratings and metrics"
-    )
-    session = predicted(visit("compare", **ONE, test="T2", compare_also="by:fast 0 speed group"))
-    session.open_tab("compare", "Ratings and metrics")
+    link = {**ONE, "test": "T2", "compare_tab": "Ratings and metrics"}
+    other = predicted(visit("compare", **link, leave_out="speed group"))
+    session = predicted(visit("compare", **link, compare_also="by:fast 0 speed group"))
     name, label = "Displacement domain, all at its speed left out", "Displacement domain"
     (ratings, metrics), (own_ratings, own_metrics) = session.tables[:2], other.tables[:2]
     beside = ratings.set_index("Approach").loc[name]

@@ -73,19 +73,13 @@ def test_a_name_has_pinned_conditions_and_tests_left_out_of_use(captioned: Capti
 
 def test_a_picture_says_test_condition_campaign_settings_and_notice(captioned: Captioned, campaign: Campaign) -> None:
     """On one line each: what is drawn, and of what; of the notice the words before its colon."""
-    said = captioned(
-        campaign=replace(campaign, notice="Synthetic: from a simulation."), leave_out="speed group", seed=3
-    )
+    noted = replace(campaign, notice="Synthetic: from a simulation.")
+    said = captioned(campaign=noted, leave_out="speed group", seed=3)
     assert said.title == "Acceleration, velocity and displacement over time: test T2"
     condition, *others = said.details.split(" · ")
     assert condition.startswith("Test T2 at 25.0 mph, front ")
-    assert others == [
-        "Tiny",
-        "Rated time window 0–60 ms",
-        "Fast settings, seed 3",
-        "All at its speed left out",
-        "Synthetic",
-    ]
+    window, settings = "Rated time window 0–60 ms", "Fast settings, seed 3"
+    assert others == ["Tiny", window, settings, "All at its speed left out", "Synthetic"]
 
 
 def test_what_does_not_act_on_a_page_is_not_said_there(captioned: Captioned) -> None:
@@ -162,9 +156,8 @@ def page() -> None:
 
 def estimates(campaign: Campaign) -> list[Estimate]:
     """The first test's pulse twice."""
-    test = campaign.tests[0]
-    accel = test.pulse.accel_mps2
-    with_draws = Prediction(test.condition, accel, accel * np.linspace(0.9, 1.1, 7)[:, None])
+    condition, accel = campaign.tests[0].condition, campaign.tests[0].pulse.accel_mps2
+    with_draws = Prediction(condition, accel, accel * np.linspace(0.9, 1.1, 7)[:, None])
     return [Estimate("cae", replace(with_draws, draws_mps2=None), {}, 0.1), Estimate("fused", with_draws, {}, 0.1)]
 
 
@@ -188,10 +181,8 @@ def test_a_page_hands_out_curves_as_they_are_chosen(made: list[tuple[str, dict[s
     app = AppTest.from_function(page).run()
     assert not app.exception
     name, files = made[-1]
-    assert (name, set(files)) == (
-        "fused-15mph-lsdyna.zip",
-        {f"fused_15mph_{p}.k" for p in ("expected", "representative")},
-    )
+    assert name == "fused-15mph-lsdyna.zip"
+    assert {*files} == {"fused_15mph_expected.k", "fused_15mph_representative.k"}
     assert "Units mm-ms-kg" in files["fused_15mph_expected.k"]
     assert "Test T1 was left out." in files["fused_15mph_expected.k"]
     app.selectbox(key="export units").set_value("mm-s-t")

@@ -31,39 +31,32 @@ def test_who_asks_for_the_same_joins_the_same_job(gate: threading.Event) -> None
     """The work is done once, whether it still runs or has ended."""
     jobs, calls = Jobs(), []
 
-    def work(_: Watch) -> int:
-        calls.append(1)
-        gate.wait(SOON)
-        return len(calls)
+    def work(_: Watch) -> None:
+        calls.append(gate.wait(SOON))
 
-    first, second = jobs.start("a", "A", work, ANNA), jobs.start("a", "A", work, ANNA)
+    first = jobs.start("a", "A", work, ANNA)
+    assert jobs.start("a", "A", work, ANNA) is first
     gate.set()
-    assert first is second
     assert first.wait(SOON)
     assert jobs.start("a", "A", work, ANNA) is first
-    assert calls == [1]
+    assert calls == [True]
 
 
 def test_one_job_runs_at_a_time_in_the_order_of_asking(gate: threading.Event) -> None:
     """The second waits and says so."""
-    jobs, order = Jobs(), []
-
-    def first_work(_: Watch) -> None:
-        gate.wait(SOON)
-        order.append("first")
-
-    first = jobs.start("a", "First", first_work, ANNA)
-    second = jobs.start("b", "Second", lambda _: order.append("second"), ANNA)
+    jobs = Jobs()
+    first = jobs.start("a", "First", lambda _: gate.wait(SOON), ANNA)
+    second = jobs.start("b", "Second", lambda _: first.state, ANNA)
     assert second.state == "waiting"
     assert jobs.active == [first, second]
     gate.set()
     assert second.wait(SOON)
-    assert order == ["first", "second"]
+    assert second.result == "done"
     assert jobs.active == []
 
 
-def test_a_cancelled_job_stops_at_its_next_report_and_can_be_started_again() -> None:
-    """Nothing hangs, nothing is kept as if it were done."""
+def test_what_two_want_stops_at_its_next_report_once_neither_does_and_can_be_started_again() -> None:
+    """Anna cancels for herself; the job runs on for Ben, and stops once he cancels, too. Nothing hangs or is kept."""
     jobs, reached = Jobs(), threading.Event()
 
     def endless(watch: Watch) -> None:
@@ -72,8 +65,11 @@ def test_a_cancelled_job_stops_at_its_next_report_and_can_be_started_again() -> 
             reached.set()
 
     job = jobs.start("a", "A", endless, ANNA)
+    assert jobs.start("a", "A", endless, BEN) is job
     assert reached.wait(SOON)
     job.cancel(ANNA)
+    assert (job.state, job.cancelling, job.wanted_by) == ("running", False, {BEN})
+    job.cancel(BEN)
     assert job.wait(SOON)
     assert (job.state, job.result) == ("cancelled", None)
     again = jobs.start("a", "A", lambda _: 1, ANNA)
@@ -160,17 +156,17 @@ def test_a_job_that_reports_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> No
     """Slow is not silent."""
     monkeypatch.setattr("crashfuse.ui.kit.jobs._LOOK_S", 0.01)
     monkeypatch.setattr("crashfuse.ui.kit.jobs._SILENT_S", 0.3)
-    jobs, order = Jobs(), []
+    jobs = Jobs()
 
     def work(watch: Watch) -> None:
         for i in range(20):
             watch.report("Step", i, 20)
             time.sleep(0.05)
-        order.append("first")
 
-    jobs.start("a", "A", work, ANNA)
-    assert jobs.start("b", "B", lambda _: order.append("second"), BEN).wait(SOON)
-    assert order == ["first", "second"]
+    first = jobs.start("a", "A", work, ANNA)
+    second = jobs.start("b", "B", lambda _: first.state, BEN)
+    assert second.wait(SOON)
+    assert second.result == "done"
 
 
 def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None:
@@ -203,26 +199,6 @@ def test_only_the_last_outcomes_are_kept() -> None:
     kept = [i for i in range(40) if jobs.get(i) is not None]
     assert kept[-1] == 39
     assert len(kept) <= 25
-
-
-def test_what_two_want_goes_on_until_neither_does(gate: threading.Event) -> None:
-    """Anna cancels for herself; the job runs on for Ben, and stops once he cancels, too."""
-    jobs, reached = Jobs(), threading.Event()
-
-    def endless(watch: Watch) -> None:
-        for i in range(10**9):
-            watch.report("Step", i, 10**9)
-            reached.set()
-            gate.wait(0.001)
-
-    job = jobs.start("a", "A", endless, ANNA)
-    assert jobs.start("a", "A", endless, BEN) is job
-    assert reached.wait(SOON)
-    job.cancel(ANNA)
-    assert (job.state, job.cancelling, job.wanted_by) == ("running", False, {BEN})
-    job.cancel(BEN)
-    assert job.wait(SOON)
-    assert job.state == "cancelled"
 
 
 def test_who_asks_for_what_is_being_stopped_gets_a_job_of_their_own(gate: threading.Event) -> None:

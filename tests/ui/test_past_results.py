@@ -38,6 +38,12 @@ def past(visit: Visit, *ticked: PastResult) -> Session:
     return visit("study", study_tab="Past results", ticked=[result.id for result in ticked])
 
 
+def open_last(session: Session) -> Session:
+    """Open what is ticked last."""
+    session.app.button[-1].click()
+    return session.run()
+
+
 @pytest.mark.usefixtures("open_campaign")
 def test_the_list_says_what_to_do_and_has_what_was_computed_of_the_campaign(visit: Visit, data: str) -> None:
     """Nothing at first; results of other campaigns and of others' uploads are not listed."""
@@ -90,16 +96,13 @@ def test_a_result_that_is_ticked_gets_a_note(visit: Visit, data: str) -> None:
 
 def test_a_study_opens_with_its_settings_and_a_single_test_on_compare(visit: Visit, data: str) -> None:
     """Of data that were changed since it is said what is in the way."""
-    session = past(visit, kept(1, data, config=StudyConfig(seed=7, leave_out="speed group")))
-    session.app.button[-1].click().run()
+    session = open_last(past(visit, kept(1, data, config=StudyConfig(seed=7, leave_out="speed group"))))
     assert session.app.session_state["seed"] == 7
     assert session.app.session_state["study_tab"] == "Ratings"
-    session = past(visit, kept(2, data, seed=3, tests="T2"))
-    session.app.button[-1].click().run()
+    session = open_last(past(visit, kept(2, data, seed=3, tests="T2")))
     assert session.app.title[0].value == "Compare"
     assert (session.app.session_state["test"], session.app.session_state["seed"]) == ("T2", 3)
-    session = past(visit, kept(3, "b"))
-    session.app.button[-1].click().run()
+    session = open_last(past(visit, kept(3, "b")))
     assert "data that were changed since" in session.tables[0].to_string()
 
 
@@ -107,8 +110,7 @@ def test_predictions_that_are_opened_are_pinned(visit: Visit, data: str) -> None
     """One after the other: so both stand in the figures of Predict."""
     for kph in (50, 56):
         condition = Condition.of_vector([kph * KPH, 900.0, 700.0])
-        session = past(visit, kept(1, data, ratings={}, condition=condition))
-        session.app.button[-1].click().run()
+        session = open_last(past(visit, kept(1, data, ratings={}, condition=condition)))
         assert session.app.title[0].value == "Predict"
         assert session.app.session_state["pins"] == [f"{kph}kph 900kg 700kg"]
     assert session.app.session_state["speed_mph"] == pytest.approx(56 * KPH / 0.44704, abs=1e-4)

@@ -42,14 +42,11 @@ def shown(cells: list[object]) -> tuple[bool, list[str]]:
 
 def test_numbers_of_any_type_stand_at_the_right_and_words_at_the_left() -> None:
     """Counts, signed numbers, ranges, open intervals; a rating with its grade begins with one, and stays in line."""
-    assert shown([1, 20])[0]
-    assert shown(["+0.28", "−1,200"])[0]
-    assert shown(["0.86–0.94", "–"])[0]
+    for cells in ([1, 20], ["+0.28", "−1,200"], ["0.86–0.94", "–"], ["11 of 11", "9 of 11"], ["–", "–"]):
+        assert shown(list(cells))[0], cells
+    for words in (["0.846 Good", "0.951 Excellent"], ["", ""]):
+        assert not shown(list(words))[0], words
     assert shown(["+0.075 ± 0.023", "−0.015"]) == (True, ["+0.075 ± 0.023", "−0.015"])
-    assert not shown(["0.846 Good", "0.951 Excellent"])[0]
-    assert shown(["11 of 11", "9 of 11"])[0]
-    assert shown(["–", "–"])[0]
-    assert not shown(["", ""])[0]
     texts = [Metric("olc", None, lower, 15.3, "g").text for lower in (None, 12.1)]
     right, cells = shown([*texts, "12.0 [≥ 11.0]"])
     assert right
@@ -79,8 +76,8 @@ def test_settings_of_the_occupant_stand_beside_its_metrics(campaign: Campaign) -
     """With the filter class; the usual ones are left out."""
     own = replace(campaign, occupant=OccupantModel(olc_restraint_mm=200.0), channel_filter_class=60.0)
     main, _ = show(own, own.metrics_of(own.tests[0]), "g")
-    assert "OLC, occupant load criterion, 65 + 200 mm, CFC 60 (g)" in list(main.data["Pulse metric"])
-    assert "VPI, vehicle pulse index, CFC 60 (g)" in list(main.data["Pulse metric"])
+    expected = {"OLC, occupant load criterion, 65 + 200 mm, CFC 60 (g)", "VPI, vehicle pulse index, CFC 60 (g)"}
+    assert {*main.data["Pulse metric"]} >= expected
 
 
 def test_an_interval_that_does_not_hold_what_the_test_measured_is_coloured(campaign: Campaign) -> None:
@@ -105,10 +102,8 @@ def show(campaign: Campaign, found: tuple[Metric, ...], unit: AccelerationUnit) 
 def test_the_next_tests_show_their_gain_first_and_equal_digits() -> None:
     """3.10 beside 3.09, not 3.1; whether it is an extrapolation stands beside the gain."""
     ranked = [
-        NextTest(Condition.of_vector([30 * MPH, 2000 * LB, 1500 * LB]), 3.5 * 9.80665, 3.1 * 9.80665),
-        NextTest(
-            Condition.of_vector([31.5 * MPH, 2000 * LB, 1500 * LB]), 3.5 * 9.80665, 3.09 * 9.80665, ("Extrapolation.",)
-        ),
+        NextTest(Condition.of_vector([mph * MPH, 2000 * LB, 1500 * LB]), 3.5 * G, then * G, why)
+        for mph, then, why in ((30, 3.1, ()), (31.5, 3.09, ("Extrapolation.",)))
     ]
     table = results.next_tests_styled(ranked, Display()).data.rename(columns=as_read)
     assert table.columns[:4].tolist() == ["Rank", "Speed (mph)", "Gain (%)", "Extrapolation"]

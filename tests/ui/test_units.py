@@ -91,8 +91,7 @@ def test_the_campaigns_files_decide_at_first(open_campaign: Path, visit: Visit) 
     assert session.numbers["Test speeds"] == "24–56 km/h"
     assert "system" not in session.app.query_params
     session.app.sidebar.button_group(key="system").set_value("mph-lb")
-    session.run()
-    assert session.numbers["Test speeds"] == "15–35 mph"
+    assert session.run().numbers["Test speeds"] == "15–35 mph"
     assert session.app.query_params["system"] == "mph-lb"
 
 

@@ -233,12 +233,12 @@ def test_a_refused_page_is_told_with_what_to_do_once_a_minute(capsys: Capture, m
     assert capsys.readouterr().err.count("anna@example.com and browser 0a1b2c: did it\n") == 1
 
 
-@pytest.mark.parametrize("text", [GOOD, NAMED, "other = 1", ""])
-def test_what_streamlit_understands_is_taken(text: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("text", "asks"), [(GOOD, True), (NAMED, True), ("other = 1", False), ("", False)])
+def test_what_streamlit_understands_is_taken(text: str, asks: bool, tmp_path: Path) -> None:
     """One provider, several by name, or none."""
     file = tmp_path / "secrets.toml"
     file.write_text(text)
-    visitors.check_login([file, tmp_path / "nowhere.toml"])
+    assert visitors.check_login([file, tmp_path / "nowhere.toml"]) is asks
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,10 @@ is drawn, and read back when a session begins and on Back and Forward.
 
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import streamlit as st
 from streamlit.runtime.scriptrunner import get_script_run_ctx
@@ -129,7 +129,7 @@ def follow(page: str, wanted: Callable[[], Mapping[str, list[str]]] = dict) -> N
 
     At no other time: a click may come from a browser that has not seen the latest address yet.
     """
-    state, context = _state(), get_script_run_ctx()
+    state, context = st.session_state, get_script_run_ctx()
     asked = given()
     began = _PAGE not in state
     state[_PAGE] = page
@@ -160,13 +160,13 @@ class Place:
 
 def here(page: str | None = None) -> Place:
     """What this session shows now, or would show on another page."""
-    page = page or str(_state().get(_PAGE) or "")
+    page = page or str(st.session_state.get(_PAGE) or "")
     return Place(page, parameters(page))
 
 
 def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, follow: bool = True) -> None:
     """Give a choice its default, unless another was chosen that is ``known``, or it does not ``follow`` a new one."""
-    state = _state()
+    state = st.session_state
     defaults = state.setdefault(_DEFAULTS, {})
     usual = state.get(key) is None or (follow and state[key] == defaults.get(key))
     if usual or (known and state[key] not in known):
@@ -176,19 +176,19 @@ def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, 
 
 def want_units() -> None:
     """Note that the units chosen now are the user's choice for every campaign."""
-    _state()[_WANTED] = _state().get("system")
+    st.session_state[_WANTED] = st.session_state.get("system")
 
 
 def put(key: str, value: object) -> None:
     """Set what a widget shows, unless it does: what is set is sent to the browser, over what is chosen meanwhile."""
-    state = _state()
+    state = st.session_state
     if key not in state or state[key] != value:
         state[key] = value
 
 
 def leave_campaign() -> None:
     """Let another campaign decide what nobody has chosen, and what means nothing there; call it from a callback."""
-    state = _state()
+    state = st.session_state
     usual = state.get(_DEFAULTS, {})
     if state.get("system") == state.get(_WANTED):  # the user's choice, if it is this campaign's as well
         usual.pop("system", None)
@@ -199,7 +199,7 @@ def leave_campaign() -> None:
 
 def publish() -> None:
     """Write the choices to the address of the open page, one step for Back, unless it says them already."""
-    state, page = _state(), _state()[_PAGE]
+    state, page = st.session_state, st.session_state[_PAGE]
     shown, asked, known = parameters(page), given(), _of(page)
     said = {key: known[key].texts(value) for key in asked if key in known and (value := state.get(key)) is not None}
     if not shown.items() <= asked.items() or said != asked:
@@ -208,7 +208,7 @@ def publish() -> None:
 
 def parameters(page: str, keys: Collection[str] = ()) -> dict[str, list[str]]:
     """Parameters of a link to a page that shows what this session has chosen; ``keys`` are those of :func:`keys`."""
-    state = _state()
+    state = st.session_state
     defaults = state.get(_DEFAULTS, {})
     return {
         key: choice.texts(value)
@@ -229,7 +229,7 @@ def acts(key: str, page: str) -> bool:
 
 def keys() -> frozenset[str]:
     """All keys of the session and of the address; Streamlit takes milliseconds to list them."""
-    return frozenset({*map(str, _state()), *st.query_params})
+    return frozenset({*map(str, st.session_state), *st.query_params})
 
 
 def _of(page: str | None, known: Collection[str] = ()) -> dict[str, Choice]:
@@ -241,7 +241,7 @@ def _of(page: str | None, known: Collection[str] = ()) -> dict[str, Choice]:
 
 
 def _take(page: str | None, asked: Mapping[str, Sequence[str]]) -> None:
-    state = _state()
+    state = st.session_state
     if asked.get("campaign") != [state.get("campaign")]:  # of which other pages have choices, too
         leave_campaign()
     for key, choice in _of(page).items():
@@ -252,13 +252,9 @@ def _in_session(value: Value) -> Value | list[str]:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _state() -> MutableMapping[str, Any]:
-    return cast("MutableMapping[str, Any]", st.session_state)
-
-
 def page_config() -> StudyConfig:
     """The settings that act on what the open page shows."""
-    judged = _state().get("approach") if here().page == "certify" else None
+    judged = st.session_state.get("approach") if here().page == "certify" else None
     return chosen_config(judged)
 
 

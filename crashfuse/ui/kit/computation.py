@@ -1,7 +1,5 @@
 """Jobs behind the pages: what this server has computed, and how a page requests a computation."""
 
-import threading
-from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -48,10 +46,11 @@ def jobs() -> Jobs:
     return Jobs()
 
 
-@st.cache_resource(show_spinner=False)
-def _lookups() -> tuple[defaultdict[Hashable, threading.Lock], dict[Hashable, int]]:
-    """By key: a lock for the disk cache, and how many jobs had ended at the last look."""
-    return defaultdict(threading.Lock), {}
+@st.cache_resource(max_entries=200, show_spinner=False, hash_funcs={tuple: hash})
+def _is_kept(key: Hashable, ended: int, _in_cache: Callable[[], bool]) -> bool:  # noqa: ARG001 - the look's own key
+    with suppress(CrashfuseError):  # starting the job shows it
+        return _in_cache()
+    return False
 
 
 @st.cache_resource(show_spinner=False)
@@ -80,24 +79,17 @@ class Request(Generic[T]):
 
     def ask(self, page: str) -> None:
         """Start the job for the visitor, who then opens this page; what is known from earlier is read there at once."""
-        with suppress(CrashfuseError):  # starting the job shows it
-            if self.in_cache():
-                return
-        self.start(page)
+        if not _is_kept(self.key, jobs().ended, self.in_cache):
+            self.start(page)
 
     def find(self) -> Job[T] | None:
         """The job, if any; it is started at once if its result is in the disk cache."""
         if (job := jobs().get(self.key)) is not None:
             return job
-        locks, ended_before = _lookups()
-        with locks[self.key]:  # a second caller of the same waits for the answer
-            if ended_before.get(self.key) == jobs().ended:  # it is looked up again only after another job has ended
-                return jobs().get(self.key)
-            with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # starting the job shows it
-                if self.in_cache():
-                    job = jobs().start(self.key, self.title, self.work, visitor(), at_once=True)
-                    job.wait(_PATIENCE_S)
-            ended_before[self.key] = jobs().ended
+        with st.spinner("Looking for earlier results …"):
+            if _is_kept(self.key, jobs().ended, self.in_cache):  # a look each time that another job has ended
+                job = jobs().start(self.key, self.title, self.work, visitor(), at_once=True)
+                job.wait(_PATIENCE_S)
         return job
 
     @property
@@ -176,14 +168,10 @@ def fit_request(campaign: Campaign, config: StudyConfig) -> Request[Fitted]:
     )
 
 
-def answers(key: Hashable, condition: Condition, fitted: Fitted) -> list[Estimate]:
+@st.cache_resource(max_entries=12, show_spinner=False, hash_funcs={Fitted: lambda fitted: fitted.approaches})
+def answers(key: Hashable, condition: Condition, fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fits
     """Each approach's estimate at a condition, cached because a page asks at every click."""
-    return _answers((key, fitted.approaches, condition.units), condition, fitted)
-
-
-@st.cache_resource(max_entries=12, show_spinner=False)
-def _answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fits
-    return estimates_at(_fitted.fits, condition)
+    return estimates_at(fitted.fits, condition)
 
 
 @st.cache_resource(max_entries=50, show_spinner=False)

@@ -279,8 +279,8 @@ def _known_of_test(
 @st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False, hash_funcs=HASHED)
 def _known_at_conditions(ended: int, shown: StudyConfig, campaign: Campaign) -> Sequence[StudyConfig]:  # noqa: ARG001
     configs = [result.config for result in past_results() if result.fingerprint == campaign.fingerprint]
-    pairs = {(shown.preset, 0), *((config.preset, config.seed) for config in configs)}
-    pairs.add((shown.preset, shown.seed + 1 if shown.seed < 2**32 - 1 else 0))
+    pairs = {(shown.preset, seed) for seed in (0, (shown.seed + 1) % 2**32)}
+    pairs |= {(config.preset, config.seed) for config in configs}
     others = sorted(pairs - {(shown.preset, shown.seed)})
     return [replace(shown, preset=preset, seed=seed) for preset, seed in others]
 

@@ -12,7 +12,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.reporting.training_progress import Step, Watched
+from crashfuse.reporting.training_progress import Watched
 from crashfuse.ui.kit.address import Place
 from crashfuse.ui.kit.visitors import Visitor, note_in_log
 
@@ -45,6 +45,7 @@ class Job(Generic[T]):
         self._cancel = threading.Event()
         self._ended = threading.Event()
         self._watch = Watched(self._report, self._cancel, self._show_part)
+        self.steps = self._watch.steps  # so far, in order of start
 
     @property
     def active(self) -> bool:
@@ -55,11 +56,6 @@ class Job(Generic[T]):
     def cancelling(self) -> bool:
         """True if it was told to stop but has not stopped yet."""
         return self.active and self._cancel.is_set()
-
-    @property
-    def steps(self) -> dict[str, Step]:
-        """Every step so far, in order of start."""
-        return self._watch.steps
 
     @property
     def elapsed_s(self) -> float:
@@ -90,8 +86,17 @@ class Job(Generic[T]):
         """Wait until it has ended; False on timeout."""
         return self._ended.wait(timeout_s)
 
-    def run(self) -> None:
-        """Compute, unless it was cancelled before; any error becomes the job's state and message."""
+    def compute(self) -> None:
+        """Compute in a thread of its own, and wait until it has ended, or does not report any more."""
+        threading.Thread(target=self._run, name="crashfuse-jobs", daemon=True).start()
+        while not self.wait(_LOOK_S):
+            if time.monotonic() - self._heard > (_STOPS_S if self.cancelling else _SILENT_S):
+                log.warning("%s has not reported for long; others are computed beside it.", self.title)
+                if self.cancelling:
+                    self._end("cancelled")
+                return
+
+    def _run(self) -> None:
         with self._joining:
             if self.state != "waiting":
                 return
@@ -112,15 +117,6 @@ class Job(Generic[T]):
             log.exception("%s failed", self.title)
             text = f"This should not have happened ({type(error).__name__}: {error}); the log has the details."
             self._end("failed", text)
-
-    def watch_over(self) -> None:
-        """Wait until it has ended, or does not report any more."""
-        while not self.wait(_LOOK_S):
-            if time.monotonic() - self._heard > (_STOPS_S if self.cancelling else _SILENT_S):
-                log.warning("%s has not reported for long; others are computed beside it.", self.title)
-                if self.cancelling:
-                    self._end("cancelled")
-                return
 
     def _end(self, state: State, message: str = "", result: T | None = None) -> None:
         with self._joining:
@@ -175,25 +171,15 @@ class Jobs:
             for old in finished[: max(len(finished) - _KEPT, 0)]:
                 del self._jobs[old]
         if at_once:
-            threading.Thread(target=_compute, args=(job,), name=title, daemon=True).start()
+            threading.Thread(target=job.compute, name=title, daemon=True).start()
         else:
             self._queue.put(job)
         return job
 
     def _serve(self) -> None:
-        _yield_to_pages()
+        if sys.platform == "linux":  # pages go before what this thread does and starts
+            this = os.PRIO_PROCESS, threading.get_native_id()
+            os.setpriority(*this, os.getpriority(*this) + _NICE)  # of a server that is itself nice, nicer still
         while True:
-            _compute(self._queue.get())
+            self._queue.get().compute()
             self.ended += 1
-
-
-def _compute(job: Job[Any]) -> None:
-    threading.Thread(target=job.run, name="crashfuse-jobs", daemon=True).start()
-    job.watch_over()
-
-
-def _yield_to_pages() -> None:
-    """Let pages go before what this thread does and starts (Linux)."""
-    if sys.platform == "linux":
-        this = os.PRIO_PROCESS, threading.get_native_id()
-        os.setpriority(*this, os.getpriority(*this) + _NICE)  # of a server that is itself nice, nicer still

@@ -10,15 +10,16 @@ import shutil
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path, PurePath
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import streamlit as st
 from filelock import FileLock, Timeout
+from streamlit.runtime.uploaded_file_manager import UploadedFile
 
 from crashfuse.campaign_folder.condition_tables import TABLES as CAMPAIGN_TABLES
 from crashfuse.campaign_folder.condition_tables import Role
@@ -142,16 +143,7 @@ def settled_of(
     return settled, (*problems, *refused)
 
 
-class Upload(Protocol):
-    """A file as Streamlit provides it."""
-
-    name: str
-
-    def getvalue(self) -> bytes:
-        """The file's content."""
-
-
-def open_uploads(files: Sequence[Upload]) -> str | Source:
+def open_uploads(files: Sequence[UploadedFile]) -> str | Source:
     """Open uploads as a campaign, whose name is returned, or keep them to be imported."""
     if not files:  # none was dropped, or the browser refused those that are too large
         expected = f"files of at most {st.get_option('server.maxUploadSize')} MB each"
@@ -160,12 +152,8 @@ def open_uploads(files: Sequence[Upload]) -> str | Source:
     uploads = [(file.name, file.getvalue()) for file in files]
     if _are_foreign(uploads):
         return _keep(lambda own: source_at(lay_out_source(uploads, own), scratch=own))
-    digest = hashlib.sha256()
-    for name, content in sorted(uploads):
-        digest.update(f"{name}|{len(content)}|".encode())
-        digest.update(content)
     opened = _opened()
-    key = visitor().key, digest.hexdigest()
+    key = visitor().key, tuple(sorted((name, hashlib.sha256(content).hexdigest()) for name, content in uploads))
     if key not in opened:
         opened[key] = _keep(lambda own: campaigns.open_uploaded(lay_out(uploads, own)))
         fingerprint = campaigns.load(opened[key]).fingerprint
@@ -238,7 +226,7 @@ def _make_room() -> None:
 
 
 @st.cache_resource
-def _opened() -> dict[tuple[str, str], str]:
+def _opened() -> dict[Hashable, str]:
     return {}
 
 
