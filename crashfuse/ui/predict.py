@@ -69,9 +69,7 @@ from crashfuse.wording import IN_SI, joined
 _DECIMALS = 9  # of speeds and weights in the session: 56 km/h come back as 56
 
 
-class Field(NamedTuple):
-    """A number of a condition, or its range, in the unit of the session and the address."""
-
+class _Field(NamedTuple):  # a number of a condition, or its range, in the unit of the session and the address
     label: str
     key: str
     unit: str
@@ -80,14 +78,14 @@ class Field(NamedTuple):
 
 
 _FIELDS = (
-    Field("Impact speed", "speed_mph", "mph", 0.1, 1),
-    Field("Front weight", "front_weight_lb", "lb", 1.0, 0),
-    Field("Rear weight", "rear_weight_lb", "lb", 1.0, 0),
+    _Field("Impact speed", "speed_mph", "mph", 0.1, 1),
+    _Field("Front weight", "front_weight_lb", "lb", 1.0, 0),
+    _Field("Rear weight", "rear_weight_lb", "lb", 1.0, 0),
 )
 _AXES = (
-    Field("Speeds", "speed_range", "mph", 0.5),
-    Field("Front weights", "front_range", "lb", 10.0),
-    Field("Rear weights", "rear_range", "lb", 10.0),
+    _Field("Speeds", "speed_range", "mph", 0.5),
+    _Field("Front weights", "front_range", "lb", 10.0),
+    _Field("Rear weights", "rear_range", "lb", 10.0),
 )
 _FIGURES = {"Over time": "motion", "Over displacement": "displacement", "Energy over crush": "energy"}
 
@@ -159,7 +157,7 @@ def fill_in(campaign: Campaign, condition: Condition) -> None:
     st.session_state.update({f"factor_{name}": given.get(name) or None for name in campaign.factors})
 
 
-def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs: np.ndarray) -> float:
+def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs: np.ndarray) -> float:
     """Slider over the CAE runs' range, and a field beyond it; returns SI, kept in mph or lb."""
     name, in_si, step, digits = field.key, IN_SI[field.unit], field.step, field.digits
     label, shown = display.title(field.label, field.unit), 1 / display.units.in_si(field.unit)
@@ -378,7 +376,7 @@ def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> t
 
 
 def _range(
-    column: DeltaGenerator, axis: Field, view: View, runs: np.ndarray, tests: Sequence[float]
+    column: DeltaGenerator, axis: _Field, view: View, runs: np.ndarray, tests: Sequence[float]
 ) -> tuple[float, float]:
     own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))
     state, step = st.session_state, axis.step

@@ -30,14 +30,6 @@ from tests.conftest import content_of
 from tests.ui.conftest import Session, Visit
 
 
-def upload(session: Session, *files: tuple[str, bytes]) -> Session:
-    """Drop files and open them."""
-    if "Open another campaign" in session.buttons:
-        session.press("Open another campaign")
-    session.app.file_uploader[0].set_value([(name, content, "application/octet-stream") for name, content in files])
-    return session.press("Open upload")
-
-
 def kept() -> list[Path]:
     """Folders of uploads that the server keeps."""
     return list(uploads._scratch().iterdir())
@@ -162,7 +154,7 @@ def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> 
     content = zipped(content_of(campaign_folder))
     session = visit()
     for _ in range(2):
-        upload(session, ("sled.zip", content))
+        session.upload({"sled.zip": content})
         assert str(session.app.sidebar.selectbox(key="campaign").value).startswith("sled-")
         assert session.app.title[0].value == "sled"
         assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
@@ -177,14 +169,14 @@ def test_uploads_that_nobody_looks_at_make_room(
     """Beyond the limit those go that were not looked at for longest; what somebody looks at stays."""
     files = content_of(campaign_folder)
     monkeypatch.setattr(uploads, "_MOST_BYTES", 1.5 * sum(map(len, files.values())))
-    first = upload(visit(), ("first.zip", zipped(files)))
-    upload(visit(), ("second.zip", zipped({**files, "campaign.toml": b"name = 'Second'"})))
+    first = visit().upload({"first.zip": zipped(files)})
+    visit().upload({"second.zip": zipped({**files, "campaign.toml": b"name = 'Second'"})})
     assert len(kept()) == 2  # both were looked at just now
     gone = list(campaigns.opened_here())[2]
     for folder in kept():
         os.utime(folder, (0, 0))
     first.run()
-    upload(visit(), ("third.zip", zipped({**files, "campaign.toml": b"name = 'Third'"})))
+    visit().upload({"third.zip": zipped({**files, "campaign.toml": b"name = 'Third'"})})
     assert sorted(path.name for folder in kept() for path in folder.iterdir()) == ["first", "third"]
     assert [campaigns.label(name).partition(" ")[0] for name in campaigns.opened_here()] == ["sample", "first", "third"]
     assert "You have not opened the campaign" in visit(campaign=gone).words
@@ -193,8 +185,7 @@ def test_uploads_that_nobody_looks_at_make_room(
 @pytest.mark.slow
 def test_the_files_of_a_campaign_are_opened_together(visit: Visit, campaign_folder: Path) -> None:
     """CSV and Parquet side by side; the field is empty afterwards."""
-    files = [(path.name, path.read_bytes()) for path in campaign_folder.rglob("*") if path.is_file()]
-    session = upload(visit(), *files)
+    session = visit().upload({path.name: path.read_bytes() for path in campaign_folder.rglob("*") if path.is_file()})
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
     assert not session.press("Open another campaign").app.file_uploader[0].value
 
@@ -208,11 +199,10 @@ def test_a_bad_upload_is_refused_row_by_row_and_not_kept(visit: Visit, campaign_
         lines[row - 1] = lines[row - 1].split(",")[0] + ",=oops"
     pulse.write_text("\n".join(lines))
     (campaign_folder / "tests" / "T2.csv").unlink()
-    session = upload(visit(), ("bad.zip", zipped(content_of(campaign_folder))))
+    session = visit().upload({"bad.zip": zipped(content_of(campaign_folder))})
     (table,) = session.tables
-    (cells,) = table[table["Column"] == "acceleration_g"].to_dict("records")
-    assert (cells["File"], cells["Row"], cells["Found"]) == ("tests/T3.csv", "5–6", "'=oops'")
-    assert cells["What to do"] == "Correct the cell"
+    (cells,) = table[table["Column"] == "acceleration_g"][["File", "Row", "Found", "What to do"]].to_numpy().tolist()
+    assert cells == ["tests/T3.csv", "5–6", "'=oops'", "Correct the cell"]
     assert table["Expected"].str.contains("T2").any()
     assert kept() == []
     assert list(campaigns.opened_here()) == ["sample"]
@@ -220,8 +210,7 @@ def test_a_bad_upload_is_refused_row_by_row_and_not_kept(visit: Visit, campaign_
 
 def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:
     """No link, no image, no formula comes of it."""
-    name = "![x](www.example.org) $a$ :tada: `b` <i>.exe"
-    session = upload(visit(), (name, b"MZ"))
+    session = visit().upload({"![x](www.example.org) $a$ :tada: `b` <i>.exe": b"MZ"})
     (shown,) = session.tables[0]["File"]
     assert "![x](www.example.org) $a$" in shown
     table = session.app.table[0].proto.arrow_data
@@ -233,7 +222,7 @@ def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:
 @pytest.mark.parametrize(("name", "content"), [("prog.exe", b"MZ"), ("report.pdf", b"%PDF"), ("T1.parquet", b"PAR1")])
 def test_a_file_that_is_refused_is_named(visit: Visit, name: str, content: bytes) -> None:
     """Who dropped it knows which it was."""
-    assert upload(visit(), (name, content)).tables[0]["File"].tolist() == [name]
+    assert visit().upload({name: content}).tables[0]["File"].tolist() == [name]
 
 
 def test_nothing_dropped_or_all_too_large_is_said(visit: Visit) -> None:
@@ -252,7 +241,7 @@ def test_a_full_disk_is_a_sentence(visit: Visit, campaign_folder: Path, monkeypa
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(uploads, "lay_out", full)
-    session = upload(visit(), ("a.zip", zipped(content_of(campaign_folder))))
+    session = visit().upload({"a.zip": zipped(content_of(campaign_folder))})
     assert session.tables[0]["Found"].tolist() == ["No space left on device"]
     assert kept() == []
 
@@ -318,8 +307,7 @@ def test_a_test_is_left_out_of_use_and_the_change_undone(visit: Visit, open_camp
     assert session.numbers["Tests"] == "3"
     assert "Left out of use: T3." in session.words
     assert in_use(session) == ["T1", "T2", "T4"]
-    (why,) = [field for field in session.app.text_input if field.label == "Why is T3 left out?"]
-    why.set_value("its sensor came loose").run()
+    session.fill({"Why is T3": "its sensor came loose"})
     assert "T3 (its sensor came loose)" in str(load_campaign(open_campaign).remarks)
     for page in ("compare", "study", "predict", "data"):
         assert "its sensor came loose" in session.go(page).answer[":orange[without T3]"]
@@ -375,16 +363,14 @@ def test_a_reason_that_a_click_overtook_leaves_nothing_out(visit: Visit, open_ca
     """Text that is typed is sent along with the click that ends typing, here on the test itself."""
     leave_out(open_campaign, ["T3"])
     session = visit()
-    (why,) = [field for field in session.app.text_input if field.label == "Why is T3 left out?"]
-    why.set_value("its sensor came loose")
+    session.field("Why is T3").set_value("its sensor came loose")
     pills(session)[0].set_value(["T1", "T2", "T3", "T4"])
     session.run()
     assert in_use(session) == ["T1", "T2", "T3", "T4"]
     leave_out(open_campaign, ["T3"])
     session = visit()
-    (why,) = [field for field in session.app.text_input if field.label == "Why is T3 left out?"]
     use_again(open_campaign, ["T3"])  # in another session
-    why.set_value("its sensor came loose").run()
+    session.fill({"Why is T3": "its sensor came loose"})
     assert in_use(session) == ["T1", "T2", "T3", "T4"]
     assert not (open_campaign / "campaign.toml").exists()
 
@@ -422,12 +408,10 @@ def test_a_copy_of_the_sample_is_edited(visit: Visit, tmp_path: Path) -> None:
     """The sample itself offers nothing but that copy, which is open at once."""
     session = visit().press("Load the sample campaign")
     assert not pills(session)
-    (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
-    field.set_value("copy")
+    session.field("Folder of the copy").set_value("copy")
     session = session.press("Save the copy")
     assert session.tables[0]["What to do"].tolist() == ["Name a folder by its whole path"]
-    (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
-    field.set_value(str(tmp_path / "mine"))
+    session.field("Folder of the copy").set_value(str(tmp_path / "mine"))
     session = session.press("Save the copy")
     assert session.app.selectbox(key="campaign").value == "mine"
     assert len(in_use(session)) == 11
@@ -485,7 +469,6 @@ def test_pages_offer_and_copy_only_inside_the_roots(
     assert "inside" in session.buttons
     assert campaign_folder.name not in session.buttons
     session = session.press("Load the sample campaign")
-    (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
-    field.set_value(str(tmp_path / "elsewhere"))
+    session.field("Folder of the copy").set_value(str(tmp_path / "elsewhere"))
     assert session.press("Save the copy").tables[0]["Found"].tolist() == ["one outside"]
     assert not (tmp_path / "elsewhere").exists()

@@ -423,18 +423,14 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
     assert session.charts == 1
     assert "Extrapolation" not in session.words
     count = len(fits)
-    (speed,) = [field for field in session.app.number_input if field.label == "Impact speed (mph)"]
-    speed.set_value(60.0).run()
+    session.fill({"Impact speed (mph)": 60.0})
     assert "Extrapolation: speed 60.0 mph lies outside" in session.words
-    (speed,) = [field for field in session.app.number_input if field.label == "Impact speed (mph)"]
-    speed.set_value(600.0).run()  # the field itself would refuse it, and leave what was predicted before
+    session.fill({"Impact speed (mph)": 600.0})  # the field itself would refuse it, and leave what was predicted before
     assert re.search(r"Impact speed \(mph\) is from [\d.]+ to 70 here, not 600: 70 is taken", session.words)
     assert "Extrapolation: speed 70.0 mph lies outside" in session.words
     assert "lb in all" in session.words
-    (drive,) = [box for box in session.app.selectbox if box.label == "Drive"]
-    assert drive.options == ["FWD"]
-    drive.select("FWD").run()
-    assert not session.app.exception
+    assert session.field("Drive").options == ["FWD"]
+    session.fill({"Drive": "FWD"})
     assert session.charts == 1
     assert len(fits) == count
 
@@ -536,8 +532,6 @@ def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize("page", ["compare", "study", "predict"])
 def test_a_seed_that_there_is_not_starts_nothing(page: str) -> None:
     """Train lets one type it and says so; elsewhere nothing that can only fail is offered."""
-    session = start("train")
-    (seed,) = [field for field in session.app.number_input if field.label == "Seed"]
-    seed.set_value(-1).run()
+    session = start("train").fill({"Seed": -1})
     assert "There is no seed -1: it is from 0 to 4294967295." in session.go(page).words
     assert not [button for button in session.app.button if button.label.startswith(("Predict", "Leave out"))]
