@@ -22,7 +22,7 @@ from tests.importing.crash_files import german, isomme, library
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
-from tests.ui.conftest import Session, Visit
+from tests.ui.conftest import Session, begin
 from tests.ui.test_data import kept
 
 CONDITION = {"Speed (": 56.0, "Front weight": 950.0, "Rear weight": 750.0}
@@ -58,9 +58,9 @@ def added(folder: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -> None:
+def test_an_nhtsa_zip_needs_nothing_but_a_folder(tmp_path: Path) -> None:
     """Condition and channels are found and shown; the peak of the preview is that of the crash."""
-    session = visit().upload({"v5.zip": zipped(nhtsa_files())})
+    session = begin().upload({"v5.zip": zipped(nhtsa_files())})
     assert "NHTSA" in session.words
     assert session.field("Channels").value == ["93", "94", "99"]
     assert session.field("Speed (km/h)").placeholder == "56"
@@ -84,9 +84,9 @@ def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -
     [("m.zip", zipped(isomme("M1"))), ("m.tar.gz", tarred(*isomme("M1").items()))],
     ids=["zip", "tar.gz"],
 )
-def test_an_isomme_archive_says_what_it_lacks(visit: Visit, tmp_path: Path, name: str, content: bytes) -> None:
+def test_an_isomme_archive_says_what_it_lacks(tmp_path: Path, name: str, content: bytes) -> None:
     """It knows the mass alone; the front axle's share completes it."""
-    session = visit().upload({name: content})
+    session = begin().upload({name: content})
     assert "Before it can be added" in session.words
     assert "found the mass alone" in session.words
     assert "--front-share" not in session.words
@@ -98,9 +98,9 @@ def test_an_isomme_archive_says_what_it_lacks(visit: Visit, tmp_path: Path, name
     assert "952" in rows  # 56 % of 1700 kg
 
 
-def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields(visit: Visit) -> None:
+def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields() -> None:
     """A speed below 0 and one of a comet, a weight of nothing, a share alone: never as if nothing had been typed."""
-    session = visit().upload(table())
+    session = begin().upload(table())
     session.fill({"Speed in": "mph", "Weights in": "lb"})
     for speed, found in ((-5.0, "−5 mph"), (1e9, "1e+09 mph")):
         session.fill({"Speed (mph)": speed})
@@ -115,9 +115,9 @@ def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields(visit:
 
 
 @pytest.mark.slow
-def test_the_direction_of_travel_is_found_or_chosen(visit: Visit, tmp_path: Path) -> None:
+def test_the_direction_of_travel_is_found_or_chosen(tmp_path: Path) -> None:
     """A model that drives along −y: the steps say so, a wrong direction is refused, the right one is kept."""
-    session = visit().upload({"run.zip": zipped({"r1/binout0000": Run(step_s=5e-4, axis="y", direction=-1).binout()})})
+    session = begin().upload({"run.zip": zipped({"r1/binout0000": Run(step_s=5e-4, axis="y", direction=-1).binout()})})
     assert "Travel along -y, as the nodes set out." in session.fill({"Front share": 56.0}).words
     assert "Nothing of it can be read: 1 problem" in session.fill({"Direction of travel": "y"}).words
     assert "Travel along -y, given by the user." in session.fill({"Direction of travel": "-y"}).words
@@ -126,7 +126,7 @@ def test_the_direction_of_travel_is_found_or_chosen(visit: Visit, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(visit: Visit, tmp_path: Path) -> None:
+def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(tmp_path: Path) -> None:
     """Another sheet with other columns does not take the choice back."""
     book = Workbook()
     listed, remarks = book.active, book.create_sheet("Other lab")
@@ -137,7 +137,7 @@ def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(visit: Visit, 
         remarks.append(cells)
     stream = io.BytesIO()
     book.save(stream)
-    session = visit().upload({"m.zip": zipped(isomme("M1")), "conditions.xlsx": stream.getvalue()})
+    session = begin().upload({"m.zip": zipped(isomme("M1")), "conditions.xlsx": stream.getvalue()})
     columns = session.fill({"Table of conditions": "conditions.xlsx"}).app.multiselect[0]
     assert columns.value == ["Typ"]
     columns.set_value([])
@@ -146,12 +146,12 @@ def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(visit: Visit, 
 
 
 @pytest.mark.slow
-def test_columns_without_names_are_mapped(visit: Visit, tmp_path: Path) -> None:
+def test_columns_without_names_are_mapped(tmp_path: Path) -> None:
     """Time, unit and acceleration are said by the user; the preview follows."""
     time_s = clock()
-    session = visit().upload({"x.csv": german(time_s, 0 * time_s, half_sine_g(time_s), header="p;q;r")})
-    said = {"Acceleration": ["r"], "Unit of time": "ms", "Unit of acceleration": "g"}
-    session = into(session.fill(said | CONDITION), tmp_path / "x")
+    session = begin().upload({"x.csv": german(time_s, 0 * time_s, half_sine_g(time_s), header="p;q;r")})
+    session.fill({"Acceleration": ["r"], "Unit of time": "ms", "Unit of acceleration": "g", **CONDITION})
+    session = into(session, tmp_path / "x")
     assert "Read as acceleration in g: r (chosen by the user)." in session.words
     session.press("Add as test")
     assert added(tmp_path / "x") == ["x"]
@@ -166,9 +166,9 @@ def load_stop(path: Path) -> float:
 
 
 @pytest.mark.slow
-def test_what_is_filled_in_overrules_what_was_found(visit: Visit, tmp_path: Path) -> None:
+def test_what_is_filled_in_overrules_what_was_found(tmp_path: Path) -> None:
     """Channel, filter, time zero, speed in mph and id."""
-    session = visit().upload({"v5.zip": zipped(nhtsa_files())})
+    session = begin().upload({"v5.zip": zipped(nhtsa_files())})
     session.fill({"Channels": ["93"], "Filter": "CFC 180", "Time zero": 1.0, "Speed in": "mph"})
     session = into(session.fill({"Speed (mph)": 36.0, "Id in": "Nova"}), tmp_path / "n")
     assert "Filtered with CFC 180" in session.words
@@ -181,9 +181,9 @@ def test_what_is_filled_in_overrules_what_was_found(visit: Visit, tmp_path: Path
 
 
 @pytest.mark.parametrize("share", [0.0, 0.57, 100.0, 150.0])
-def test_a_front_share_that_no_vehicle_has_breaks_nothing(visit: Visit, share: float) -> None:
+def test_a_front_share_that_no_vehicle_has_breaks_nothing(share: float) -> None:
     """0 and 100 % of the mass, more than all of it, and 0.57 for 57: none can be added, each is said."""
-    session = visit().upload({"m.zip": zipped(isomme("M1"))})
+    session = begin().upload({"m.zip": zipped(isomme("M1"))})
     session.fill({"Front share": share})
     assert "It cannot be added yet" in session.words or "Before it can be added" in session.words
     (button,) = [button for button in session.app.button if button.label.startswith("Add")]
@@ -191,9 +191,9 @@ def test_a_front_share_that_no_vehicle_has_breaks_nothing(visit: Visit, share: f
     assert f"({share:g} %)" in session.words
 
 
-def test_another_unit_converts_what_is_typed_in(visit: Visit) -> None:
+def test_another_unit_converts_what_is_typed_in() -> None:
     """Numbers stay what they mean: 90 km/h are 25 m/s, 1000 lb are 453.59 kg; the preview is in units of the pages."""
-    session = visit().upload(table())
+    session = begin().upload(table())
     session.fill({"Weights in": "lb"}).fill({"Speed (": 90.0, "Front weight": 1000.0, "Rear weight": 1000.0})
     session.fill({"Speed in": "m/s", "Weights in": "kg"})
     assert session.field("Speed (m/s)").value == pytest.approx(25.0)
@@ -203,9 +203,9 @@ def test_another_unit_converts_what_is_typed_in(visit: Visit) -> None:
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_the_units_of_an_import_follow_those_of_the_pages(visit: Visit) -> None:
+def test_the_units_of_an_import_follow_those_of_the_pages() -> None:
     """Switched in the sidebar while it goes on, until another unit is chosen here."""
-    session = visit().upload(table())
+    session = begin().upload(table())
     session.app.sidebar.button_group(key="system").set_value("mph-lb")
     session.run().fill({"Speed (mph)": 30.0})
     session.app.sidebar.button_group(key="system").set_value("kph-kg")
@@ -218,37 +218,37 @@ def test_the_units_of_an_import_follow_those_of_the_pages(visit: Visit) -> None:
 
 
 @pytest.mark.slow
-def test_a_new_session_goes_on_with_an_import(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_session_goes_on_with_an_import(monkeypatch: pytest.MonkeyPatch) -> None:
     """The browser loads the page anew: files and what was filled in are still there, until it is left."""
     monkeypatch.setattr(visitors, "browser", lambda: "the same")
-    session = visit().upload(table())
+    session = begin().upload(table())
     key = session.fill({"Speed (": 56.0, "Take it as": "cae"}).go("train").go("data").app.query_params["import"]
     assert session.field("Speed (").value == 56.0
-    again = visit(**{"import": key})
+    again = begin(**{"import": key})
     assert "Nothing is added yet" in again.words
     assert again.field("Speed (").value == 56.0
     assert again.field("Take it as").value == "cae"
     again.press("Back without importing")
     assert "import" not in again.app.query_params
-    assert "Nothing is added" not in visit(**{"import": key}).words
+    assert "Nothing is added" not in begin(**{"import": key}).words
 
 
 @pytest.mark.slow
-def test_who_follows_the_link_of_an_import_ends_it_for_themselves_only(visit: Visit) -> None:
+def test_who_follows_the_link_of_an_import_ends_it_for_themselves_only() -> None:
     """Another browser goes back without importing; for the one who began it all is still there."""
-    session = visit().upload(table())
+    session = begin().upload(table())
     key = session.app.query_params["import"]
-    visit(**{"import": key}).press("Back without importing")
+    begin(**{"import": key}).press("Back without importing")
     assert "Nothing is added yet" in session.run().words
-    assert "Nothing is added yet" in visit(**{"import": key}).words
+    assert "Nothing is added yet" in begin(**{"import": key}).words
 
 
 @pytest.mark.slow
-def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, tmp_path: Path) -> None:
+def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(tmp_path: Path) -> None:
     """Three CSVs of one form and one with a word amid its numbers: three are added, of the fourth it is said why."""
     files = tables(4)
     files["t3.csv"] = files["t3.csv"].replace(b"\n100,000000;", b"\nhundred;")
-    session = visit().upload(files)
+    session = begin().upload(files)
     assert len([one for one in session.app.selectbox if one.label == "Time"]) == 1
     session = into(session.fill(CONDITION), tmp_path / "many")
     assert "Not everything can be added: 1 problem" in session.words
@@ -258,9 +258,9 @@ def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, t
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_the_table_of_many_records_is_in_the_unit_of_the_page(visit: Visit) -> None:
+def test_the_table_of_many_records_is_in_the_unit_of_the_page() -> None:
     """As the figure beside it is; while none can be added, the button counts none."""
-    session = visit(unit="m/s²").upload(tables(2))
+    session = begin(unit="m/s²").upload(tables(2))
     assert "Add tests" in session.buttons
     session.fill({"Speed (": SPEED_MPS / MPH, "Front weight": 2100.0, "Rear weight": 1600.0})
     expected = abs(half_sine_g(clock())).max() * G
@@ -269,10 +269,10 @@ def test_the_table_of_many_records_is_in_the_unit_of_the_page(visit: Visit) -> N
 
 
 @pytest.mark.slow
-def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_path: Path) -> None:
+def test_a_library_and_a_test_make_a_campaign_that_is_opened(tmp_path: Path) -> None:
     """CAE runs from a wide table with a table of conditions, then tests into the same folder: then it is open."""
     out = tmp_path / "campaign"
-    session = visit().upload({path.name: path.read_bytes() for path in library(tmp_path / "cae").iterdir()})
+    session = begin().upload({path.name: path.read_bytes() for path in library(tmp_path / "cae").iterdir()})
     session = into(session.fill({"Take it as": "cae"}), out).press("Add 12 CAE runs")
     assert "Added: 12 CAE runs (" in session.words
     session = session.upload(tables(2)).fill(CONDITION).press("Add 2 tests")
@@ -284,11 +284,11 @@ def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_p
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> None:
+def test_the_open_campaign_is_added_to(open_campaign: Path) -> None:
     """It is proposed, asks for the drive by which its tests are told apart, and shows the new test at once."""
     with (open_campaign / "campaign.toml").open("a", encoding="utf-8") as settings:
         settings.write('\nnotice = "All of it is simulated."\n')
-    session = visit().upload({"v5.zip": zipped(nhtsa_files())})
+    session = begin().upload({"v5.zip": zipped(nhtsa_files())})
     assert "“All of it is simulated.”" in session.words
     drive = session.field("drive")
     assert set(drive.options) == set(load_campaign(open_campaign).factors["drive"])
@@ -298,10 +298,10 @@ def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_campaign_that_filters_gets_the_record_raw(visit: Visit, open_campaign: Path) -> None:
+def test_a_campaign_that_filters_gets_the_record_raw(open_campaign: Path) -> None:
     """The preview is filtered as the campaign will; what is added is whole, with what came before contact."""
     (open_campaign / "campaign.toml").write_text("channel_filter_class = 60\n")
-    session = visit().upload({"v5.zip": zipped(nhtsa_files())})
+    session = begin().upload({"v5.zip": zipped(nhtsa_files())})
     assert session.field("Filter").value == "CFC 60, by the campaign"
     assert session.field("Filter").disabled
     assert abs(curves(session)["00005"]).max() == pytest.approx(abs(half_sine_g(clock())).max(), rel=0.03)
@@ -311,9 +311,9 @@ def test_a_campaign_that_filters_gets_the_record_raw(visit: Visit, open_campaign
 
 
 @pytest.mark.slow
-def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_path: Path) -> None:
+def test_nothing_is_added_to_the_sample_or_among_other_things(tmp_path: Path) -> None:
     """Nor to a path that is none; the import stays as it is."""
-    session = visit().press("Load the sample campaign")
+    session = begin().press("Load the sample campaign")
     session = session.upload({"v5.zip": zipped(nhtsa_files())})
     assert not [one for one in session.app.radio if one.label == "Into"]
     (tmp_path / "letter.txt").write_text("Dear")
@@ -334,12 +334,12 @@ def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_
     assert session.numbers["Tests"] == "11"
 
 
-def test_a_folder_of_foreign_files_is_imported_from_where_it_is(visit: Visit, tmp_path: Path) -> None:
+def test_a_folder_of_foreign_files_is_imported_from_where_it_is(tmp_path: Path) -> None:
     """Nothing of the user's own is deleted."""
     (tmp_path / "v5").mkdir()
     for name, content in nhtsa_files().items():
         (tmp_path / "v5" / name).write_bytes(content)
-    session = visit()
+    session = begin()
     session.app.text_input(key="folder").set_value(str(tmp_path / "v5"))
     session = session.press("Open folder")
     assert "NHTSA" in session.words
@@ -360,9 +360,9 @@ def test_a_folder_of_foreign_files_is_imported_from_where_it_is(visit: Visit, tm
     ],
 )
 @pytest.mark.slow
-def test_bad_files_are_said_and_leave_nothing(visit: Visit, name: str, content: bytes) -> None:
+def test_bad_files_are_said_and_leave_nothing(name: str, content: bytes) -> None:
     """No traceback, nothing to add, and the way back leaves no file."""
-    session = visit().upload({name: content})
+    session = begin().upload({name: content})
     assert session.tables or "Before it can be added" in session.words
     assert "COLUMN=ROLE" not in session.words + "".join(table.to_string() for table in session.tables)  # no command
     assert not [one for one in session.app.button if one.label.startswith("Add") and not one.disabled]
@@ -372,12 +372,12 @@ def test_bad_files_are_said_and_leave_nothing(visit: Visit, name: str, content: 
 
 
 @pytest.mark.slow
-def test_cae_files_dropped_beside_tests_are_told_apart(visit: Visit, tmp_path: Path) -> None:
+def test_cae_files_dropped_beside_tests_are_told_apart(tmp_path: Path) -> None:
     """Which files are CAE runs is proposed, said, and can be changed; both kinds are added at once."""
     names = {"T1": 1.5, "T2": -1.5, "CAE1": 0.8}
     files = {f"{i}.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), s)) for i, s in names.items()}
     conditions = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},56,900,700" for i in names)])
-    session = visit().upload({**files, "conditions.csv": conditions.encode()})
+    session = begin().upload({**files, "conditions.csv": conditions.encode()})
     assert session.field("Of these").value == ["CAE1.csv"]
     assert "Like CAE runs, by name or number of records: CAE1.csv." in session.words
     session = into(session, tmp_path / "both")
@@ -387,12 +387,12 @@ def test_cae_files_dropped_beside_tests_are_told_apart(visit: Visit, tmp_path: P
 
 
 @pytest.mark.slow
-def test_what_says_that_it_is_simulated_is_proposed_as_a_cae_run(visit: Visit) -> None:
+def test_what_says_that_it_is_simulated_is_proposed_as_a_cae_run() -> None:
     """A prediction in ISO-MME, say; taken as a test, it cannot be added, and the page says why."""
     channel = Channel("10VEHC000000ACXP", "X", "g", half_sine_g(clock()), 1e-4, -0.05, (), "simulation")
     weights = [(f".{axle} weight test object 1", "850") for axle in ("Front", "Rear")]
     test = IsommeTest("P1", [("Velocity test object 1", "15.5"), *weights], (channel,))
-    session = visit().upload({"own.zip": zipped(isomme_files(test))})
+    session = begin().upload({"own.zip": zipped(isomme_files(test))})
     assert session.field("Take it as").value == "cae"
     assert "Like CAE runs, by what the files say: own." in session.words
     assert "Add as CAE run" in session.buttons

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,6 +34,7 @@ from crashfuse.study.study import Fold, Study
 from crashfuse.ui import study
 from crashfuse.ui.kit import computation
 from crashfuse.ui.kit.figures import SentFigure
+from crashfuse.ui.kit.jobs import Job
 from crashfuse.ui.kit.text import as_read
 from crashfuse.units import LB, MPH, G
 from tests.conftest import not_none
@@ -122,14 +124,20 @@ def rated(session: Session) -> list[str]:
     return re.findall(r'data-approach="\w+" title="Why">([^<]+)</span>', row)
 
 
+def running(until: Callable[[Job[Any]], object]) -> Job[Any]:
+    """The job that runs, once it has come so far."""
+    (job,) = computation.jobs().active
+    while not until(job):
+        assert job.active
+    return job
+
+
 @pytest.mark.usefixtures("gate")
 def test_training_shows_progress_and_can_be_cancelled() -> None:
     """Step, count and a way out; then a word on what is kept."""
     session = start("train")
     session.press(WITHOUT)
-    (job,) = computation.jobs().active
-    while "LF TCN" not in job.steps or job.steps["LF TCN"].progress.done < 3:
-        assert job.active
+    job = running(lambda job: "LF TCN" in job.steps and job.steps["LF TCN"].progress.done == 3)
     session.run()
     assert "LF TCN: 3 of 10" in session.words
     assert session.charts == 1
@@ -273,9 +281,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
 
     nothing_cached.setattr(computation, "run_study", in_two_parts)
     session = start("compare").press("Predict test T1")
-    (job,) = computation.jobs().active
-    while job.part is None or not job.steps:  # shown, and then reported
-        assert job.active
+    job = running(lambda job: job.part is not None and job.steps)  # shown, and then reported
     session.run()
     assert rated(session) == ["CAE", "Displacement domain"]
     assert "LF TCN, Time domain, Fused: still training" in session.words
@@ -452,9 +458,7 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
 
     monkeypatch.setattr("crashfuse.study.config.create", create)
     session = start("predict").press("Predict")
-    (job,) = computation.jobs().active
-    while job.part is None or len(job.part.fits) < 2:
-        assert job.active
+    job = running(lambda job: job.part is not None and len(job.part.fits) >= 2)
     session.run()
     assert session.charts == 1
     assert "LF TCN, Time domain, Fused: still training" in session.words
