@@ -2,8 +2,5 @@
 
 from crashfuse.ui import train
 from crashfuse.ui.kit import frame
-from crashfuse.ui.kit.figures import show_tabs
 
-TABS = {"Train": train.show_form, "Diagnostics": train.show_diagnostics}
-
-show_tabs(TABS, frame.enter_with_campaign("Train"), key="train_tab", export=train.show_files)
+train.show(frame.enter_with_campaign("Train"))

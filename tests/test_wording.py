@@ -21,10 +21,14 @@ def test_a_sentence_is_a_string_in_mph_and_lb_and_said_in_other_units_rounded_on
     assert sentence.in_units(METRIC) == "T1 is 16.0 km/h away, front 1000 kg."
 
 
-def test_sentences_within_sentences_follow() -> None:
+def test_sentences_within_sentences_follow_and_travel_between_processes() -> None:
+    """What is put together from sentences can still be said in other units, and pickled by workers and caches."""
     inner = wording.Sentence("CAE runs: {}.", wording.speed(5 * MPH, 62 * MPH))
     assert wording.joined([inner, "No more."]).in_units(METRIC) == "CAE runs: 8.0–99.8 km/h. No more."
     assert str(wording.joined([inner, "No more."])) == "CAE runs: 5.0–62.0 mph. No more."
+    sentence = wording.Sentence("{} away {sic}", wording.speed(16 * KPH))
+    copy = pickle.loads(pickle.dumps(sentence))  # noqa: S301
+    assert (copy, copy.in_units(METRIC)) == (sentence, "16.0 km/h away {sic}")
 
 
 @given(st.text(), st.text(), st.text())
@@ -39,12 +43,6 @@ def test_braces_of_others_are_themselves(before: str, word: str, after: str) -> 
 
 def test_names_are_listed_as_one_reads_them_out() -> None:
     assert [wording.read_out("ABC"[:n]) for n in range(4)] == ["", "A", "A and B", "A, B and C"]
-
-
-def test_sentences_travel_between_processes() -> None:
-    sentence = wording.Sentence("{} away {sic}", wording.speed(16 * KPH))
-    copy = pickle.loads(pickle.dumps(sentence))  # noqa: S301
-    assert (copy, copy.in_units(METRIC)) == (sentence, "16.0 km/h away {sic}")
 
 
 @pytest.mark.parametrize(

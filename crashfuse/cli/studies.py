@@ -26,7 +26,7 @@ from crashfuse.reporting.rating_tables import REPEAT, mean_values
 from crashfuse.reporting.report.page import ReportOptions
 from crashfuse.reporting.report.study import comparison_report
 from crashfuse.reporting.result_tables import gains_table, studies_table
-from crashfuse.reporting.results import begin_study, read_record
+from crashfuse.reporting.results import begin_study, read_begun
 from crashfuse.reporting.training_progress import watching
 from crashfuse.study import learning_curve as curves
 from crashfuse.study.comparison import StudyComparison
@@ -97,17 +97,17 @@ def _plan(campaign: Campaign, given: Mapping[str, Any], held_out: Sequence[str],
     if resumed is None:
         whole = not held_out and given.get("preset") != "paper"  # a paper-preset fit takes minutes, or a GPU
         return StudyPlan(campaign, StudyConfig(**{"leave_out": "both" if whole else "test", **given}), tuple(held_out))
-    record = read_record(resumed)
+    fingerprint, noted, begun = read_begun(resumed)
     asked = StudyConfig(**given)
-    differing = [name for name in given if getattr(record.config, name) != getattr(asked, name)]
-    if held_out and tuple(held_out) != record.held_out:
+    differing = [name for name in given if getattr(begun, name) != getattr(asked, name)]
+    if held_out and tuple(held_out) != noted:
         differing.append("held_out")
-    if record.fingerprint != campaign.fingerprint:
+    if fingerprint != campaign.fingerprint:
         differing.append("the campaign's data")
     if differing:
         raise UsageError(f"{resumed} was begun with other settings: {', '.join(differing)}; leave out --resume.")
-    config = replace(record.config, to_ttzv=asked.to_ttzv or record.config.to_ttzv)  # of which nothing is computed
-    return StudyPlan(campaign, config, record.held_out)
+    config = replace(begun, to_ttzv=asked.to_ttzv or begun.to_ttzv)  # of which nothing is computed
+    return StudyPlan(campaign, config, noted)
 
 
 def _named(campaigns: Sequence[Path]) -> dict[str, Path]:

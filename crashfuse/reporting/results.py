@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from crashfuse.campaign import Campaign
@@ -26,29 +25,20 @@ from crashfuse.study.estimate import Estimate
 Content = bytes | Mapping[str, bytes] | None  # of a file; of a folder's, by relative path; None without such a file
 
 
-@dataclass(frozen=True, slots=True)
-class StudyRecord:
-    """Content of ``study.json`` before a study ends: enough to continue one that was killed."""
-
-    fingerprint: str
-    held_out: tuple[str, ...]
-    config: StudyConfig
-
-
 def begin_study(folder: Path, plan: StudyPlan) -> None:
     """Record in ``study.json`` what is about to be computed, so that it can be resumed."""
     record = provenance(plan.campaign, plan.held_out, plan.config)
     write_atomically(folder / "study.json", json_bytes({**record, "finished": False}))
 
 
-def read_record(folder: Path) -> StudyRecord:
-    """Read which study was being computed in this folder; raises if there is none or ``study.json`` is damaged."""
+def read_begun(folder: Path) -> tuple[str, tuple[str, ...], StudyConfig]:
+    """Fingerprint, held-out tests and settings of the study that was begun here; raises if none is, or no longer."""
     path = folder / "study.json"
     if not path.is_file():
         raise UsageError(f"There is no study to resume in {folder}: it has no study.json. Leave out --resume.")
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-        return StudyRecord(values["fingerprint"], tuple(values["held_out"]), StudyConfig.parse(values["config"]))
+        return values["fingerprint"], tuple(values["held_out"]), StudyConfig.parse(values["config"])
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         advice = "start the study again without --resume"
         raise DataError(Problem(str(path), "the record of a study", f"{error!r}", advice)) from error

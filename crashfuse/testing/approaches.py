@@ -3,6 +3,7 @@
 import json
 import re
 import threading
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from typing import ClassVar
@@ -111,32 +112,30 @@ class ApproachContract:
 
     def test_its_fitted_state_predicts_the_same_bits(self) -> None:
         """What it learned goes through JSON and arrays; so does what it says of its fit and of tests left out."""
-        rest, condition = CAMPAIGN.without([_HELD_OUT]), CAMPAIGN.test(_HELD_OUT).condition
-        learned = self.fitted().learned()
-        kept = FittedState(json.loads(json.dumps(learned.values)), dict(learned.arrays))
-        restored = self.created()
-        assert restored.restore(rest, kept) is restored
-        assert _same(restored.predict(condition), self.fitted().predict(condition))
-        assert json.dumps(restored.state) == json.dumps(self.fitted().state)
-        one, two = self.fitted().left_out(rest), restored.left_out(rest)
-        assert set(one) <= set(rest.test_ids)
-        assert one.keys() == two.keys()
-        assert all(_same(one[test], two[test]) for test in one)
-        assert all(prediction.accel_mps2.shape == GRID_S.shape for prediction in one.values())
+        rest = CAMPAIGN.without([_HELD_OUT])
+        left_out = self._check_restored(rest, self.fitted())
+        assert set(left_out) <= set(rest.test_ids)
+        assert all(prediction.accel_mps2.shape == GRID_S.shape for prediction in left_out.values())
 
     def test_of_many_tests_it_learns_from_some_and_so_does_what_is_restored(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """With more tests than are learned from, its fitted state predicts the same bits, left-out tests included."""
         monkeypatch.setattr("crashfuse.approaches.base.MOST_TESTS", 3)
-        fitted = self.created().fit(CAMPAIGN)
-        restored = self.created().restore(CAMPAIGN, fitted.learned())
+        left_out = self._check_restored(CAMPAIGN, self.created().fit(CAMPAIGN))
+        assert len(left_out) <= 3 or not self.approach.learns_from_tests
+
+    def _check_restored(self, campaign: Campaign, fitted: Approach) -> Mapping[str, Prediction]:
+        learned, restored = fitted.learned(), self.created()
+        kept = FittedState(json.loads(json.dumps(learned.values)), dict(learned.arrays))
+        assert restored.restore(campaign, kept) is restored
         condition = CAMPAIGN.test(_HELD_OUT).condition
         assert _same(restored.predict(condition), fitted.predict(condition))
-        one, two = fitted.left_out(CAMPAIGN), restored.left_out(CAMPAIGN)
-        assert len(one) <= 3 or not self.approach.learns_from_tests
+        assert json.dumps(restored.state) == json.dumps(fitted.state)
+        one, two = fitted.left_out(campaign), restored.left_out(campaign)
         assert one.keys() == two.keys()
         assert all(_same(one[test], two[test]) for test in one)
+        return one
 
     def test_what_it_mixes_can_be_predicted_by_others(self) -> None:
         """Given its parts' predictions it makes the same of them as alone."""

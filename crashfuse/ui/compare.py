@@ -1,8 +1,8 @@
 """The page Compare: how each approach rates on a held-out test, which one to use, why, and files."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from html import escape
 
 import plotly.graph_objects as go
@@ -10,7 +10,6 @@ import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.notes import Note
 from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
@@ -25,13 +24,15 @@ from crashfuse.study.recommendation import Recommendation
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import results
+from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import advised
-from crashfuse.ui.kit.curves import Shown, Subject, choose_curves, without_clicks
+from crashfuse.ui.kit.computation import advised, study_request
+from crashfuse.ui.kit.curves import Subject, choose_approach, choose_curves, without_clicks
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
-from crashfuse.ui.kit.files import choose_report, download_report, download_table, offer_pulses
+from crashfuse.ui.kit.files import choose_report, download_report, download_table, export_button, offer_pulses
 from crashfuse.ui.kit.navigation import component
+from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plain
 from crashfuse.wording import difference
@@ -56,51 +57,73 @@ _CURVES = {
 """By the figure's name on the page: the library's name, alternative text, what to see."""
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """A held-out test, every prediction of it, and how they are shown."""
+def show(view: View) -> None:
+    """Show the ratings of the held-out test, and the tab that the user chooses."""
+    test, campaign, config = view.held_out, view.campaign, chosen_config()
+    stop_with_a_single_test(campaign)
+    request = study_request(campaign, (test.id,), config)
+    study = result_of(
+        request,
+        invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will be fitted on the CAE runs "
+        f"and {len(config.training_campaign(campaign, test.id).tests)} other tests. "
+        + patience(config, "The displacement domain takes some seconds, the networks a little longer."),
+        button=f"Predict test {test.id}",
+    )
+    show_training(config, study.config.approaches)
+    comparison = _Comparison(view, config, study, request.key)
+    _show_headline(comparison)
+    tabs = {"Pulses": _show_pulses, "Why": _show_why, "Ratings and metrics": _show_ratings}
+    with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
+        tab = choose("Tab", list(tabs), key="compare_tab")
+        choose_approach(comparison.subject, list(comparison.fold.ratings), comparison.advice)
+        st.space("stretch")
+        export_button(partial(_show_files, comparison))
+    comparison.subject.offer()
+    tabs[tab](comparison)
 
+
+@dataclass(frozen=True, eq=False)
+class _Comparison:
     view: View
     config: StudyConfig  # the settings that were chosen
-    study: Study  # of this test alone; while networks train, of fewer approaches than the settings ask for
-    fold: Fold
-    others: Campaign  # what the predictions learned from
-    advice: Recommendation | None  # made without this test; None while approaches are still missing
-    key: Hashable  # equal for equal data, settings and display: part of the key of a cached figure
+    study: Study  # of the held-out test alone; while networks train, of fewer approaches than the settings ask for
+    request_key: Hashable  # equal for equal data and settings
 
-    @classmethod
-    def of(cls, view: View, key: Hashable, config: StudyConfig, study: Study) -> "Comparison":
-        """The comparison that the held-out test's study allows."""
-        test = view.held_out
-        fold, others = study.fold(test.id), config.training_campaign(view.campaign, test.id)
-        whole = study.config.approaches == config.approaches
-        given = key, test.condition, view.display.window_ms
-        advice = advised(*given, fold.estimates, others) if whole else None
-        return cls(view, config, study, fold, others, advice, (key, study.config.approaches, view.display))
+    @property
+    def window_ms(self) -> float:
+        return self.view.display.window_ms
+
+    @property
+    def key(self) -> Hashable:  # of cached figures
+        return self.request_key, self.study.config.approaches, self.view.display
+
+    @property
+    def fold(self) -> Fold:
+        return self.study.fold(self.view.held_out.id)
+
+    @cached_property
+    def others(self) -> Campaign:  # what the predictions learned from
+        return self.config.training_campaign(self.view.campaign, self.view.held_out.id)
+
+    @cached_property
+    def advice(self) -> Recommendation | None:  # made without this test; None while approaches are still missing
+        if self.study.config.approaches != self.config.approaches:
+            return None
+        condition = self.view.held_out.condition
+        return advised(self.request_key, condition, self.window_ms, self.fold.estimates, self.others)
 
     @property
     def subject(self) -> Subject:
-        """What further predictions are of."""
         return Subject(self.view, self.view.held_out.condition, self.view.held_out.id)
 
     @property
-    def repeat(self) -> Repeatability | None:
-        """What a repeat of the test would rate, if it is known."""
-        return self.study.repeatability.get(self.view.held_out.id, {}).get(self.view.display.window_ms)
-
-    def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
-        """A figure of the test with the curves that were chosen."""
-        drawn = self.study.plot(
-            self.view.held_out.id, figure, approaches=shown.approaches, also=shown.also, band=shown.approach,
-            measured=TEST in shown.others, corridors=corridors, notes=notes, display=self.view.display,
-        )  # fmt: skip
-        return without_clicks(drawn)
+    def repeats(self) -> Mapping[float, Repeatability]:  # what a repeat of the test would rate, where it is known
+        return self.study.repeatability.get(self.view.held_out.id, {})
 
 
-def show_headline(comparison: Comparison) -> None:
-    """Show the ratings in a row, and the recommendation."""
+def _show_headline(comparison: _Comparison) -> None:
     st.html(_row(comparison))
-    for fact in window_facts(comparison.view.held_out, comparison.view.display.window_ms):
+    for fact in window_facts(comparison.view.held_out, comparison.window_ms):
         st.caption(plain(comparison.view.display.words(fact.sentence)))
     with st.container(key="clicks"):  # takes no room; the row is painted without it, only a click has to wait
         chosen = {"compare_tab": "Why"}
@@ -110,11 +133,10 @@ def show_headline(comparison: Comparison) -> None:
         )
     if (advice := comparison.advice) is None:
         return
-    window_ms = comparison.view.display.window_ms
-    overall = {name: ratings[window_ms].overall for name, ratings in comparison.fold.ratings.items()}
+    overall = {name: ratings[comparison.window_ms].overall for name, ratings in comparison.fold.ratings.items()}
     rated = overall[advice.approach]
     missed = advice.expected is not None and advice.expected.is_missed_by(rated)
-    repeat = comparison.repeat
+    repeat = comparison.repeats.get(comparison.window_ms)
     beside = [] if repeat is None else [repeat.sentence(rated, LABELS[advice.approach])]
     first, *reasons = (fact.sentence for fact in advice.after(rated))
     headline = [first]
@@ -123,8 +145,8 @@ def show_headline(comparison: Comparison) -> None:
     results.show_recommendation(headline, [*reasons, *beside], "warning" if missed else "lightbulb")
 
 
-def _row(comparison: Comparison) -> str:
-    rated = {name: by_window[comparison.view.display.window_ms] for name, by_window in comparison.fold.ratings.items()}
+def _row(comparison: _Comparison) -> str:
+    rated = {name: by_window[comparison.window_ms] for name, by_window in comparison.fold.ratings.items()}
     items = []
     for name, rating in rated.items():
         change = _change(rating.overall, rated[BASELINE].overall) if BASELINE in rated and name != BASELINE else ""
@@ -133,10 +155,10 @@ def _row(comparison: Comparison) -> str:
         values = f"<b>{rating.overall:.3f}</b>{change}{grade}"
         best = comparison.advice is not None and name == comparison.advice.approach
         items.append(_item(label, values, recommended=best))
-    if (repeat := comparison.repeat) is not None:
+    if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
         values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f} (95 %)</small>"
         items.append(_item(f"<i>{REPEAT}</i>", values))
-    window, basis = results.window_label(comparison.view.display.window_ms), comparison.view.campaign.rating_basis
+    window, basis = results.window_label(comparison.window_ms), comparison.view.campaign.rating_basis
     label = escape(f"Ratings over {window}, with the change from the raw CAE model: {basis}")
     return f'<div class="cf-ratings" role="list" aria-label="{label}" title="{label}">{"".join(items)}</div>'
 
@@ -155,8 +177,7 @@ def _change(rating: float, raw: float) -> str:
     return f"<small{style}>{difference(rating, raw, 3)}</small>"
 
 
-def show_pulses(comparison: Comparison) -> None:
-    """Show the test and its prediction in the figure that the user picks."""
+def _show_pulses(comparison: _Comparison) -> None:
     test = comparison.view.held_out
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
@@ -168,19 +189,26 @@ def show_pulses(comparison: Comparison) -> None:
     notes = notes_of(comparison.view)
     notes_here = tuple(note for note in notes if note.test == test.id)
     name = "pulses with corridors" if corridors else "pulses" if shown == _MOTION else shown.lower()
+
+    def draw() -> go.Figure:
+        drawn = comparison.study.plot(
+            test.id, figure, approaches=curves.approaches, also=curves.also, band=curves.approach,
+            measured=TEST in curves.others, corridors=corridors, notes=notes_here, display=comparison.view.display,
+        )  # fmt: skip
+        return without_clicks(drawn)
+
     show_cached_figure(
-        lambda: comparison.plot(figure, curves, corridors=corridors, notes=notes_here), alt.format(curves.of(test.id)),
-        shown, corridors, notes_here, comparison.key, curves.key, beside=curves.also, name=curves.named(name),
+        draw, alt.format(curves.of(test.id)), shown, corridors, notes_here, comparison.key, curves.key,
+        beside=curves.also, name=curves.named(name),
     )  # fmt: skip
     st.caption(caption or "".join(whole_sentences(comparison.fold.estimates)))
     edit_notes(comparison.view, notes)
 
 
-def show_why(comparison: Comparison) -> None:
-    """Explain the rating of one approach."""
+def _show_why(comparison: _Comparison) -> None:
     display, test, advice = comparison.view.display, comparison.view.held_out, comparison.advice
     approach = comparison.subject.approach
-    explanation = comparison.fold.explained(approach, comparison.view.display.window_ms)
+    explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
     st.markdown(f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**")
     draw = partial(comparison.study.plot, test.id, display=display)
@@ -205,14 +233,13 @@ def show_why(comparison: Comparison) -> None:
 
 
 @st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")
-def _account(key: Hashable, approach: str, _comparison: Comparison) -> Account:  # noqa: ARG001
+def _account(key: Hashable, approach: str, _comparison: _Comparison) -> Account:  # noqa: ARG001
     campaign, config = _comparison.view.campaign, _comparison.config
-    return account(campaign, config, _comparison.fold, _comparison.view.display.window_ms, approach=approach)
+    return account(campaign, config, _comparison.fold, _comparison.window_ms, approach=approach)
 
 
-def show_ratings(comparison: Comparison) -> None:
-    """Show ratings, metrics, and what the approaches say of themselves."""
-    campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.view.display.window_ms
+def _show_ratings(comparison: _Comparison) -> None:
+    campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.window_ms
     terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {A_REPEAT}"
     st.subheader("Rating by approach and window", help=terms)
     added = dict(prediction.curve(comparison.view.display) for prediction in comparison.subject.predictions())
@@ -224,8 +251,7 @@ def show_ratings(comparison: Comparison) -> None:
     draws = {n: own.rating_interval(a, window_ms) for n, (own, a) in by_name.items() if a in own.with_band}
     ending = by_name if comparison.config.to_ttzv and fold.ttzv_ms is not None else {}
     to_ttzv = {name: own.overall_to_ttzv(approach) for name, (own, approach) in ending.items()}
-    repeats = comparison.study.repeatability.get(comparison.view.held_out.id, {})
-    show_table(results.ratings_table(rated, window_ms, repeats, draws, to_ttzv), "ratings")
+    show_table(results.ratings_table(rated, window_ms, comparison.repeats, draws, to_ttzv), "ratings")
     st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
     if "lf_tcn" in comparison.config.approaches:
         st.caption(LF)
@@ -239,8 +265,7 @@ def show_ratings(comparison: Comparison) -> None:
     results.show_details(columns, fold.estimates, comparison.view, said)
 
 
-def show_files(comparison: Comparison) -> None:
-    """Offer tables; a report, and pulses for others, once every approach is known."""
+def _show_files(comparison: _Comparison) -> None:
     test, study, estimates = comparison.view.held_out, comparison.study, comparison.fold.estimates
     of = f"{comparison.others.name} {test.id}"
     report = choose_report(comparison.view, [test.id])

@@ -19,12 +19,12 @@ from crashfuse.ui.kit import address, campaigns, editing, results
 from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import study_request
-from crashfuse.ui.kit.figures import show_cached_figure
-from crashfuse.ui.kit.frame import show_title
+from crashfuse.ui.kit.figures import choose, show_cached_figure
+from crashfuse.ui.kit.frame import offer_sample, show_title
 from crashfuse.ui.kit.navigation import open_page, show_link
 from crashfuse.ui.kit.results import show_problems, show_table
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.kit.uploads import Source, begin_import, leave_import, open_uploads, source_at
+from crashfuse.ui.kit.uploads import Source, begin_import, leave_import, open_uploads, running_import, source_at
 from crashfuse.wording import speed
 
 _ROUND = "uploads so far"
@@ -41,8 +41,35 @@ cae.csv              one row a CAE run: id, speed_mph, front_weight_lb, rear_wei
 cae_pulses.parquet   all CAE pulses: id, time_ms, acceleration_g</pre>"""  # st.code fetches 1.5 MB to colour programs
 
 
-def show_head(view: View) -> None:
-    """Show what the campaign is, the ways to add to it and to another one, and what is wrong with it."""
+def show(view: View | None) -> None:
+    """Show an import that goes on, else the open campaign, else how to open one."""
+    if (source := running_import()) is not None:
+        with st.container(key="import-step"):
+            import_step.show_import(source, view)
+    elif view is None:
+        st.title("crashfuse")
+        st.markdown(
+            "crashfuse corrects a CAE crash model with the few full-frontal barrier tests that you have, predicts the "
+            "pulse of a crash that was never run, and rates every prediction by ISO/TS 18571."
+        )
+        offer_sample()
+        st.caption("A synthetic car: 11 tests and about a thousand CAE runs, made by a small simulation.")
+        st.subheader("Or open a campaign of your own")
+        _show_open_forms()
+    elif (way := st.session_state["opening"]) is not None:
+        with show_title(_WAYS[way][0]):
+            st.button("Back", icon=":material/arrow_back:", on_click=st.session_state.update, args=({"opening": None},))
+        _show_open_forms()
+    else:
+        _show_head(view)
+        tabs = {"Tests": _show_tests, "Conditions": _show_conditions, "CAE model": _show_library}
+        with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
+            tab = choose("Tab", list(tabs), key="data_tab")
+            _offer_next(view)
+        tabs[tab](view)
+
+
+def _show_head(view: View) -> None:
     campaign = view.campaign
     speeds = [test.condition.speed_mps for test in campaign.tests]
     with show_title(plain(campaign.name)):
@@ -67,8 +94,7 @@ def _paired(campaign: Campaign) -> int:
     return sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
 
 
-def offer_next(view: View) -> None:
-    """Show what to do next, and do it once it was asked for."""
+def _offer_next(view: View) -> None:
     if len(view.campaign.tests) == 1:
         show_link("predict", "Next: predict another condition")
         return
@@ -86,8 +112,7 @@ def offer_next(view: View) -> None:
         open_page("compare")
 
 
-def show_tests(view: View) -> None:
-    """All tests overlaid, as read or filtered."""
+def _show_tests(view: View) -> None:
     campaign, test, display = view.campaign, view.held_out, view.display
     options = [_AS_READ, *(f"CFC {cfc}" for cfc in _CLASSES)]
     address.default("filter", _AS_READ, options)
@@ -115,8 +140,7 @@ def show_tests(view: View) -> None:
     st.caption(f"Thick: filtered to {choice}; thin: as read, {reading}. {became}")
 
 
-def show_conditions(view: View) -> None:
-    """Show where tests and CAE runs lie, and how the CAE model rates before any correction."""
+def _show_conditions(view: View) -> None:
     campaign = view.campaign
     draw = partial(campaign.plot, "conditions", held_out=view.held_out.id, display=view.display)
     alt, key = "Speed against front and rear weight of CAE runs and tests", (view.held_out.id, view.display.system)
@@ -134,8 +158,7 @@ def show_conditions(view: View) -> None:
         show_table(walls, "walls")
 
 
-def show_library(view: View) -> None:
-    """The pulses of the CAE model."""
+def _show_library(view: View) -> None:
     campaign = view.campaign
     alt = "Pulses of the CAE model over time: the middle 90 % of all runs, and paired runs"
     draw = partial(campaign.plot, "cae", display=view.display)
@@ -155,15 +178,7 @@ def show_library(view: View) -> None:
             st.dataframe(runs, hide_index=True)
 
 
-def show_opening(way: str) -> None:
-    """Show the forms to open another campaign or files to be added, with a way back."""
-    with show_title(_WAYS[way][0]):
-        st.button("Back", icon=":material/arrow_back:", on_click=st.session_state.update, args=({"opening": None},))
-    show_open_forms()
-
-
-def show_open_forms() -> None:
-    """Show the forms, and what was wrong with the last attempt."""
+def _show_open_forms() -> None:
     folder, upload = st.columns(2, gap="large")
     with folder.form("open folder", border=False):
         st.text_input(

@@ -40,13 +40,28 @@ from crashfuse.study.history import PastResult, keep
 from crashfuse.study.planning import ConditionRange, NextTest, missing_over_speed, rank_next_tests, weights_sentence
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address, results
-from crashfuse.ui.kit.address import MOST_PINS, pinned
+from crashfuse.ui.kit.address import MOST_PINS, chosen_config, pinned
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import Fitted, advised, answers, sweep_over_speed
-from crashfuse.ui.kit.curves import REPRESENTATIVE, Subject, choose_curves, predicted, without_clicks
+from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
+from crashfuse.ui.kit.curves import (
+    REPRESENTATIVE,
+    Subject,
+    choose_approach,
+    choose_curves,
+    predicted,
+    without_clicks,
+)
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
-from crashfuse.ui.kit.files import choose_form, download_bytes, download_report, download_table, offer_pulses
-from crashfuse.ui.kit.progress import result_or_none
+from crashfuse.ui.kit.files import (
+    choose_form,
+    download_bytes,
+    download_report,
+    download_table,
+    export_button,
+    offer_pulses,
+)
+from crashfuse.ui.kit.frame import by_itself
+from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import TTZV, plain
 from crashfuse.wording import IN_SI, joined
@@ -54,9 +69,7 @@ from crashfuse.wording import IN_SI, joined
 _DECIMALS = 9  # of speeds and weights in the session: 56 km/h come back as 56
 
 
-class Field(NamedTuple):
-    """A number of a condition, or its range, in the unit of the session and the address."""
-
+class _Field(NamedTuple):  # a number of a condition, or its range, in the unit of the session and the address
     label: str
     key: str
     unit: str
@@ -65,20 +78,56 @@ class Field(NamedTuple):
 
 
 _FIELDS = (
-    Field("Impact speed", "speed_mph", "mph", 0.1, 1),
-    Field("Front weight", "front_weight_lb", "lb", 1.0, 0),
-    Field("Rear weight", "rear_weight_lb", "lb", 1.0, 0),
+    _Field("Impact speed", "speed_mph", "mph", 0.1, 1),
+    _Field("Front weight", "front_weight_lb", "lb", 1.0, 0),
+    _Field("Rear weight", "rear_weight_lb", "lb", 1.0, 0),
 )
 _AXES = (
-    Field("Speeds", "speed_range", "mph", 0.5),
-    Field("Front weights", "front_range", "lb", 10.0),
-    Field("Rear weights", "rear_range", "lb", 10.0),
+    _Field("Speeds", "speed_range", "mph", 0.5),
+    _Field("Front weights", "front_range", "lb", 10.0),
+    _Field("Rear weights", "rear_range", "lb", 10.0),
 )
 _FIGURES = {"Over time": "motion", "Over displacement": "displacement", "Energy over crush": "energy"}
 
 
-def choose_condition(campaign: Campaign, display: Display) -> Condition:
-    """Ask for a condition, and warn if it lies outside the CAE runs."""
+def show(view: View) -> None:
+    """Ask for a condition, and show what is predicted there in the tab that the user chooses."""
+    config = chosen_config()
+    request = fit_request(view.campaign, config)
+    job = request.find()
+    if job is not None and job.result is not None:
+        by_itself(partial(_ask_and_answer, view, config, request))
+    else:  # the sidebar shows what runs
+        _ask_and_answer(view, config, request)
+
+
+def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -> None:
+    condition = _choose_condition(view.campaign, view.display)
+    fitted = result_of(
+        request,
+        invitation=f"The approaches have not been fitted on all {len(view.campaign.tests)} tests of this campaign yet. "
+        + patience(config, "This takes a minute or two, once; then every condition is answered at once."),
+        button="Predict",
+    )
+    answer = _Answer(view, request.key, config, fitted, condition)
+    show_training(config, fitted.approaches)
+    if answer.advice is not None:
+        use, expected, *reasons = answer.advice.facts
+        known = [fact.sentence for fact in reasons if fact.code != "condition.extrapolated"]  # said above
+        results.show_recommendation([use.sentence, expected.sentence], known)
+    tabs = {"Pulses": _show_pulses, "Over speed": _show_over_speed, "Next test": _show_next_test}
+    with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
+        tab = choose("Tab", list(tabs), key="predict_tab")
+        choose_approach(answer.subject, fitted.approaches, answer.advice)
+        if answer.advice is not None:
+            _show_pins(answer)
+        st.space("stretch")
+        export_button(partial(_show_files, answer))
+    answer.subject.offer()
+    tabs[tab](answer)
+
+
+def _choose_condition(campaign: Campaign, display: Display) -> Condition:
     with st.container(key="condition"):
         first, further = st.columns(3 + min(len(campaign.factors), 3)), max(len(campaign.factors) - 3, 0)
     columns = [*first, *(st.columns(further) if further else [])]
@@ -108,7 +157,7 @@ def fill_in(campaign: Campaign, condition: Condition) -> None:
     st.session_state.update({f"factor_{name}": given.get(name) or None for name in campaign.factors})
 
 
-def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs: np.ndarray) -> float:
+def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs: np.ndarray) -> float:
     """Slider over the CAE runs' range, and a field beyond it; returns SI, kept in mph or lb."""
     name, in_si, step, digits = field.key, IN_SI[field.unit], field.step, field.digits
     label, shown = display.title(field.label, field.unit), 1 / display.units.in_si(field.unit)
@@ -148,9 +197,7 @@ def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """The prediction of every approach at a condition, and how it is shown."""
-
+class _Answer:
     view: View
     fit_key: Hashable  # of the fits on all tests of the campaign
     config: StudyConfig  # the settings that were chosen
@@ -158,18 +205,15 @@ class Answer:
     condition: Condition
 
     @cached_property
-    def estimates(self) -> list[Estimate]:
-        """One for each approach."""
+    def estimates(self) -> list[Estimate]:  # one for each approach
         return answers(self.fit_key, self.condition, self.fitted)
 
     @property
     def whole(self) -> bool:
-        """True once every approach is known."""
         return len(self.fitted.fits) == len(self.config.approaches)
 
     @cached_property
-    def advice(self) -> Recommendation | None:
-        """Which of them to use; None while approaches are still missing."""
+    def advice(self) -> Recommendation | None:  # None while approaches are still missing
         if not self.whole:
             return None
         window_ms = self.view.display.window_ms
@@ -177,17 +221,14 @@ class Answer:
 
     @property
     def prediction(self) -> PredictedPulse:
-        """All of them, as the library has it."""
         return PredictedPulse(self.view.campaign, tuple(self.estimates), self.config)
 
     @property
     def subject(self) -> Subject:
-        """What predictions with other settings are of."""
         return Subject(self.view, self.condition)
 
     @cached_property
-    def others(self) -> list[PredictedPulse]:
-        """Predictions with other settings and at pinned conditions, once this one is whole."""
+    def others(self) -> list[PredictedPulse]:  # with other settings and at pinned conditions, once this one is whole
         if not self.whole:
             return []
         pins = [condition for text, condition in pinned().items() if text != self.condition.text]
@@ -197,13 +238,11 @@ class Answer:
         return [prediction for prediction in found if prediction is not None]
 
     @property
-    def key(self) -> Hashable:
-        """Equal for equal data, settings, condition and display: part of the key of a cached figure."""
+    def key(self) -> Hashable:  # of cached figures
         return self.fit_key, self.fitted.approaches, self.condition, self.view.display
 
 
-def show_pins(answer: Answer) -> None:
-    """Offer to pin the condition, which is kept among past results, and to unpin others."""
+def _show_pins(answer: _Answer) -> None:
     pins, here = pinned(), answer.condition.text
 
     def pin() -> None:
@@ -226,8 +265,7 @@ def show_pins(answer: Answer) -> None:
                 )  # fmt: skip
 
 
-def show_pulses(answer: Answer) -> None:
-    """Show the prediction, what was put beside it, and the metrics."""
+def _show_pulses(answer: _Answer) -> None:
     condition, display = answer.condition, answer.view.display
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
@@ -256,7 +294,7 @@ def show_pulses(answer: Answer) -> None:
     results.show_details(columns, estimates, answer.view, said, remarks)
 
 
-def _show_differences(answer: Answer) -> None:
+def _show_differences(answer: _Answer) -> None:
     display, shown = answer.view.display, by_one(answer.subject.approach, [answer.prediction, *answer.others])
     names = column_names(shown, display)
     first, second, *more = names
@@ -270,8 +308,7 @@ def _show_differences(answer: Answer) -> None:
         st.caption(plain(sentence))
 
 
-def show_over_speed(answer: Answer) -> None:
-    """Show every metric over speed, at the weights chosen above."""
+def _show_over_speed(answer: _Answer) -> None:
     view, condition = answer.view, answer.condition
     if not answer.whole:
         st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
@@ -300,8 +337,7 @@ def show_over_speed(answer: Answer) -> None:
         download_report(lambda: sweep_report(sweep, view.display), view.campaign.name, "sweep.html")
 
 
-def show_next_test(answer: Answer) -> None:
-    """Show which test would narrow the band most, over a range chosen here."""
+def _show_next_test(answer: _Answer) -> None:
     campaign = answer.view.campaign
     domains = [fit.approach for fit in answer.fitted.fits if isinstance(fit.approach, DisplacementDomain)]
     if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
@@ -340,7 +376,7 @@ def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> t
 
 
 def _range(
-    column: DeltaGenerator, axis: Field, view: View, runs: np.ndarray, tests: Sequence[float]
+    column: DeltaGenerator, axis: _Field, view: View, runs: np.ndarray, tests: Sequence[float]
 ) -> tuple[float, float]:
     own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))
     state, step = st.session_state, axis.step
@@ -378,8 +414,7 @@ def _ends(text: str) -> tuple[float, float]:
     return float(first) * IN_SI[unit], float(last) * IN_SI[unit]
 
 
-def show_files(answer: Answer) -> None:
-    """Offer tables; the report, and pulses for others, once every approach is known."""
+def _show_files(answer: _Answer) -> None:
     campaign, estimates, config = answer.view.campaign, answer.estimates, answer.config
     prediction, others, display = answer.prediction, answer.others, answer.view.display
     of = f"{campaign.name} {display.briefly(answer.condition)}"

@@ -90,21 +90,18 @@ class _Outcome:
     request_key: Hashable  # equal for equal data and settings
 
     @property
-    def key(self) -> Hashable:
-        """Equal for equal data, settings and display, and as many results: the key of a cached figure."""
+    def key(self) -> Hashable:  # of cached figures
         ways = [way for way in (self.study, self.study.speed_groups) if way is not None]
         known = tuple((fold.held_out, *fold.ratings) for way in ways for fold in way.folds)
         return self.request_key, known, tuple(self.study.repeatability), self.view.display
 
     @property
     def shown(self) -> Study:
-        """The study in the way of leaving out that is shown."""
         groups = self.study.speed_groups
         return groups if groups is not None and st.session_state.get("ways") == _GROUP else self.study
 
     @property
-    def whole(self) -> bool:
-        """True once every approach is known for every test; before that, nothing can be recommended."""
+    def whole(self) -> bool:  # before that, nothing can be recommended
         tests = len(self.study.folds) == len(self.view.campaign.tests)
         return tests and self.study.config.approaches == self.config.approaches
 

@@ -30,7 +30,7 @@ from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.computation import fit_request, jobs, learn_vehicles, study_request
 from crashfuse.ui.kit.editing import can_be_edited, show_last_change, show_refused, use_archive
-from crashfuse.ui.kit.figures import choose, show_cached_figure
+from crashfuse.ui.kit.figures import choose, show_cached_figure, show_tabs
 from crashfuse.ui.kit.files import download_bytes
 from crashfuse.ui.kit.frame import choose_settings
 from crashfuse.ui.kit.jobs import Job
@@ -89,8 +89,12 @@ _FIGURES = {
 """The library's name, the alternative text, and what to see."""
 
 
-def show_form(view: View) -> None:
-    """Ask for the settings, and offer to train: for Compare, and for Predict."""
+def show(view: View) -> None:
+    """Show the tab that the user chooses."""
+    show_tabs({"Train": _show_form, "Diagnostics": _show_diagnostics}, view, key="train_tab", export=_show_files)
+
+
+def _show_form(view: View) -> None:
     campaign, (config, trouble) = view.campaign, choose_settings()
     left, right = st.columns(2, gap="medium")
     study = None
@@ -123,7 +127,7 @@ def show_form(view: View) -> None:
         progress.show_job(study, study.part, time.monotonic())
     if fitted is not None and fitted.active:
         progress.show_job(fitted, None, math.inf)
-    show_past_vehicles(view)
+    _show_past_vehicles(view)
 
 
 def _choose_tests(view: View) -> tuple[str, ...]:
@@ -168,8 +172,7 @@ def _open_test(test: CrashTest) -> None:
     open_next("compare")
 
 
-def show_files(view: View) -> None:
-    """Offer the models that have learned from all tests."""
+def _show_files(view: View) -> None:
     fitted = progress.result_or_none(
         fit_request(view.campaign, chosen_config()),
         invitation="These are the models of all tests, as by `crashfuse train`.",
@@ -179,8 +182,7 @@ def show_files(view: View) -> None:
         download_bytes("models.zip", partial(fitted.models, view.campaign), view.campaign.name)
 
 
-def show_diagnostics(view: View) -> None:
-    """Show what was learned without a held-out test."""
+def _show_diagnostics(view: View) -> None:
     campaign, state, key = view.campaign, st.session_state, "diagnosed"
     config, test = chosen_config(), view.held_out.id
     progress.stop_with_a_single_test(campaign)
@@ -270,8 +272,7 @@ def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str
             show(partial(plot, figure, approaches=[name]), figure, alt, meaning.format(**states[name]))
 
 
-def show_past_vehicles(view: View) -> None:
-    """Show the archive that teaches the campaign; let it be taken out, another be put in, or one be learned."""
+def _show_past_vehicles(view: View) -> None:
     prior, editable, state = view.campaign.prior, can_be_edited(view.folder), st.session_state
     wanted = f"past vehicles of {view.name}"  # once in use, or being learned: it is not folded under the mouse
     state[wanted] = state.get(wanted, False) or prior is not None or bool(state.get(_PAST))

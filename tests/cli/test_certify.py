@@ -18,7 +18,8 @@ from crashfuse.certification.criteria import Costs, read_criteria
 from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import Matrix
 from tests.archives import made_archive
-from tests.conftest import Capture, write_campaign
+from tests.cli.conftest import Shell, run
+from tests.conftest import write_campaign
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -56,15 +57,15 @@ def planned(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return folder
 
 
-def certify(campaign: Path, out: Path, *options: str) -> int:
-    """Run the command."""
-    return cli.main(["certify", str(campaign), "--out", str(out), *QUICK, *options])
+def certifying(campaign: Path, out: Path, *options: object) -> list[object]:
+    """The command."""
+    return ["certify", campaign, "--out", out, *QUICK, *options]
 
 
 @pytest.mark.slow
-def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, tmp_path: Path, shell: Shell) -> None:
     """Five files and nothing else; counts in the JSON and on the terminal are those of the tables."""
-    assert certify(planned, tmp_path / "out") == cli.DONE
+    printed = shell.prints(*certifying(planned, tmp_path / "out"))
     names = {"certification.csv", "track_record.csv", "credibility.csv", "certification.json", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert "bracket came loose" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
@@ -94,22 +95,21 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, t
     assert {word: sum(own[word] for own in by_criterion) for word in record["verdicts"]} == record["verdicts"]
     assert set(verdicts[verdicts["need_not_be_run"]]["id"]) == set(record["waived"])
     assert set(verdicts.query("answer == 'skip'")["id"]) == set(record["waived"])
-    printed = capsys.readouterr().out
     assert f"3 conditions × 3 criteria, confidence 0.8: {record['verdicts']['met']} met" in printed
     assert all(sentence in printed for sentence in record["sentences"])
 
 
 @pytest.mark.slow
-def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path: Path, shell: Shell) -> None:
     """It rests on every file of the campaign, follows the one before, whose seal is told; a key is needed first."""
     key, out = tmp_path / "key", tmp_path / "out"
-    assert cli.main(["key", str(key)]) == cli.DONE
-    assert certify(planned, tmp_path / "none", "--seal", f"{key}.pub") == cli.WRONG_DATA
+    assert run("key", key) == cli.DONE
+    assert run(*certifying(planned, tmp_path / "none", "--seal", f"{key}.pub")) == cli.WRONG_DATA
     assert not list((tmp_path / "none").glob("*"))
     made_archive().save(tmp_path / "past.cfa")
-    assert certify(planned, out, "--seal", str(key), "--archive", str(tmp_path / "past.cfa")) == cli.DONE
-    assert cli.main(["verify", str(out), "--key", f"{key}.pub", "--campaign", str(planned)]) == cli.DONE
-    assert "Not compared, as not beside the campaign: ../past.cfa." in capsys.readouterr().out
+    assert run(*certifying(planned, out, "--seal", key, "--archive", tmp_path / "past.cfa")) == cli.DONE
+    verified = shell.prints("verify", out, "--key", f"{key}.pub", "--campaign", planned)
+    assert "Not compared, as not beside the campaign: ../past.cfa." in verified
     record = json.loads((out / "certification.json").read_bytes())
     assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "credibility.csv", "report.html"}
     assert {"tests.csv", "criteria.toml", "cae_pulses.parquet", "../past.cfa"} <= set(record["seal"]["rests_on"])
@@ -117,21 +117,20 @@ def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path
     seen = ("Sedan, Van and Coupe; SHA-256", "rating by +0.050", f"key <code>{record['seal']['key']}</code>")
     assert all(text in report for text in seen)
     assert record["command"].partition("--archive ")[2].startswith("archive.cfa")
-    assert certify(planned, tmp_path / "after", "--since", str(out), "--seal", str(key)) == cli.DONE
+    assert run(*certifying(planned, tmp_path / "after", "--since", out, "--seal", key)) == cli.DONE
     after = json.loads((tmp_path / "after" / "certification.json").read_bytes())
     assert after["seal"]["before"] == hashlib.sha256((out / "certification.json").read_bytes()).hexdigest()
     (planned / "tests.csv").write_bytes((planned / "tests.csv").read_bytes() + b"\n")
-    capsys.readouterr()
-    assert cli.main(["verify", str(out), "--campaign", str(planned)]) == cli.WRONG_DATA
-    assert "tests.csv: expected the file that it rests on, found another one" in capsys.readouterr().err
-    assert certify(planned, out) == cli.DONE  # without a seal: none of before stays beside it
+    changed = "tests.csv: expected the file that it rests on, found another one"
+    assert changed in shell.wrong_data("verify", out, "--campaign", planned)
+    assert run(*certifying(planned, out)) == cli.DONE  # without a seal: none of before stays beside it
     assert not (out / "seal.json").exists()
 
 
 @pytest.mark.slow
 def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Path) -> None:
     """Criteria, matrix, fingerprint and settings as used are in it; so are numbers, to the digits of the table."""
-    assert certify(planned, tmp_path / "first", "--seed", "3") == cli.DONE
+    assert run(*certifying(planned, tmp_path / "first", "--seed", 3)) == cli.DONE
     record = json.loads((tmp_path / "first" / "certification.json").read_text(encoding="utf-8"))
     campaign = load_campaign(planned)
     assert record["fingerprint"] == campaign.fingerprint
@@ -145,54 +144,52 @@ def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Pa
     ):  # fmt: skip
         np.testing.assert_allclose(again.vector, own.vector, rtol=1e-9)
     frame.to_csv(tmp_path / "matrix.csv", index=False)
-    assert certify(planned, tmp_path / "again", "--seed", "3", "--matrix", str(tmp_path / "matrix.csv")) == cli.DONE
+    assert run(*certifying(planned, tmp_path / "again", "--seed", 3, "--matrix", tmp_path / "matrix.csv")) == cli.DONE
     for name in ("certification.csv", "track_record.csv"):
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 
 
 @pytest.mark.slow
 def test_an_earlier_certification_is_held_against_a_test_run_since(
-    campaign: Campaign, planned: Path, tmp_path: Path, capsys: Capture
+    campaign: Campaign, planned: Path, tmp_path: Path, shell: Shell
 ) -> None:
     """Made without a test, then with it: printed, in track_record.csv and in the report, which others do not have."""
     *_, last = campaign.test_ids
     there = campaign.test(last).condition
     fewer = write_campaign(campaign.without([last]), tmp_path / "fewer")
-    grid = ["--criteria", str(planned / "criteria.toml"), "--speed-kph", f"{there.speed_mps * 3.6}"]
-    grid += ["--front-weight-kg", f"{there.front_weight_kg}", "--rear-weight-kg", f"{there.rear_weight_kg}"]
-    assert certify(fewer, tmp_path / "first", *grid) == cli.DONE
-    for earlier in (tmp_path / "first", tmp_path / "first" / "certification.json"):
-        assert certify(planned, tmp_path / "second", *grid, "--since", str(earlier)) == cli.DONE
+    first, second = tmp_path / "first", tmp_path / "second"
+    grid = ["--criteria", planned / "criteria.toml", "--speed-kph", there.speed_mps * 3.6]
+    grid += ["--front-weight-kg", there.front_weight_kg, "--rear-weight-kg", there.rear_weight_kg]
+    assert run(*certifying(fewer, first, *grid)) == cli.DONE
+    for earlier in (first, first / "certification.json"):
+        printed = shell.prints(*certifying(planned, second, *grid, "--since", earlier))
     listed = file_store.certifications(campaign).values()  # by the page
-    digest = hashlib.sha256((tmp_path / "first" / "certification.json").read_bytes()).hexdigest()
+    digest = hashlib.sha256((first / "certification.json").read_bytes()).hexdigest()
     assert digest in [own.digest for own in listed]
-    printed = capsys.readouterr().out
     assert f"SHA-256 of certification.json: {digest}" in printed
     assert f"tests that it did not know: {last}." in printed
-    table = pd.read_csv(tmp_path / "second" / "track_record.csv").query("left_out == 'planned'")
+    table = pd.read_csv(second / "track_record.csv").query("left_out == 'planned'")
     assert table["held_out"].tolist() == [last, last]  # the rating would be that of another prediction
     measured = {metric.name: metric.value for metric in campaign.metrics_of(campaign.test(last))}
     assert table["measured"].tolist() == pytest.approx([measured["max_crush"], measured["peak"]], rel=1e-5)
-    assert "what became of them" in (tmp_path / "second" / "report.html").read_text(encoding="utf-8")
-    assert certify(planned, tmp_path / "third", *grid, "--since", str(planned)) == cli.WRONG_DATA
-    assert "certification.json: expected the record of a certification" in capsys.readouterr().err
+    assert "what became of them" in (second / "report.html").read_text(encoding="utf-8")
+    said = shell.wrong_data(*certifying(planned, tmp_path / "third", *grid, "--since", planned))
+    assert "certification.json: expected the record of a certification" in said
     assert not (tmp_path / "third").exists()
-    first = str(tmp_path / "first")
-    assert certify(planned, tmp_path / "first", *grid, "--since", first) == cli.WRONG_USAGE
-    assert "holds the earlier certification" in capsys.readouterr().err
+    assert "holds the earlier certification" in shell.wrong_usage(*certifying(planned, first, *grid, "--since", first))
 
 
 def test_what_was_typed_in_km_h_and_kg_is_written_so(planned: Path, tmp_path: Path) -> None:
     """A grid of every combination, in every file; and the record is read again."""
     grid = ["--speed-kph", "40", "56", "--front-weight-kg", "930", "--rear-weight-lb", "1500"]
     grid += ["--factor", "drive=FWD"]
-    assert certify(planned, tmp_path / "out", *grid) == cli.DONE
+    assert run(*certifying(planned, tmp_path / "out", *grid)) == cli.DONE
     table = pd.read_csv(tmp_path / "out" / "certification.csv")
     assert list(table.columns[:4]) == ["id", "speed_kph", "front_weight_kg", "rear_weight_lb"]
     assert table.drop_duplicates("id")[list(table.columns[1:4])].values.tolist() == [[40, 930, 1500], [56, 930, 1500]]
     [first, _] = json.loads((tmp_path / "out" / "certification.json").read_text())["matrix"]
     assert first == {"id": "M001", "speed_kph": 40, "front_weight_kg": 930, "rear_weight_lb": 1500, "drive": "FWD"}
-    assert certify(planned, tmp_path / "again", *grid, "--since", str(tmp_path / "out")) == cli.DONE
+    assert run(*certifying(planned, tmp_path / "again", *grid, "--since", tmp_path / "out")) == cli.DONE
 
 
 @pytest.mark.parametrize(
@@ -212,7 +209,7 @@ def test_what_was_typed_in_km_h_and_kg_is_written_so(planned: Path, tmp_path: Pa
     ],
 )
 def test_what_cannot_be_certified_is_one_sentence_and_leaves_nothing(
-    planned: Path, tmp_path: Path, options: list[str], code: int, sentence: str, capsys: Capture
+    planned: Path, tmp_path: Path, options: list[str], code: int, sentence: str, shell: Shell
 ) -> None:
     """Exit code 1 for the data, 2 for the usage; the folder for the results is not even made."""
     here = tmp_path / "campaign"
@@ -225,14 +222,14 @@ def test_what_cannot_be_certified_is_one_sentence_and_leaves_nothing(
     (tmp_path / "long.toml").write_text(f'[[criterion]]\nmetric = "rating"\nwindow_ms = 100\n{limit}', encoding="utf-8")
     (tmp_path / "twice.csv").write_text(f"{HEADER}\nA,20,2040,1500,FWD\nB,20,2040,1500,FWD\n", encoding="utf-8")
     asked = [option.format(tmp=tmp_path) for option in options]
-    assert certify(here, tmp_path / "out", *asked) == code
-    problems = [line for line in capsys.readouterr().err.splitlines() if " of " not in line[:30]]
+    said = (shell.wrong_data if code == 1 else shell.wrong_usage)(*certifying(here, tmp_path / "out", *asked))
+    problems = [line for line in said.splitlines() if " of " not in line[:30]]
     assert any(sentence in line for line in problems), problems
     assert not (tmp_path / "out").exists()
 
 
 def test_a_full_disk_leaves_no_part_of_a_certification(
-    planned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+    planned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
     """All files or none."""
     real = Path.write_bytes
@@ -243,14 +240,13 @@ def test_a_full_disk_leaves_no_part_of_a_certification(
         return real(path, content)
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    assert certify(planned, tmp_path / "out") == cli.WRONG_DATA
-    assert "Nothing was written to" in capsys.readouterr().err
+    assert "Nothing was written to" in shell.wrong_data(*certifying(planned, tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.slow
-def test_costs_stand_in_the_record(planned: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_costs_stand_in_the_record(planned: Path, tmp_path: Path, shell: Shell) -> None:
     """With the confidence that was declared."""
-    assert certify(planned, tmp_path / "out", "--costs", "5", "100") == cli.DONE
+    printed = shell.prints(*certifying(planned, tmp_path / "out", "--costs", 5, 100))
     assert read_earlier(tmp_path / "out").criteria.costs == Costs(5, 100)
-    assert "only 0.8 was asked for" in capsys.readouterr().out
+    assert "only 0.8 was asked for" in printed

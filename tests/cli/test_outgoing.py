@@ -10,7 +10,7 @@ import pytest
 from crashfuse import cli
 from crashfuse.reporting import figure_files
 from crashfuse.units import MS, G
-from tests.conftest import Capture
+from tests.cli.conftest import Shell, run
 
 WEIGHTS = ["--front-weight-lb", "2060", "--rear-weight-lb", "1520"]
 LSDYNA = ["--export", "lsdyna", "--unit-system", "mm-ms-kg"]
@@ -23,14 +23,13 @@ def names(folder: Path) -> set[str]:
 
 @pytest.mark.slow
 def test_predict_exports_the_pulse_that_stands_in_its_table(
-    campaign_on_disk: Path, tmp_path: Path, capsys: Capture
+    campaign_on_disk: Path, tmp_path: Path, shell: Shell
 ) -> None:
     """In the units, with the sign and the id that were asked for; a later export leaves nothing of an earlier one."""
-    command = ["predict", str(campaign_on_disk), "--speed-mph", "30", *WEIGHTS, "--out", str(tmp_path)]
-    command += ["--approach", "displacement_domain", "--deceleration-sign", "positive", "--curve-id", "90"]
-    everything = ["--export", "lsdyna", "radioss", "isomme", "--unit-system", "mm-ms-kg", "--draws", "2"]
-    assert cli.main([*command, *everything, "--isomme-location", "11SEATLERE00"]) == cli.DONE
-    said = capsys.readouterr().out
+    command = ["predict", campaign_on_disk, "--speed-mph", 30, *WEIGHTS, "--out", tmp_path]
+    command += ["--approach", "displacement_domain", "--deceleration-sign", "positive", "--curve-id", 90]
+    everything = ["--export", "lsdyna", "radioss", "isomme", "--unit-system", "mm-ms-kg", "--draws", 2]
+    said = shell.prints(*command, *everything, "--isomme-location", "11SEATLERE00")
     assert said.endswith("metrics.csv, report.html, isomme/, lsdyna/, radioss/, prediction.json\n")
     for folder, suffix in (("lsdyna", ".k"), ("radioss", ".inc")):
         assert len([name for name in names(tmp_path / folder) if name.endswith(suffix)]) == 4
@@ -44,25 +43,22 @@ def test_predict_exports_the_pulse_that_stands_in_its_table(
     np.testing.assert_allclose(points[:-2, 0], table["time_ms"], rtol=1e-5)
     np.testing.assert_allclose(points[:-2, 1], -table["acceleration_g"] * G * MS, rtol=1e-4, atol=1e-8)
 
-    assert cli.main([*command, *LSDYNA]) == cli.DONE
+    assert "radioss" not in shell.prints(*command, *LSDYNA)
     assert names(tmp_path / "lsdyna") == {f"displacement_domain_30mph_{p}.k" for p in ("expected", "representative")}
     assert not (tmp_path / "radioss").exists()
     assert not (tmp_path / "isomme").exists()
-    assert "radioss" not in capsys.readouterr().out
 
 
 @pytest.mark.slow
-def test_a_sweep_exports_the_pulses_at_each_speed(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_a_sweep_exports_the_pulses_at_each_speed(campaign_on_disk: Path, tmp_path: Path, shell: Shell) -> None:
     """A folder for each speed, in each format; without --export none."""
-    command = ["sweep", str(campaign_on_disk), "--out", str(tmp_path), "--approach", "cae"]
-    command += ["--speed-mph", "24.95", "27", *WEIGHTS]
-    assert cli.main([*command, *LSDYNA]) == cli.DONE
+    command = ["sweep", campaign_on_disk, "--out", tmp_path, "--approach", "cae", "--speed-mph", 24.95, 27, *WEIGHTS]
+    assert shell.prints(*command, *LSDYNA).endswith(f"Written to {tmp_path}: lsdyna/, report.html, sweep.csv\n")
     assert names(tmp_path / "lsdyna") == {
         f"{speed}mph/cae_{speed}mph_expected.k" for speed in ("24.95", "25", "26", "27")
     }
     assert "25 mph" in (tmp_path / "lsdyna/25mph/cae_25mph_expected.k").read_text(encoding="ascii")
-    assert capsys.readouterr().out.endswith(f"Written to {tmp_path}: lsdyna/, report.html, sweep.csv\n")
-    assert cli.main(command) == cli.DONE
+    assert run(*command) == cli.DONE
     assert names(tmp_path) == {"report.html", "sweep.csv"}
 
 
@@ -79,20 +75,18 @@ def test_a_sweep_exports_the_pulses_at_each_speed(campaign_on_disk: Path, tmp_pa
     ],
 )
 def test_an_export_that_is_impossible_is_one_sentence(
-    campaign_on_disk: Path, tmp_path: Path, options: list[str], sentence: str, capsys: Capture
+    campaign_on_disk: Path, tmp_path: Path, options: list[str], sentence: str, shell: Shell
 ) -> None:
     """And nothing is written."""
-    command = ["predict", str(campaign_on_disk), "--speed-mph", "30", *WEIGHTS, "--out", str(tmp_path / "out")]
-    assert cli.main([*command, "--approach", "cae", *options]) == cli.WRONG_USAGE
-    assert sentence in capsys.readouterr().err
+    command = ["predict", campaign_on_disk, "--speed-mph", 30, *WEIGHTS, "--out", tmp_path / "out"]
+    assert sentence in shell.wrong_usage(*command, "--approach", "cae", *options)
     assert not (tmp_path / "out").exists()
 
 
-def test_draws_of_a_sweep_need_a_format(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_draws_of_a_sweep_need_a_format(campaign_on_disk: Path, tmp_path: Path, shell: Shell) -> None:
     """Which exports none unless it is asked to."""
-    command = ["sweep", str(campaign_on_disk), *WEIGHTS, "--out", str(tmp_path / "out"), "--draws", "3"]
-    assert cli.main(command) == cli.WRONG_USAGE
-    assert "name their format with --export" in capsys.readouterr().err
+    command = ["sweep", campaign_on_disk, *WEIGHTS, "--out", tmp_path / "out", "--draws", 3]
+    assert "name their format with --export" in shell.wrong_usage(*command)
 
 
 @pytest.fixture
@@ -106,31 +100,26 @@ def report(tmp_path: Path) -> Path:
 
 
 def test_each_figure_becomes_a_file_in_each_format(
-    report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+    report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
     """SVG and PNG unless others are asked for; all that was written is listed."""
     monkeypatch.setattr(figure_files, "missing_for", lambda _: "")
     monkeypatch.setattr(figure_files, "_images", lambda figures, kinds: {k: [k.encode()] * len(figures) for k in kinds})
     out = tmp_path / "out"
-    assert cli.main(["figures", str(report), "--out", str(out)]) == cli.DONE
-    assert {path.name: path.read_bytes() for path in out.iterdir()} == {
-        "01-result.svg": b"svg",
-        "01-result.png": b"png",
-    }
-    assert capsys.readouterr().out == f"Written to {out}: 01-result.svg, 01-result.png\n"
+    assert shell.prints("figures", report, "--out", out) == f"Written to {out}: 01-result.svg, 01-result.png\n"
+    written = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert written == {"01-result.svg": b"svg", "01-result.png": b"png"}
 
 
 def test_what_cannot_be_drawn_is_one_sentence(
-    report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+    report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
     """No report, no extra, a file where a folder should be; nothing is written."""
     monkeypatch.setattr(figure_files, "_browser", lambda: "chromium")
-    out = ["--out", str(tmp_path / "out")]
-    assert cli.main(["figures", str(tmp_path / "none.html"), *out]) == cli.WRONG_DATA
-    assert "none.html: expected a report.html of crashfuse with figures, found no such file" in capsys.readouterr().err
-    assert cli.main(["figures", str(report), "--out", str(report)]) == cli.WRONG_USAGE
-    assert "Not a folder, but a file, is" in capsys.readouterr().err
+    out = ["--out", tmp_path / "out"]
+    none = "none.html: expected a report.html of crashfuse with figures, found no such file"
+    assert none in shell.wrong_data("figures", tmp_path / "none.html", *out)
+    assert "Not a folder, but a file, is" in shell.wrong_usage("figures", report, "--out", report)
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    assert cli.main(["figures", str(report), *out]) == cli.WRONG_USAGE
-    assert 'python -m pip install "crashfuse[figures]"' in capsys.readouterr().err
+    assert 'python -m pip install "crashfuse[figures]"' in shell.wrong_usage("figures", report, *out)
     assert not (tmp_path / "out").exists()

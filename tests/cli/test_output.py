@@ -10,7 +10,7 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.files.atomic import sole_writer
-from tests.conftest import Capture
+from tests.cli.conftest import Shell, run
 
 WEIGHTS = ["--front-weight-lb", "2000", "--rear-weight-lb", "1600"]
 COMMANDS = {
@@ -26,16 +26,14 @@ COMMANDS = {
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_folder_that_another_command_writes_to_is_refused(
-    command: str, campaign_folder: Path, tmp_path: Path, capsys: Capture
+    command: str, campaign_folder: Path, tmp_path: Path, shell: Shell
 ) -> None:
     """In one sentence, before anything is computed; the other's files are left alone."""
     out = tmp_path / "out"
-    asked = [command, str(campaign_folder), "--out", str(out), *COMMANDS[command]]
     with sole_writer(out):
         (out / "begun").touch()
-        assert cli.main(asked) == cli.WRONG_DATA
+        line, _ = shell.wrong_data(command, campaign_folder, "--out", out, *COMMANDS[command]).splitlines()
         assert [path.name for path in out.iterdir() if not path.name.startswith(".")] == ["begun"]
-    line, _ = capsys.readouterr().err.splitlines()
     assert line.startswith(f"{out}: expected a folder that nobody writes to, found process ")
     assert line.endswith("writing to it; wait until that has ended, or name another.")
 
@@ -66,5 +64,5 @@ def test_a_command_that_fails_leaves_no_empty_folder(campaign_folder: Path, tmp_
     (campaign_folder / "cae.csv").unlink()
     out = tmp_path / "deep" / "out"
     for _ in range(2):
-        assert cli.main(["study", str(campaign_folder), "--out", str(out)]) == cli.WRONG_DATA
+        assert run("study", campaign_folder, "--out", out) == cli.WRONG_DATA
         assert not out.parent.exists()

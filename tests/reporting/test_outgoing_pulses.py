@@ -4,7 +4,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from crashfuse.reporting.outgoing_pulses import PulseExport, PulseFormat, outgoi
 from crashfuse.reporting.solver_curves import UNIT_SYSTEMS, SolverCurve
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.study.estimate import Estimate
+from crashfuse.testing.readers import written
 from tests.conftest import OTHER_READERS, needs_other_readers
 
 SPEED_MPS, T0_S, N_DRAWS = 15.0, 0.06, 40
@@ -40,11 +41,18 @@ def estimates() -> list[Estimate]:
     ]
 
 
-def written(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> Path:
-    for name, files in export.files(campaign, estimates).items():
-        for path, content in files.items():
-            (folder / name / path).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name / path).write_bytes(content)
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> Write:
+    """Writes an export of them, from the campaign changed like this; returns the folder."""
+
+    def folder(export: PulseExport, **changes: Any) -> Path:
+        for name, files in export.files(replace(campaign, **changes), estimates).items():
+            written(tmp_path / name, files)
+        return tmp_path
+
     return folder
 
 
@@ -127,11 +135,9 @@ def test_whole_draws_go_out_and_no_edges_of_the_band(estimates: list[Estimate]) 
     assert [pulse.which for pulse in outgoing(estimates, 5, 4)][3:] != [pulse.which for pulse in drawn]
 
 
-def test_the_corridor_of_a_sled_is_that_of_whole_pulses(
-    campaign: Campaign, estimates: list[Estimate], tmp_path: Path
-) -> None:
+def test_the_corridor_of_a_sled_is_that_of_whole_pulses(estimates: list[Estimate], write: Write) -> None:
     """A test for each edge, of one channel up to 60 ms; nine of ten draws, all parallel, lie between both."""
-    folder = written(campaign, estimates, tmp_path, PulseExport(("isomme", "lsdyna"), curve=ANY))
+    folder = write(PulseExport(("isomme", "lsdyna"), curve=ANY))
     tests = [read_isomme(folder / f"isomme/fused_33.554mph_corridor_{edge}") for edge in ("lower", "upper")]
     (lower,), (upper,) = (test.channels for test in tests)
     assert "Fused, lower edge of the corridor, 33.554 mph" in " ".join(lower.comments)
@@ -149,11 +155,11 @@ def test_more_draws_than_there_are_is_one_sentence(estimates: list[Estimate]) ->
 
 @pytest.mark.parametrize(("kind", "suffix"), [("lsdyna", "k"), ("radioss", "inc")])
 def test_an_include_holds_one_curve_in_columns_of_twenty(
-    campaign: Campaign, estimates: list[Estimate], tmp_path: Path, kind: PulseFormat, suffix: str
+    estimates: list[Estimate], write: Write, kind: PulseFormat, suffix: str
 ) -> None:
     """Each has an id of its own, so that all fit into one model; the numbers are exact to 12 digits."""
     curve = SolverCurve("mm-s-t", start_s=0.01, number=4711)
-    folder = written(campaign, estimates, tmp_path, PulseExport((kind,), draws=2, curve=curve)) / kind
+    folder = write(PulseExport((kind,), draws=2, curve=curve)) / kind
     assert len(list(folder.iterdir())) == 2 + 1 + 2
     for place, pulse in enumerate(outgoing(estimates, 2, 0)):
         path = folder / f"{pulse.name}.{suffix}"
@@ -177,10 +183,11 @@ def test_curves_of_other_speeds_have_other_names_and_say_the_speed_as_it_was_typ
     assert titles == ["CAE, expected pulse, 56 km/h", "CAE, expected pulse, 64 km/h"]
 
 
-def test_the_includes_say_what_they_hold(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
-    named = replace(campaign, name="Tiny\n*INCLUDE\n/etc/passwd ü", channel_filter_class=60.0)
+def test_the_includes_say_what_they_hold(campaign: Campaign, write: Write) -> None:
+    """Origin, condition, notes, units, sign; a line break in a name writes no keyword."""
     curve = SolverCurve("mm-ms-kg", deceleration_sign="positive", start_s=0.02, scale=1.5)
-    folder = written(named, estimates, tmp_path, PulseExport(("lsdyna", "radioss"), curve=curve))
+    export = PulseExport(("lsdyna", "radioss"), curve=curve)
+    folder = write(export, name="Tiny\n*INCLUDE\n/etc/passwd ü", channel_filter_class=60.0)
     for path, mark in (
         (folder / "lsdyna/fused_33.554mph_expected.k", "$ "),
         (folder / "radioss/fused_33.554mph_expected.inc", "# "),
@@ -213,12 +220,9 @@ def test_what_happens_at_the_end_of_the_record_is_said() -> None:
     assert "ends at" not in said[2]
 
 
-def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_location(
-    campaign: Campaign, estimates: list[Estimate], tmp_path: Path
-) -> None:
+def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_location(write: Write) -> None:
     """A test for each pulse, so that channel codes are those that a program looks for; CFC in code and header."""
-    filtered = replace(campaign, channel_filter_class=60.0)
-    folder = written(filtered, estimates, tmp_path, PulseExport(draws=3, location="10BPILLERE00")) / "isomme"
+    folder = write(PulseExport(draws=3, location="10BPILLERE00"), channel_filter_class=60.0) / "isomme"
     assert len(list(folder.iterdir())) == 2 + 1 + 3 + 2
     channels = {channel.code: channel for channel in read_isomme(folder / "fused_33.554mph_expected").channels}
     assert {code: channel.unit for code, channel in channels.items()} == {
@@ -237,11 +241,10 @@ def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_locati
     assert "Channel frequency class     :60\n" in header
 
 
-def test_the_iso_mme_files_say_that_nothing_was_measured(
-    campaign: Campaign, estimates: list[Estimate], tmp_path: Path
-) -> None:
-    named = replace(campaign, name="Tiny\nDate of the test :2024-01-01")
-    test = read_isomme(written(named, estimates, tmp_path, PulseExport()) / "isomme/fused_33.554mph_expected")
+def test_the_iso_mme_files_say_that_nothing_was_measured(campaign: Campaign, write: Write) -> None:
+    """Header and channels name crashfuse, campaign, fingerprint, approach and notes; speed in m/s, masses in kg."""
+    folder = write(PulseExport(), name="Tiny\nDate of the test :2024-01-01")
+    test = read_isomme(folder / "isomme/fused_33.554mph_expected")
     comments = [value for name, value in test.descriptors if name == "Comments"]
     assert test.descriptor("Subtype of the test") == "Prediction, no vehicle was crashed"
     assert test.descriptor("Date of the test") is None
@@ -257,9 +260,10 @@ def test_the_iso_mme_files_say_that_nothing_was_measured(
 
 @needs_other_readers
 @pytest.mark.slow
-def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
+def test_pydyna_reads_the_ls_dyna_include(estimates: list[Estimate], write: Write) -> None:
+    """The keyword reader of LS-DYNA's vendor finds one curve, its id and LCINT, and every point."""
     curve = SolverCurve("mm-ms-kg", start_s=0.005, number=77)
-    path = written(campaign, estimates, tmp_path, PulseExport(("lsdyna",), curve=curve)) / "lsdyna"
+    path = write(PulseExport(("lsdyna",), curve=curve)) / "lsdyna"
     reader = "from ansys.dyna.core import Deck\ndeck = Deck()\ndeck.loads(open(sys.argv[1]).read())"
     program = "[(k.get_title(), k.lcid, k.lcint, k.sfa, k.sfo, k.curves.values.tolist()) for k in deck.keywords]"
     ((keyword, number, lcint, sfa, sfo, points),) = asked_of(reader, program, path / "fused_33.554mph_expected.k")
@@ -271,10 +275,10 @@ def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Es
 
 @needs_other_readers
 @pytest.mark.slow
-def test_pyisomme_reads_the_iso_mme_test(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
-    filtered = replace(campaign, channel_filter_class=60.0)
-    folder, name = written(filtered, estimates, tmp_path, PulseExport()), "fused_33.554mph_expected"
-    path = folder / "isomme" / name / f"{name}.mme"
+def test_pyisomme_reads_the_iso_mme_test(write: Write) -> None:
+    """Codes, units, filter class, time and every sample of all three channels."""
+    name = "fused_33.554mph_expected"
+    path = write(PulseExport(), channel_filter_class=60.0) / "isomme" / name / f"{name}.mme"
     reader = "import pyisomme\nread = pyisomme.Isomme().read(sys.argv[1])"
     program = (
         "[(c.code, str(c.unit), c.get_info('Channel frequency class'), c.data.index.tolist(),"

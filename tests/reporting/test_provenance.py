@@ -1,5 +1,6 @@
 """The command in the report is one that the command line takes, and gives the same settings."""
 
+import argparse
 import json
 import shlex
 from dataclasses import replace
@@ -18,16 +19,19 @@ from crashfuse.units import KPH, LB, MPH
 from crashfuse.wording import KPH_KG, SYSTEMS
 
 
+def parsed(command: str) -> argparse.Namespace:
+    """What the command line makes of a command."""
+    return parser().parse_args(shlex.split(command)[1:])
+
+
 def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaign) -> None:
     """Tests, approaches, preset, seed, windows and what is left out together."""
     approaches = "cae", "displacement_domain"
     config = StudyConfig(approaches=approaches, seed=3, windows_ms=(20.0, 55.5), leave_out="speed group")
-    command = provenance.study_command(campaign, ["T2", "T4"], config)
-    parsed = parser().parse_args(shlex.split(command)[1:])
-    assert parsed.held_out == ["T2", "T4"]
-    assert tuple(parsed.approach) == config.approaches
-    assert (parsed.preset, parsed.seed, parsed.device, parsed.leave_out) == (["fast"], [3], "auto", "speed-group")
-    assert tuple(parsed.windows_ms) == config.windows_ms
+    given = parsed(provenance.study_command(campaign, ["T2", "T4"], config))
+    assert given.held_out == ["T2", "T4"]
+    assert (tuple(given.approach), tuple(given.windows_ms)) == (config.approaches, config.windows_ms)
+    assert (given.preset, given.seed, given.device, given.leave_out) == (["fast"], [3], "auto", "speed-group")
     unlike = replace(config, approaches=("cae", "fused"))
     assert "--preset" not in provenance.study_command(campaign, ["T2"], unlike)
     assert "preset" not in provenance.certification_settings(campaign, unlike, 0.95)
@@ -38,13 +42,10 @@ def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaig
 def test_the_command_of_a_prediction_is_parsed_back_to_its_condition(campaign: Campaign, units: str) -> None:
     """To ten digits, with its factors, in the units of the report."""
     condition = Condition.of_vector([33.3 * MPH, 2100.5 * LB, 1500 * LB], (("drive", "all wheels"), ("motor", "")))
-    parsed = parser().parse_args(
-        shlex.split(provenance.prediction_command(campaign, condition, StudyConfig(), SYSTEMS[units]))[1:]
-    )
-    found = parsed.speed_mps, parsed.front_weight_kg, parsed.rear_weight_kg
+    given = parsed(provenance.prediction_command(campaign, condition, StudyConfig(), SYSTEMS[units]))
+    found = given.speed_mps, given.front_weight_kg, given.rear_weight_kg
     np.testing.assert_allclose(found, condition.vector, rtol=1e-9)
-    assert parsed.units == units
-    assert parsed.factor == ["drive=all wheels"]
+    assert (given.units, given.factor) == (units, ["drive=all wheels"])
 
 
 _WORDS = st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]), min_size=1, max_size=30)
@@ -56,8 +57,8 @@ _WORDS = st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]), min_size=1
 def test_a_command_gives_back_whatever_words_are_in_it(campaign: Campaign, factors: dict[str, str], word: str) -> None:
     """Pasted into a shell, nothing that a table or a user says is run, split or lost."""
     condition = Condition.of_vector([15.0, 950.0, 700.0], tuple(factors.items()))
-    parsed = parser().parse_args(shlex.split(provenance.prediction_command(campaign, condition, StudyConfig()))[1:])
-    assert parsed.factor == [f"{name}={value}" for name, value in factors.items()]
+    given = parsed(provenance.prediction_command(campaign, condition, StudyConfig()))
+    assert given.factor == [f"{name}={value}" for name, value in factors.items()]
     words = shlex.split(provenance.learning_curve_command(campaign, StudyConfig(), 3, word))
     assert words[words.index("--cost-per-test") + 1] == word
 

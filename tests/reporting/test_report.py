@@ -51,15 +51,12 @@ def figures(text: str) -> int:
     return len(re.findall('class="plotly-graph-div"', text))
 
 
-@pytest.mark.slow
-def test_a_study_has_its_figures_and_two_for_each_held_out_test(text: str) -> None:
+def test_a_study_has_its_figures_and_every_part_a_certification_review_asks_for(text: str) -> None:
+    """Heat map, spread, calibration, bias by speed; motion and the same over displacement; the worst test's rating."""
     assert figures(text) == 4 + 2 * 2 + 1
     assert text.count("by speed</h2>") == 1
     assert text.count("The same over displacement") == 2
     assert "T4 \\u00b7 35.0 mph" in text
-
-
-def test_a_study_has_every_part_a_certification_review_asks_for(text: str) -> None:
     sections = ["result", "tables", "band", "data", "quality", "method", "bias", "limits", "origin"]
     assert re.findall(r"<section id=(\w+)><h2>", text) == sections
     assert re.findall(r"<section class=test><h2>Test (\w+): ", text) == ["T1", "T2"]
@@ -139,9 +136,10 @@ def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) ->
     assert figures(both) == figures(study_report(study)) + 1
 
 
-def test_the_figures_are_light(text: str) -> None:
-    """All but Plotly itself stays below 150 kB a figure, the numbers that it was drawn from among them."""
+def test_a_report_is_light_and_equal_for_equal_results(study: Study, text: str) -> None:
+    """Below 150 kB a figure but for Plotly itself; a review can compare reports, however long they took."""
     assert len(text) - len(get_plotlyjs()) < 150_000 * figures(text)
+    assert study_report(replace(study, seconds={"prepare": 7.0})) == text
 
 
 def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
@@ -184,15 +182,12 @@ def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campai
     assert not re.search(r"<td>[\d.]+ \[", told)
 
 
-def test_equal_results_give_equal_bytes(study: Study, text: str) -> None:
-    assert study_report(replace(study, seconds={"prepare": 7.0})) == text
-
-
 @pytest.mark.slow
 def test_a_short_report_has_the_result_and_the_worst_test_alone(study: Study) -> None:
-    weaker = replace(estimate(study.campaign.tests[1]), prediction=Prediction(study.campaign.tests[1].condition,
-                     0.8 * study.campaign.tests[1].pulse.accel_mps2))  # fmt: skip
-    folds = (study.folds[0], Fold.of(study.campaign.tests[1], [weaker], CONFIG.windows_ms))
+    """Heat map and one test's pulses; data, method and the other tests are in the whole one."""
+    test = study.campaign.tests[1]
+    weaker = replace(estimate(test), prediction=Prediction(test.condition, 0.8 * test.pulse.accel_mps2))
+    folds = (study.folds[0], Fold.of(test, [weaker], CONFIG.windows_ms))
     short = study_report(replace(study, folds=folds), options=ReportOptions("short"))
     assert figures(short) == 2
     assert "<h2>Test T2: " in short

@@ -123,13 +123,18 @@ def test_a_metric_stands_with_both_its_ends_and_what_it_rests_on(campaign: Campa
     assert np.isnan(table.loc[1, "upper"])
 
 
-def test_metrics_of_a_study_begin_with_those_measured(campaign: Campaign) -> None:
-    """The peak of each test as it was, then of each approach, in g: half sines of π/2 of their mean deceleration."""
-    table = tables.study_metrics(study(campaign, ("T2", "T4")))
+def test_pulses_and_metrics_of_a_study_begin_with_those_measured(campaign: Campaign) -> None:
+    """Each pulse of 1250 rows, and its peak, in g: half sines of π/2 of their mean deceleration."""
+    both, tests = study(campaign, ("T2", "T4")), [campaign.test(test_id) for test_id in ("T2", "T4")]
+    table = tables.study_pulses(both)
+    assert table["held_out"].tolist() == ["T2"] * 3750 + ["T4"] * 3750
+    assert table["approach"].tolist() == [name for name in ("test", *SCALES) for _ in range(1250)] * 2
+    pulses = [scale * test.pulse.accel_mps2 for test in tests for scale in (1, *SCALES.values())]
+    np.testing.assert_allclose(table["acceleration_g"], np.concatenate(pulses) / G)
+    table = tables.study_metrics(both)
     peaks = table[table["metric"] == "peak"]
     assert peaks["held_out"].tolist() == ["T2"] * 3 + ["T4"] * 3
     assert peaks["approach"].tolist() == ["test", *SCALES] * 2
-    tests = [campaign.test(test_id) for test_id in ("T2", "T4")]
     measured = [1.1 * np.pi / 2 * t.condition.speed_mps / (0.07 * t.condition.mass_kg / 1700) / G for t in tests]
     expected = [scale * peak for peak in measured for scale in (1.0, *SCALES.values())]
     np.testing.assert_allclose(peaks["value"], expected, rtol=1e-3)
@@ -163,15 +168,6 @@ def test_candidates_are_told_in_mph_lb_and_g_rounded() -> None:
     bands = {"band now (± g)": 4.0, "band then (± g)": 3.5, "gain (%)": 12.5, "extrapolation": "yes"}
     assert table.drop(columns="drive").iloc[1].to_dict() == numbers | bands
     assert (table["drive"][0], table["gain (%)"][0], table["extrapolation"][0]) == ("AWD", 25.0, "no")
-
-
-def test_pulses_of_a_study_are_those_measured_then_those_predicted(campaign: Campaign) -> None:
-    """In g, each with its test and approach, 1250 rows a pulse."""
-    table = tables.study_pulses(study(campaign, ("T2", "T4")))
-    assert table["held_out"].tolist() == ["T2"] * 3750 + ["T4"] * 3750
-    assert table["approach"].tolist() == [name for name in ("test", *SCALES) for _ in range(1250)] * 2
-    pulses = [scale * campaign.test(name).pulse.accel_mps2 for name in ("T2", "T4") for scale in (1, *SCALES.values())]
-    np.testing.assert_allclose(table["acceleration_g"], np.concatenate(pulses) / G)
 
 
 def test_what_repeats_rate_stands_with_test_and_window(campaign: Campaign) -> None:

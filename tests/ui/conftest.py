@@ -3,11 +3,11 @@
 import gc
 import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 from weakref import WeakKeyDictionary
 
 import pandas as pd
@@ -89,6 +89,28 @@ class Session:
             self.press("Open another campaign")
         self.app.text_input(key="folder").set_value(folder)
         return self.press("Open folder")
+
+    def upload(self, files: Mapping[str, bytes]) -> "Session":
+        """Drop files on Data, and open them."""
+        if "Open another campaign" in self.buttons:
+            self.press("Open another campaign")
+        dropped = [(name, content, "application/octet-stream") for name, content in files.items()]
+        self.app.file_uploader[0].set_value(dropped)
+        return self.press("Open upload")
+
+    def field(self, label: str) -> Any:
+        """The first field whose label begins like this."""
+        kinds = "number_input", "selectbox", "multiselect", "text_input", "radio", "button_group"
+        fields = [field for kind in kinds for field in getattr(self.app, kind)]
+        found = [field for field in fields if getattr(field, "label", "").lower().startswith(label.lower())]
+        assert found, f"There is no field {label!r}."
+        return found[0]
+
+    def fill(self, values: Mapping[str, object]) -> "Session":
+        """Fill fields in by their labels, and draw the page anew."""
+        for label, value in values.items():
+            self.field(label).set_value(value)
+        return self.run()
 
     @property
     def answer(self) -> dict[str, str]:

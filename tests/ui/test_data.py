@@ -27,15 +27,7 @@ from crashfuse.ui.kit import campaigns, uploads, visitors
 from crashfuse.ui.kit.results import problem_table
 from crashfuse.units import G
 from tests.conftest import content_of
-from tests.ui.conftest import Session, Visit
-
-
-def upload(session: Session, *files: tuple[str, bytes]) -> Session:
-    """Drop files and open them."""
-    if "Open another campaign" in session.buttons:
-        session.press("Open another campaign")
-    session.app.file_uploader[0].set_value([(name, content, "application/octet-stream") for name, content in files])
-    return session.press("Open upload")
+from tests.ui.conftest import Session, begin
 
 
 def kept() -> list[Path]:
@@ -43,9 +35,9 @@ def kept() -> list[Path]:
     return list(uploads._scratch().iterdir())
 
 
-def test_a_newcomer_sees_what_this_is_and_one_button(visit: Visit) -> None:
+def test_a_newcomer_sees_what_this_is_and_one_button() -> None:
     """The first page has a sentence, the sample, a field for a folder and one for files."""
-    session = visit()
+    session = begin()
     assert "full-frontal barrier tests" in session.words
     assert session.buttons == ["Load the sample campaign", "Open folder", "Open upload"]
     assert [field.label for field in session.app.text_input] == ["A folder or file on this computer"]
@@ -54,7 +46,7 @@ def test_a_newcomer_sees_what_this_is_and_one_button(visit: Visit) -> None:
 
 @pytest.mark.slow
 def test_the_sample_is_made_where_it_was_not_shipped(
-    visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, campaign_folder: Path
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, campaign_folder: Path
 ) -> None:
     """An installed package has no checkout beside it: the sample is written into the cache folder, once."""
     written: list[Path] = []
@@ -67,15 +59,15 @@ def test_the_sample_is_made_where_it_was_not_shipped(
     monkeypatch.setattr("crashfuse.synthetic.sample.write_sample", write)
     for _ in range(2):
         st.cache_resource.clear()
-        assert visit().press("Load the sample campaign").numbers["Tests"] == "4"
+        assert begin().press("Load the sample campaign").numbers["Tests"] == "4"
     assert len(written) == 1
     assert [path.name for path in default_folder().iterdir()] == ["sample"]
 
 
 @pytest.mark.slow
-def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, campaign: Campaign) -> None:
+def test_a_folder_that_is_opened_is_shown(campaign_folder: Path, campaign: Campaign) -> None:
     """Numbers, tests, conditions, CAE runs and the rating before any correction."""
-    session = visit().open_folder(str(campaign_folder))
+    session = begin().open_folder(str(campaign_folder))
     assert session.app.sidebar.selectbox(key="campaign").value == campaign_folder.name
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
     assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
@@ -92,13 +84,13 @@ def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, c
 
 
 @pytest.mark.slow
-def test_the_quality_of_the_cae_runs_is_shown(visit: Visit, campaign_folder: Path) -> None:
+def test_the_quality_of_the_cae_runs_is_shown(campaign_folder: Path) -> None:
     """By the campaign's limits, with those that fail named and all of them listed."""
     table = pd.read_csv(campaign_folder / "cae.csv")
     table["hourglass_share"] = [0.2, *[0.01] * 22, None]
     table.to_csv(campaign_folder / "cae.csv", index=False)
     (campaign_folder / "campaign.toml").write_text("[cae_quality]\nhourglass_share = 0.1\n")
-    session = visit().open_folder(str(campaign_folder)).open_tab("data", "CAE model")
+    session = begin().open_folder(str(campaign_folder)).open_tab("data", "CAE model")
     assert "22 of 24 pass" in session.words
     assert "1 cannot be judged" in session.words
     assert "Runs that fail" in session.words
@@ -108,12 +100,12 @@ def test_the_quality_of_the_cae_runs_is_shown(visit: Visit, campaign_folder: Pat
 
 
 @pytest.mark.slow
-def test_a_bad_folder_shows_every_problem_and_no_traceback(visit: Visit, campaign_folder: Path) -> None:
+def test_a_bad_folder_shows_every_problem_and_no_traceback(campaign_folder: Path) -> None:
     """Two things are wrong; both are said, with the place and what to do, and can be taken away."""
     (campaign_folder / "tests" / "T2.csv").unlink()
     cae = campaign_folder / "cae.csv"
     cae.write_text(cae.read_text().replace("front_weight_lb", "front_weight"))
-    session = visit().open_folder(str(campaign_folder))
+    session = begin().open_folder(str(campaign_folder))
     assert "cannot be used: 2 problems" in session.words
     (table,) = session.tables
     assert table.columns.tolist() == ["File", "Row", "Column", "Expected", "Found", "What to do"]
@@ -127,9 +119,9 @@ def test_a_bad_folder_shows_every_problem_and_no_traceback(visit: Visit, campaig
 
 
 @pytest.mark.parametrize("text", ["/no/such/folder", "", "\0"])
-def test_a_folder_that_is_none_breaks_nothing(visit: Visit, text: str) -> None:
+def test_a_folder_that_is_none_breaks_nothing(text: str) -> None:
     """Whatever is typed in, the page stays."""
-    assert visit().open_folder(text).app.sidebar.selectbox(key="campaign").value is None
+    assert begin().open_folder(text).app.sidebar.selectbox(key="campaign").value is None
 
 
 @pytest.mark.parametrize(
@@ -140,29 +132,29 @@ def test_a_folder_that_is_none_breaks_nothing(visit: Visit, text: str) -> None:
     ],
 )
 def test_a_file_in_the_field_for_a_folder_is_said_to_be_one(
-    visit: Visit, campaign_folder: Path, tmp_path: Path, name: str, found: str, advice: str
+    campaign_folder: Path, tmp_path: Path, name: str, found: str, advice: str
 ) -> None:
     """It is there, so nobody is to check the path."""
     (tmp_path / name).write_bytes(zipped(content_of(campaign_folder)))
-    (table,) = visit().open_folder(str(tmp_path / name)).tables
+    (table,) = begin().open_folder(str(tmp_path / name)).tables
     assert (table["Found"].tolist(), table["What to do"].tolist()) == ([found], [advice])
 
 
 @pytest.mark.slow
-def test_the_same_problems_are_shown_at_two_places(visit: Visit, open_campaign: Path) -> None:
+def test_the_same_problems_are_shown_at_two_places(open_campaign: Path) -> None:
     """The open campaign went bad, and is opened again."""
-    session = visit()
+    session = begin()
     (open_campaign / "tests.csv").unlink()
     assert len(session.open_folder(str(open_campaign)).tables) == 2
 
 
 @pytest.mark.slow
-def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> None:
+def test_a_zip_is_opened_under_its_name(campaign_folder: Path) -> None:
     """The same data as in the folder; dropped twice it is one campaign."""
     content = zipped(content_of(campaign_folder))
-    session = visit()
+    session = begin()
     for _ in range(2):
-        upload(session, ("sled.zip", content))
+        session.upload({"sled.zip": content})
         assert str(session.app.sidebar.selectbox(key="campaign").value).startswith("sled-")
         assert session.app.title[0].value == "sled"
         assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
@@ -171,36 +163,33 @@ def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> 
 
 
 @pytest.mark.slow
-def test_uploads_that_nobody_looks_at_make_room(
-    visit: Visit, campaign_folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_uploads_that_nobody_looks_at_make_room(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond the limit those go that were not looked at for longest; what somebody looks at stays."""
     files = content_of(campaign_folder)
     monkeypatch.setattr(uploads, "_MOST_BYTES", 1.5 * sum(map(len, files.values())))
-    first = upload(visit(), ("first.zip", zipped(files)))
-    upload(visit(), ("second.zip", zipped({**files, "campaign.toml": b"name = 'Second'"})))
+    first = begin().upload({"first.zip": zipped(files)})
+    begin().upload({"second.zip": zipped({**files, "campaign.toml": b"name = 'Second'"})})
     assert len(kept()) == 2  # both were looked at just now
     gone = list(campaigns.opened_here())[2]
     for folder in kept():
         os.utime(folder, (0, 0))
     first.run()
-    upload(visit(), ("third.zip", zipped({**files, "campaign.toml": b"name = 'Third'"})))
+    begin().upload({"third.zip": zipped({**files, "campaign.toml": b"name = 'Third'"})})
     assert sorted(path.name for folder in kept() for path in folder.iterdir()) == ["first", "third"]
     assert [campaigns.label(name).partition(" ")[0] for name in campaigns.opened_here()] == ["sample", "first", "third"]
-    assert "You have not opened the campaign" in visit(campaign=gone).words
+    assert "You have not opened the campaign" in begin(campaign=gone).words
 
 
 @pytest.mark.slow
-def test_the_files_of_a_campaign_are_opened_together(visit: Visit, campaign_folder: Path) -> None:
+def test_the_files_of_a_campaign_are_opened_together(campaign_folder: Path) -> None:
     """CSV and Parquet side by side; the field is empty afterwards."""
-    files = [(path.name, path.read_bytes()) for path in campaign_folder.rglob("*") if path.is_file()]
-    session = upload(visit(), *files)
+    session = begin().upload({path.name: path.read_bytes() for path in campaign_folder.rglob("*") if path.is_file()})
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
     assert not session.press("Open another campaign").app.file_uploader[0].value
 
 
 @pytest.mark.slow
-def test_a_bad_upload_is_refused_row_by_row_and_not_kept(visit: Visit, campaign_folder: Path) -> None:
+def test_a_bad_upload_is_refused_row_by_row_and_not_kept(campaign_folder: Path) -> None:
     """Two cells that are no number in one file, by their rows, and another file that is missing."""
     pulse = campaign_folder / "tests" / "T3.csv"
     lines = pulse.read_text().splitlines()
@@ -208,20 +197,18 @@ def test_a_bad_upload_is_refused_row_by_row_and_not_kept(visit: Visit, campaign_
         lines[row - 1] = lines[row - 1].split(",")[0] + ",=oops"
     pulse.write_text("\n".join(lines))
     (campaign_folder / "tests" / "T2.csv").unlink()
-    session = upload(visit(), ("bad.zip", zipped(content_of(campaign_folder))))
+    session = begin().upload({"bad.zip": zipped(content_of(campaign_folder))})
     (table,) = session.tables
-    (cells,) = table[table["Column"] == "acceleration_g"].to_dict("records")
-    assert (cells["File"], cells["Row"], cells["Found"]) == ("tests/T3.csv", "5–6", "'=oops'")
-    assert cells["What to do"] == "Correct the cell"
+    (cells,) = table[table["Column"] == "acceleration_g"][["File", "Row", "Found", "What to do"]].to_numpy().tolist()
+    assert cells == ["tests/T3.csv", "5–6", "'=oops'", "Correct the cell"]
     assert table["Expected"].str.contains("T2").any()
     assert kept() == []
     assert list(campaigns.opened_here()) == ["sample"]
 
 
-def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:
+def test_a_strangers_file_name_is_shown_as_text() -> None:
     """No link, no image, no formula comes of it."""
-    name = "![x](www.example.org) $a$ :tada: `b` <i>.exe"
-    session = upload(visit(), (name, b"MZ"))
+    session = begin().upload({"![x](www.example.org) $a$ :tada: `b` <i>.exe": b"MZ"})
     (shown,) = session.tables[0]["File"]
     assert "![x](www.example.org) $a$" in shown
     table = session.app.table[0].proto.arrow_data
@@ -231,28 +218,28 @@ def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:
 
 
 @pytest.mark.parametrize(("name", "content"), [("prog.exe", b"MZ"), ("report.pdf", b"%PDF"), ("T1.parquet", b"PAR1")])
-def test_a_file_that_is_refused_is_named(visit: Visit, name: str, content: bytes) -> None:
+def test_a_file_that_is_refused_is_named(name: str, content: bytes) -> None:
     """Who dropped it knows which it was."""
-    assert upload(visit(), (name, content)).tables[0]["File"].tolist() == [name]
+    assert begin().upload({name: content}).tables[0]["File"].tolist() == [name]
 
 
-def test_nothing_dropped_or_all_too_large_is_said(visit: Visit) -> None:
+def test_nothing_dropped_or_all_too_large_is_said() -> None:
     """The browser keeps back what is over the limit; the page says what the limit is and the other way."""
-    (table,) = visit().press("Open upload").tables
+    (table,) = begin().press("Open upload").tables
     assert table["Expected"].tolist() == ["files of at most 200 MB each"]
     assert table["What to do"].tolist() == ["Choose the files, and open a larger campaign as a folder"]
     assert kept() == []
 
 
 @pytest.mark.slow
-def test_a_full_disk_is_a_sentence(visit: Visit, campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_a_sentence(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The page says so, and nothing half-written stays."""
 
     def full(*_: object) -> Path:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(uploads, "lay_out", full)
-    session = upload(visit(), ("a.zip", zipped(content_of(campaign_folder))))
+    session = begin().upload({"a.zip": zipped(content_of(campaign_folder))})
     assert session.tables[0]["Found"].tolist() == ["No space left on device"]
     assert kept() == []
 
@@ -268,9 +255,9 @@ def test_problems_that_differ_by_the_row_alone_are_shown_as_one() -> None:
 
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.slow
-def test_the_filter_is_drawn_over_what_was_read(visit: Visit, campaign: Campaign) -> None:
+def test_the_filter_is_drawn_over_what_was_read(campaign: Campaign) -> None:
     """Two curves a test, and the peak that the filter leaves of the held-out one; every other page stays unfiltered."""
-    session = visit(test="T2")
+    session = begin(test="T2")
     before = json.loads(session.app.get("plotly_chart")[0].proto.spec)["data"]
     session.app.button_group(key="filter").set_value("CFC 60").run()
     after = json.loads(session.app.get("plotly_chart")[0].proto.spec)["data"]
@@ -284,11 +271,11 @@ def test_the_filter_is_drawn_over_what_was_read(visit: Visit, campaign: Campaign
 
 
 @pytest.mark.slow
-def test_what_a_single_test_allows_is_said_on_every_page(visit: Visit, open_campaign: Path) -> None:
+def test_what_a_single_test_allows_is_said_on_every_page(open_campaign: Path) -> None:
     """It is shown, and can be learned from; the pages that leave tests out say why they can't."""
     table = open_campaign / "tests.csv"
     table.write_text("\n".join(table.read_text().splitlines()[:2]) + "\n")
-    session = visit()
+    session = begin()
     assert session.numbers["Tests"] == "1"
     assert "Only one test: nothing can be left out" in session.words
     assert session.go("train").buttons == ["Export", "Train on all tests"]
@@ -310,16 +297,15 @@ def in_use(session: Session) -> list[str]:
 
 
 @pytest.mark.slow
-def test_a_test_is_left_out_of_use_and_the_change_undone(visit: Visit, open_campaign: Path) -> None:
+def test_a_test_is_left_out_of_use_and_the_change_undone(open_campaign: Path) -> None:
     """It is gone from numbers and choices, and said to be, on every page; the button brings it back."""
-    session = visit()
+    session = begin()
     pills(session)[0].set_value(["T1", "T2", "T4"]).run()
     session = session.run()
     assert session.numbers["Tests"] == "3"
     assert "Left out of use: T3." in session.words
     assert in_use(session) == ["T1", "T2", "T4"]
-    (why,) = [field for field in session.app.text_input if field.label == "Why is T3 left out?"]
-    why.set_value("its sensor came loose").run()
+    session.fill({"Why is T3": "its sensor came loose"})
     assert "T3 (its sensor came loose)" in str(load_campaign(open_campaign).remarks)
     for page in ("compare", "study", "predict", "data"):
         assert "its sensor came loose" in session.go(page).answer[":orange[without T3]"]
@@ -330,13 +316,13 @@ def test_a_test_is_left_out_of_use_and_the_change_undone(visit: Visit, open_camp
 
 
 @pytest.mark.slow
-def test_a_test_whose_sensor_failed_is_left_out_by_a_click(visit: Visit, open_campaign: Path) -> None:
+def test_a_test_whose_sensor_failed_is_left_out_by_a_click(open_campaign: Path) -> None:
     """What happened is said, and is the reason."""
     path = open_campaign / "tests" / "T3.csv"
     table = pd.read_csv(path)
     table.loc[table["time_ms"].between(30, 35), "acceleration_g"] = 0.0
     table.to_csv(path, index=False)
-    session = visit()
+    session = begin()
     assert "tests.csv, T3: its signal is lost from 30.0 to 35.0 ms" in session.words
     session = session.press("Leave T3 out of use")
     assert in_use(session) == ["T1", "T2", "T4"]
@@ -344,10 +330,10 @@ def test_a_test_whose_sensor_failed_is_left_out_by_a_click(visit: Visit, open_ca
     assert "Leave T3 out of use" not in session.buttons
 
 
-def test_undo_takes_back_the_change_that_it_stands_beside(visit: Visit, open_campaign: Path) -> None:
+def test_undo_takes_back_the_change_that_it_stands_beside(open_campaign: Path) -> None:
     """What another window changed since stays, and whose it is stands there."""
     leave_out(open_campaign, ["T3"])
-    session = visit()
+    session = begin()
     with changed_by("ben@example.org"):
         leave_out(open_campaign, ["T1"])
     session = session.press("Undo")
@@ -357,9 +343,9 @@ def test_undo_takes_back_the_change_that_it_stands_beside(visit: Visit, open_cam
     assert in_use(session.press("Undo")) == ["T1", "T2", "T4"]
 
 
-def test_a_file_of_equal_size_and_time_is_read_again(visit: Visit, open_campaign: Path) -> None:
+def test_a_file_of_equal_size_and_time_is_read_again(open_campaign: Path) -> None:
     """Whether it was written anew or another took its place, as a copy that keeps times does."""
-    table, seen = open_campaign / "tests.csv", {visit().numbers["Test speeds"]}
+    table, seen = open_campaign / "tests.csv", {begin().numbers["Test speeds"]}
     before, stat = table.read_text(), table.stat()
     for digit in "67":
         new = table.with_name("new") if digit == "7" else table
@@ -371,28 +357,26 @@ def test_a_file_of_equal_size_and_time_is_read_again(visit: Visit, open_campaign
     assert len(seen) == 3
 
 
-def test_a_reason_that_a_click_overtook_leaves_nothing_out(visit: Visit, open_campaign: Path) -> None:
+def test_a_reason_that_a_click_overtook_leaves_nothing_out(open_campaign: Path) -> None:
     """Text that is typed is sent along with the click that ends typing, here on the test itself."""
     leave_out(open_campaign, ["T3"])
-    session = visit()
-    (why,) = [field for field in session.app.text_input if field.label == "Why is T3 left out?"]
-    why.set_value("its sensor came loose")
+    session = begin()
+    session.field("Why is T3").set_value("its sensor came loose")
     pills(session)[0].set_value(["T1", "T2", "T3", "T4"])
     session.run()
     assert in_use(session) == ["T1", "T2", "T3", "T4"]
     leave_out(open_campaign, ["T3"])
-    session = visit()
-    (why,) = [field for field in session.app.text_input if field.label == "Why is T3 left out?"]
+    session = begin()
     use_again(open_campaign, ["T3"])  # in another session
-    why.set_value("its sensor came loose").run()
+    session.fill({"Why is T3": "its sensor came loose"})
     assert in_use(session) == ["T1", "T2", "T3", "T4"]
     assert not (open_campaign / "campaign.toml").exists()
 
 
 @pytest.mark.slow
-def test_the_held_out_test_may_be_taken_out(visit: Visit, open_campaign: Path) -> None:
+def test_the_held_out_test_may_be_taken_out(open_campaign: Path) -> None:
     """Another one is held out then, without a complaint about the link; what was changed since is not undone."""
-    session = visit(test="T3")
+    session = begin(test="T3")
     pills(session)[0].set_value(["T1", "T2", "T4"]).run()
     session = session.press("Take T3 out of the folder")
     assert session.numbers["Tests"] == "3"
@@ -407,9 +391,9 @@ def test_the_held_out_test_may_be_taken_out(visit: Visit, open_campaign: Path) -
 
 
 @pytest.mark.slow
-def test_the_last_test_in_use_stays(visit: Visit, open_campaign: Path) -> None:
+def test_the_last_test_in_use_stays(open_campaign: Path) -> None:
     """A campaign without tests could not be opened again."""
-    session = visit()
+    session = begin()
     pills(session)[0].set_value([]).run()
     assert "Nothing was changed: 1 problem" in session.words
     assert session.tables[0]["Found"].tolist() == ["At least one test has to stay in use."]
@@ -418,16 +402,14 @@ def test_the_last_test_in_use_stays(visit: Visit, open_campaign: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_copy_of_the_sample_is_edited(visit: Visit, tmp_path: Path) -> None:
+def test_a_copy_of_the_sample_is_edited(tmp_path: Path) -> None:
     """The sample itself offers nothing but that copy, which is open at once."""
-    session = visit().press("Load the sample campaign")
+    session = begin().press("Load the sample campaign")
     assert not pills(session)
-    (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
-    field.set_value("copy")
+    session.field("Folder of the copy").set_value("copy")
     session = session.press("Save the copy")
     assert session.tables[0]["What to do"].tolist() == ["Name a folder by its whole path"]
-    (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
-    field.set_value(str(tmp_path / "mine"))
+    session.field("Folder of the copy").set_value(str(tmp_path / "mine"))
     session = session.press("Save the copy")
     assert session.app.selectbox(key="campaign").value == "mine"
     assert len(in_use(session)) == 11
@@ -435,14 +417,14 @@ def test_a_copy_of_the_sample_is_edited(visit: Visit, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_folder_opened_before_is_one_click_away(visit: Visit, campaign_folder: Path) -> None:
+def test_a_folder_opened_before_is_one_click_away(campaign_folder: Path) -> None:
     """After a restart, too; one that is gone is not offered."""
     other = shutil.copytree(campaign_folder, campaign_folder.with_name("other"))
     for folder in (other, campaign_folder):
-        visit().open_folder(str(folder))
+        begin().open_folder(str(folder))
     st.cache_resource.clear()
     shutil.rmtree(other)
-    session = visit()
+    session = begin()
     assert "other" not in session.buttons
     assert session.press("campaign").numbers["Tests"] == "4"
 
@@ -474,18 +456,17 @@ def test_the_list_of_folders_is_short(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_pages_offer_and_copy_only_inside_the_roots(
-    visit: Visit, campaign_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    campaign_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A folder opened before the server was restricted is not offered, and no copy is saved elsewhere."""
     inside = shutil.copytree(campaign_folder, tmp_path / "root" / "inside")
     for folder in (campaign_folder, inside):
         campaigns.remember(folder)
     monkeypatch.setenv(visitors.ROOTS, str(tmp_path / "root"))
-    session = visit()
+    session = begin()
     assert "inside" in session.buttons
     assert campaign_folder.name not in session.buttons
     session = session.press("Load the sample campaign")
-    (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
-    field.set_value(str(tmp_path / "elsewhere"))
+    session.field("Folder of the copy").set_value(str(tmp_path / "elsewhere"))
     assert session.press("Save the copy").tables[0]["Found"].tolist() == ["one outside"]
     assert not (tmp_path / "elsewhere").exists()

@@ -5,7 +5,6 @@ import json
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,30 +22,21 @@ from tests.importing.crash_files import german, isomme, library
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
-from tests.ui.conftest import Session, Visit
+from tests.ui.conftest import Session, begin
 from tests.ui.test_data import kept
 
-
-def drop(session: Session, **files: bytes) -> Session:
-    """Upload files; a name's last underscore is its point."""
-    named = [(".".join(name.rsplit("_", 1)), content, "application/octet-stream") for name, content in files.items()]
-    if "Open another campaign" in session.buttons:
-        session.press("Open another campaign")
-    session.app.file_uploader[0].set_value(named)
-    return session.press("Open upload")
+CONDITION = {"Speed (": 56.0, "Front weight": 950.0, "Rear weight": 750.0}
+"""What a table does not say."""
 
 
-def field(session: Session, label: str) -> Any:
-    """The one field whose label begins like this."""
-    kinds = ("number_input", "selectbox", "multiselect", "text_input", "radio", "button_group")
-    found = [
-        one
-        for kind in kinds
-        for one in getattr(session.app, kind)
-        if getattr(one, "label", "").lower().startswith(label.lower())
-    ]
-    assert found, f"There is no field {label!r}."
-    return found[0]
+def table() -> dict[str, bytes]:
+    """A table as a German laboratory writes it."""
+    return {"t1.csv": german(clock(), half_sine_g(clock()))}
+
+
+def tables(n: int) -> dict[str, bytes]:
+    """Several of them, each with other noise."""
+    return {f"t{i}.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(n)}
 
 
 def curves(session: Session) -> dict[str, np.ndarray]:
@@ -68,13 +58,13 @@ def added(folder: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -> None:
+def test_an_nhtsa_zip_needs_nothing_but_a_folder(tmp_path: Path) -> None:
     """Condition and channels are found and shown; the peak of the preview is that of the crash."""
-    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    session = begin().upload({"v5.zip": zipped(nhtsa_files())})
     assert "NHTSA" in session.words
-    assert field(session, "Channels").value == ["93", "94", "99"]
-    assert field(session, "Speed (km/h)").placeholder == "56"
-    assert field(session, "Filter").placeholder == "CFC 60"
+    assert session.field("Channels").value == ["93", "94", "99"]
+    assert session.field("Speed (km/h)").placeholder == "56"
+    assert session.field("Filter").placeholder == "CFC 60"
     assert session.charts == 1
     assert abs(curves(session)["00005"]).max() == pytest.approx(abs(half_sine_g(clock())).max(), rel=0.03)
     assert abs(curves(session)["As recorded"]).max() > 1.3 * abs(curves(session)["00005"]).max()
@@ -83,47 +73,41 @@ def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -
     assert "Added: 1 test (00005), in" in session.words
     assert "cae.csv" in session.words
     assert kept() == []
-    session = drop(session, t1_csv=german(clock(), half_sine_g(clock())))
-    assert field(session, "Take it as").value == "cae"
-    assert field(session, "Campaign folder").value == str(tmp_path / "nova")
+    session = session.upload(table())
+    assert session.field("Take it as").value == "cae"
+    assert session.field("Campaign folder").value == str(tmp_path / "nova")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "upload", [{"m_zip": zipped(isomme("M1"))}, {"m.tar_gz": tarred(*isomme("M1").items())}], ids=["zip", "tar.gz"]
+    ("name", "content"),
+    [("m.zip", zipped(isomme("M1"))), ("m.tar.gz", tarred(*isomme("M1").items()))],
+    ids=["zip", "tar.gz"],
 )
-def test_an_isomme_archive_says_what_it_lacks(visit: Visit, tmp_path: Path, upload: dict[str, bytes]) -> None:
+def test_an_isomme_archive_says_what_it_lacks(tmp_path: Path, name: str, content: bytes) -> None:
     """It knows the mass alone; the front axle's share completes it."""
-    session = drop(visit(), **upload)
+    session = begin().upload({name: content})
     assert "Before it can be added" in session.words
     assert "found the mass alone" in session.words
     assert "--front-share" not in session.words
     (button,) = [button for button in session.app.button if button.label.startswith("Add")]
     assert button.disabled
-    field(session, "Front share").set_value(56.0)
-    session = into(session.run(), tmp_path / "m").press("Add as test")
+    session = into(session.fill({"Front share": 56.0}), tmp_path / "m").press("Add as test")
     assert added(tmp_path / "m") == ["M1"]
     rows = (tmp_path / "m" / "tests.csv").read_text()
     assert "952" in rows  # 56 % of 1700 kg
 
 
-def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields(visit: Visit) -> None:
+def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields() -> None:
     """A speed below 0 and one of a comet, a weight of nothing, a share alone: never as if nothing had been typed."""
-    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
-    field(session, "Speed in").set_value("mph")
-    field(session, "Weights in").set_value("lb")
-    session.run()
+    session = begin().upload(table())
+    session.fill({"Speed in": "mph", "Weights in": "lb"})
     for speed, found in ((-5.0, "−5 mph"), (1e9, "1e+09 mph")):
-        field(session, "Speed (mph)").set_value(speed)
-        session.run()
+        session.fill({"Speed (mph)": speed})
         assert f"above 0, and at most 224 mph, found {found}" in session.words
-    field(session, "Front share").set_value(58.0)
-    field(session, "Speed (mph)").set_value(35.0)
-    assert "found the front share alone" in session.run().words
-    field(session, "Mass").set_value(-3.0)
-    assert "of 661 to 132277 lb, found −3 lb" in session.run().words
-    field(session, "Mass").set_value(3637.0)
-    session.run()
+    assert "found the front share alone" in session.fill({"Front share": 58.0, "Speed (mph)": 35.0}).words
+    assert "of 661 to 132277 lb, found −3 lb" in session.fill({"Mass": -3.0}).words
+    session.fill({"Mass": 3637.0})
     assert "Front weight 2109 lb: 58 % of 3637 lb." in session.words
     assert "change of velocity is −" in session.words
     assert "km/h" not in session.words.partition("Time zero at")[0].rpartition("Sign ")[2]
@@ -131,21 +115,18 @@ def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields(visit:
 
 
 @pytest.mark.slow
-def test_the_direction_of_travel_is_found_or_chosen(visit: Visit, tmp_path: Path) -> None:
+def test_the_direction_of_travel_is_found_or_chosen(tmp_path: Path) -> None:
     """A model that drives along −y: the steps say so, a wrong direction is refused, the right one is kept."""
-    session = drop(visit(), run_zip=zipped({"r1/binout0000": Run(step_s=5e-4, axis="y", direction=-1).binout()}))
-    field(session, "Front share").set_value(56.0)
-    assert "Travel along -y, as the nodes set out." in session.run().words
-    field(session, "Direction of travel").set_value("y")
-    assert "Nothing of it can be read: 1 problem" in session.run().words
-    field(session, "Direction of travel").set_value("-y")
-    assert "Travel along -y, given by the user." in session.run().words
+    session = begin().upload({"run.zip": zipped({"r1/binout0000": Run(step_s=5e-4, axis="y", direction=-1).binout()})})
+    assert "Travel along -y, as the nodes set out." in session.fill({"Front share": 56.0}).words
+    assert "Nothing of it can be read: 1 problem" in session.fill({"Direction of travel": "y"}).words
+    assert "Travel along -y, given by the user." in session.fill({"Direction of travel": "-y"}).words
     session = into(session, tmp_path / "c").press("Add as CAE run")
     assert added(tmp_path / "c") == ["r1"]
 
 
 @pytest.mark.slow
-def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(visit: Visit, tmp_path: Path) -> None:
+def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(tmp_path: Path) -> None:
     """Another sheet with other columns does not take the choice back."""
     book = Workbook()
     listed, remarks = book.active, book.create_sheet("Other lab")
@@ -156,28 +137,21 @@ def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(visit: Visit, 
         remarks.append(cells)
     stream = io.BytesIO()
     book.save(stream)
-    session = drop(visit(), m_zip=zipped(isomme("M1")), conditions_xlsx=stream.getvalue())
-    field(session, "Table of conditions").set_value("conditions.xlsx")
-    session = session.run()
-    kept = session.app.multiselect[0]
-    assert kept.value == ["Typ"]
-    kept.set_value([])
+    session = begin().upload({"m.zip": zipped(isomme("M1")), "conditions.xlsx": stream.getvalue()})
+    columns = session.fill({"Table of conditions": "conditions.xlsx"}).app.multiselect[0]
+    assert columns.value == ["Typ"]
+    columns.set_value([])
     into(session.run(), tmp_path / "m").press("Add as test")
     assert "Typ" not in (tmp_path / "m" / "tests.csv").read_text()
 
 
 @pytest.mark.slow
-def test_columns_without_names_are_mapped(visit: Visit, tmp_path: Path) -> None:
+def test_columns_without_names_are_mapped(tmp_path: Path) -> None:
     """Time, unit and acceleration are said by the user; the preview follows."""
     time_s = clock()
-    table = german(time_s, 0 * time_s, half_sine_g(time_s), header="p;q;r")
-    session = drop(visit(), x_csv=table)
-    field(session, "Acceleration").set_value(["r"])
-    field(session, "Unit of time").set_value("ms")
-    field(session, "Unit of acceleration").set_value("g")
-    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
-        field(session, label).set_value(value)
-    session = into(session.run(), tmp_path / "x")
+    session = begin().upload({"x.csv": german(time_s, 0 * time_s, half_sine_g(time_s), header="p;q;r")})
+    session.fill({"Acceleration": ["r"], "Unit of time": "ms", "Unit of acceleration": "g", **CONDITION})
+    session = into(session, tmp_path / "x")
     assert "Read as acceleration in g: r (chosen by the user)." in session.words
     session.press("Add as test")
     assert added(tmp_path / "x") == ["x"]
@@ -192,17 +166,11 @@ def load_stop(path: Path) -> float:
 
 
 @pytest.mark.slow
-def test_what_is_filled_in_overrules_what_was_found(visit: Visit, tmp_path: Path) -> None:
+def test_what_is_filled_in_overrules_what_was_found(tmp_path: Path) -> None:
     """Channel, filter, time zero, speed in mph and id."""
-    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
-    field(session, "Channels").set_value(["93"])
-    field(session, "Filter").set_value("CFC 180")
-    field(session, "Time zero").set_value(1.0)
-    field(session, "Speed in").set_value("mph")
-    session.run()
-    field(session, "Speed (mph)").set_value(36.0)
-    field(session, "Id in").set_value("Nova")
-    session = into(session.run(), tmp_path / "n")
+    session = begin().upload({"v5.zip": zipped(nhtsa_files())})
+    session.fill({"Channels": ["93"], "Filter": "CFC 180", "Time zero": 1.0, "Speed in": "mph"})
+    session = into(session.fill({"Speed (mph)": 36.0, "Id in": "Nova"}), tmp_path / "n")
     assert "Filtered with CFC 180" in session.words
     assert "Time zero at 1 ms of the file: given by the user" in session.words
     session.press("Add as test")
@@ -213,91 +181,76 @@ def test_what_is_filled_in_overrules_what_was_found(visit: Visit, tmp_path: Path
 
 
 @pytest.mark.parametrize("share", [0.0, 0.57, 100.0, 150.0])
-def test_a_front_share_that_no_vehicle_has_breaks_nothing(visit: Visit, share: float) -> None:
+def test_a_front_share_that_no_vehicle_has_breaks_nothing(share: float) -> None:
     """0 and 100 % of the mass, more than all of it, and 0.57 for 57: none can be added, each is said."""
-    session = drop(visit(), m_zip=zipped(isomme("M1")))
-    field(session, "Front share").set_value(share)
-    session.run()
+    session = begin().upload({"m.zip": zipped(isomme("M1"))})
+    session.fill({"Front share": share})
     assert "It cannot be added yet" in session.words or "Before it can be added" in session.words
     (button,) = [button for button in session.app.button if button.label.startswith("Add")]
     assert button.disabled
     assert f"({share:g} %)" in session.words
 
 
-def test_another_unit_converts_what_is_typed_in(visit: Visit) -> None:
+def test_another_unit_converts_what_is_typed_in() -> None:
     """Numbers stay what they mean: 90 km/h are 25 m/s, 1000 lb are 453.59 kg; the preview is in units of the pages."""
-    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
-    field(session, "Weights in").set_value("lb")
-    session.run()
-    for label, value in (("Speed (", 90.0), ("Front weight", 1000.0), ("Rear weight", 1000.0)):
-        field(session, label).set_value(value)
-    session.run()
-    field(session, "Speed in").set_value("m/s")
-    field(session, "Weights in").set_value("kg")
-    session.run()
-    assert field(session, "Speed (m/s)").value == pytest.approx(25.0)
-    assert field(session, "Front weight (kg)").value == pytest.approx(453.592, abs=1e-3)
-    field(session, "Speed (m/s)").set_value(SPEED_MPS)
-    assert f"{SPEED_MPS / KPH:.1f} km/h, front 454 kg, rear 454 kg" in session.run().words
+    session = begin().upload(table())
+    session.fill({"Weights in": "lb"}).fill({"Speed (": 90.0, "Front weight": 1000.0, "Rear weight": 1000.0})
+    session.fill({"Speed in": "m/s", "Weights in": "kg"})
+    assert session.field("Speed (m/s)").value == pytest.approx(25.0)
+    assert session.field("Front weight (kg)").value == pytest.approx(453.592, abs=1e-3)
+    session.fill({"Speed (m/s)": SPEED_MPS})
+    assert f"{SPEED_MPS / KPH:.1f} km/h, front 454 kg, rear 454 kg" in session.words
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_the_units_of_an_import_follow_those_of_the_pages(visit: Visit) -> None:
+def test_the_units_of_an_import_follow_those_of_the_pages() -> None:
     """Switched in the sidebar while it goes on, until another unit is chosen here."""
-    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
-    units = session.app.sidebar.button_group(key="system")
-    units.set_value("mph-lb")
-    session.run()
-    field(session, "Speed (mph)").set_value(30.0)
-    session.run()
+    session = begin().upload(table())
+    session.app.sidebar.button_group(key="system").set_value("mph-lb")
+    session.run().fill({"Speed (mph)": 30.0})
     session.app.sidebar.button_group(key="system").set_value("kph-kg")
     session.run()
-    assert (field(session, "Speed in").value, field(session, "Weights in").value) == ("km/h", "kg")
-    assert field(session, "Speed (km/h)").value == pytest.approx(48.28, abs=0.01)
-    field(session, "Speed in").set_value("mph")
-    session.run()
-    assert (field(session, "Speed in").value, field(session, "Weights in").value) == ("mph", "kg")
-    assert field(session, "Speed (mph)").value == pytest.approx(30.0, abs=0.01)
+    assert (session.field("Speed in").value, session.field("Weights in").value) == ("km/h", "kg")
+    assert session.field("Speed (km/h)").value == pytest.approx(48.28, abs=0.01)
+    session.fill({"Speed in": "mph"})
+    assert (session.field("Speed in").value, session.field("Weights in").value) == ("mph", "kg")
+    assert session.field("Speed (mph)").value == pytest.approx(30.0, abs=0.01)
 
 
 @pytest.mark.slow
-def test_a_new_session_goes_on_with_an_import(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_session_goes_on_with_an_import(monkeypatch: pytest.MonkeyPatch) -> None:
     """The browser loads the page anew: files and what was filled in are still there, until it is left."""
     monkeypatch.setattr(visitors, "browser", lambda: "the same")
-    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
-    field(session, "Speed (").set_value(56.0)
-    field(session, "Take it as").set_value("cae")
-    key = session.run().go("train").go("data").app.query_params["import"]
-    assert field(session, "Speed (").value == 56.0
-    again = visit(**{"import": key})
+    session = begin().upload(table())
+    key = session.fill({"Speed (": 56.0, "Take it as": "cae"}).go("train").go("data").app.query_params["import"]
+    assert session.field("Speed (").value == 56.0
+    again = begin(**{"import": key})
     assert "Nothing is added yet" in again.words
-    assert field(again, "Speed (").value == 56.0
-    assert field(again, "Take it as").value == "cae"
+    assert again.field("Speed (").value == 56.0
+    assert again.field("Take it as").value == "cae"
     again.press("Back without importing")
     assert "import" not in again.app.query_params
-    assert "Nothing is added" not in visit(**{"import": key}).words
+    assert "Nothing is added" not in begin(**{"import": key}).words
 
 
 @pytest.mark.slow
-def test_who_follows_the_link_of_an_import_ends_it_for_themselves_only(visit: Visit) -> None:
+def test_who_follows_the_link_of_an_import_ends_it_for_themselves_only() -> None:
     """Another browser goes back without importing; for the one who began it all is still there."""
-    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
+    session = begin().upload(table())
     key = session.app.query_params["import"]
-    visit(**{"import": key}).press("Back without importing")
+    begin(**{"import": key}).press("Back without importing")
     assert "Nothing is added yet" in session.run().words
-    assert "Nothing is added yet" in visit(**{"import": key}).words
+    assert "Nothing is added yet" in begin(**{"import": key}).words
 
 
 @pytest.mark.slow
-def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, tmp_path: Path) -> None:
+def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(tmp_path: Path) -> None:
     """Three CSVs of one form and one with a word amid its numbers: three are added, of the fourth it is said why."""
-    files = {f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(4)}
-    files["t3_csv"] = files["t3_csv"].replace(b"\n100,000000;", b"\nhundred;")
-    session = drop(visit(), **files)
+    files = tables(4)
+    files["t3.csv"] = files["t3.csv"].replace(b"\n100,000000;", b"\nhundred;")
+    session = begin().upload(files)
     assert len([one for one in session.app.selectbox if one.label == "Time"]) == 1
-    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
-        field(session, label).set_value(value)
-    session = into(session.run(), tmp_path / "many")
+    session = into(session.fill(CONDITION), tmp_path / "many")
     assert "Not everything can be added: 1 problem" in session.words
     assert "'hundred'" in session.tables[0]["Found"].tolist()
     session.press("Add 3 tests")
@@ -305,35 +258,24 @@ def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, t
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_the_table_of_many_records_is_in_the_unit_of_the_page(visit: Visit) -> None:
+def test_the_table_of_many_records_is_in_the_unit_of_the_page() -> None:
     """As the figure beside it is; while none can be added, the button counts none."""
-    session = drop(
-        visit(unit="m/s²"),
-        **{f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(2)},
-    )
+    session = begin(unit="m/s²").upload(tables(2))
     assert "Add tests" in session.buttons
-    for label, value in (("Speed (", SPEED_MPS / MPH), ("Front weight", 2100.0), ("Rear weight", 1600.0)):
-        field(session, label).set_value(value)
-    table = session.run().app.dataframe[-1].value
+    session.fill({"Speed (": SPEED_MPS / MPH, "Front weight": 2100.0, "Rear weight": 1600.0})
     expected = abs(half_sine_g(clock())).max() * G
-    assert table["Peak (m/s²)"].tolist() == pytest.approx([expected, expected], rel=0.1)
+    assert session.app.dataframe[-1].value["Peak (m/s²)"].tolist() == pytest.approx([expected, expected], rel=0.1)
     assert "Add 2 tests" in session.buttons
 
 
 @pytest.mark.slow
-def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_path: Path) -> None:
+def test_a_library_and_a_test_make_a_campaign_that_is_opened(tmp_path: Path) -> None:
     """CAE runs from a wide table with a table of conditions, then tests into the same folder: then it is open."""
-    parts = {path.stem + "_csv": path.read_bytes() for path in library(tmp_path / "cae").iterdir()}
     out = tmp_path / "campaign"
-    session = drop(visit(), **parts)
-    field(session, "Take it as").set_value("cae")
-    session = into(session.run(), out).press("Add 12 CAE runs")
+    session = begin().upload({path.name: path.read_bytes() for path in library(tmp_path / "cae").iterdir()})
+    session = into(session.fill({"Take it as": "cae"}), out).press("Add 12 CAE runs")
     assert "Added: 12 CAE runs (" in session.words
-    files = {f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(2)}
-    session = drop(session, **files)
-    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
-        field(session, label).set_value(value)
-    session = session.run().press("Add 2 tests")
+    session = session.upload(tables(2)).fill(CONDITION).press("Add 2 tests")
     assert session.numbers["CAE runs"] == "12"
     assert session.numbers["Tests"] == "2"
     assert session.press("Open another campaign").app.text_input(key="folder")
@@ -342,27 +284,26 @@ def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_p
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> None:
+def test_the_open_campaign_is_added_to(open_campaign: Path) -> None:
     """It is proposed, asks for the drive by which its tests are told apart, and shows the new test at once."""
     with (open_campaign / "campaign.toml").open("a", encoding="utf-8") as settings:
         settings.write('\nnotice = "All of it is simulated."\n')
-    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    session = begin().upload({"v5.zip": zipped(nhtsa_files())})
     assert "“All of it is simulated.”" in session.words
-    drive = field(session, "drive")
+    drive = session.field("drive")
     assert set(drive.options) == set(load_campaign(open_campaign).factors["drive"])
-    drive.set_value(drive.options[0])
-    assert session.run().press("Add as test").numbers["Tests"] == "5"
+    assert session.fill({"drive": drive.options[0]}).press("Add as test").numbers["Tests"] == "5"
     added_test = load_campaign(open_campaign).tests[-1]
     assert (added_test.id, added_test.condition.factors) == ("00005", (("drive", drive.options[0]),))
 
 
 @pytest.mark.slow
-def test_a_campaign_that_filters_gets_the_record_raw(visit: Visit, open_campaign: Path) -> None:
+def test_a_campaign_that_filters_gets_the_record_raw(open_campaign: Path) -> None:
     """The preview is filtered as the campaign will; what is added is whole, with what came before contact."""
     (open_campaign / "campaign.toml").write_text("channel_filter_class = 60\n")
-    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
-    assert field(session, "Filter").value == "CFC 60, by the campaign"
-    assert field(session, "Filter").disabled
+    session = begin().upload({"v5.zip": zipped(nhtsa_files())})
+    assert session.field("Filter").value == "CFC 60, by the campaign"
+    assert session.field("Filter").disabled
     assert abs(curves(session)["00005"]).max() == pytest.approx(abs(half_sine_g(clock())).max(), rel=0.03)
     session.press("Add as test")
     time_s, _ = np.loadtxt(open_campaign / "tests" / "00005.csv", delimiter=",", skiprows=1).T
@@ -370,10 +311,10 @@ def test_a_campaign_that_filters_gets_the_record_raw(visit: Visit, open_campaign
 
 
 @pytest.mark.slow
-def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_path: Path) -> None:
+def test_nothing_is_added_to_the_sample_or_among_other_things(tmp_path: Path) -> None:
     """Nor to a path that is none; the import stays as it is."""
-    session = visit().press("Load the sample campaign")
-    session = drop(session, v5_zip=zipped(nhtsa_files()))
+    session = begin().press("Load the sample campaign")
+    session = session.upload({"v5.zip": zipped(nhtsa_files())})
     assert not [one for one in session.app.radio if one.label == "Into"]
     (tmp_path / "letter.txt").write_text("Dear")
     sample = sample_folder()
@@ -393,12 +334,12 @@ def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_
     assert session.numbers["Tests"] == "11"
 
 
-def test_a_folder_of_foreign_files_is_imported_from_where_it_is(visit: Visit, tmp_path: Path) -> None:
+def test_a_folder_of_foreign_files_is_imported_from_where_it_is(tmp_path: Path) -> None:
     """Nothing of the user's own is deleted."""
     (tmp_path / "v5").mkdir()
     for name, content in nhtsa_files().items():
         (tmp_path / "v5" / name).write_bytes(content)
-    session = visit()
+    session = begin()
     session.app.text_input(key="folder").set_value(str(tmp_path / "v5"))
     session = session.press("Open folder")
     assert "NHTSA" in session.words
@@ -409,19 +350,19 @@ def test_a_folder_of_foreign_files_is_imported_from_where_it_is(visit: Visit, tm
 @pytest.mark.parametrize(
     ("name", "content"),
     [
-        ("x_csv", b"a;b\n1;2\n"),
-        ("x_csv", b"\x00\x01\x02" * 50),
-        ("x_xlsx", b"no workbook"),
-        ("x_tdms", b"TDSm" + b"\xff" * 60),
-        ("binout_", b"\x08\x08\x08\x01\x01\x01" + b"\xff" * 50),
-        ("x_zip", zipped({"v1.EV5": b"----- EV5 -----\n"})),
-        ("x_zip", zipped({"x.mme": b"0" * 5_000_000})),
+        ("x.csv", b"a;b\n1;2\n"),
+        ("x.csv", b"\x00\x01\x02" * 50),
+        ("x.xlsx", b"no workbook"),
+        ("x.tdms", b"TDSm" + b"\xff" * 60),
+        ("binout", b"\x08\x08\x08\x01\x01\x01" + b"\xff" * 50),
+        ("x.zip", zipped({"v1.EV5": b"----- EV5 -----\n"})),
+        ("x.zip", zipped({"x.mme": b"0" * 5_000_000})),
     ],
 )
 @pytest.mark.slow
-def test_bad_files_are_said_and_leave_nothing(visit: Visit, name: str, content: bytes) -> None:
+def test_bad_files_are_said_and_leave_nothing(name: str, content: bytes) -> None:
     """No traceback, nothing to add, and the way back leaves no file."""
-    session = drop(visit(), **{name: content})
+    session = begin().upload({name: content})
     assert session.tables or "Before it can be added" in session.words
     assert "COLUMN=ROLE" not in session.words + "".join(table.to_string() for table in session.tables)  # no command
     assert not [one for one in session.app.button if one.label.startswith("Add") and not one.disabled]
@@ -431,13 +372,13 @@ def test_bad_files_are_said_and_leave_nothing(visit: Visit, name: str, content: 
 
 
 @pytest.mark.slow
-def test_cae_files_dropped_beside_tests_are_told_apart(visit: Visit, tmp_path: Path) -> None:
+def test_cae_files_dropped_beside_tests_are_told_apart(tmp_path: Path) -> None:
     """Which files are CAE runs is proposed, said, and can be changed; both kinds are added at once."""
     names = {"T1": 1.5, "T2": -1.5, "CAE1": 0.8}
-    files = {f"{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), s)) for i, s in names.items()}
-    table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},56,900,700" for i in names)])
-    session = drop(visit(), **files, conditions_csv=table.encode())
-    assert field(session, "Of these").value == ["CAE1.csv"]
+    files = {f"{i}.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), s)) for i, s in names.items()}
+    conditions = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},56,900,700" for i in names)])
+    session = begin().upload({**files, "conditions.csv": conditions.encode()})
+    assert session.field("Of these").value == ["CAE1.csv"]
     assert "Like CAE runs, by name or number of records: CAE1.csv." in session.words
     session = into(session, tmp_path / "both")
     session.press("Add 1 CAE run and 2 tests")
@@ -446,14 +387,14 @@ def test_cae_files_dropped_beside_tests_are_told_apart(visit: Visit, tmp_path: P
 
 
 @pytest.mark.slow
-def test_what_says_that_it_is_simulated_is_proposed_as_a_cae_run(visit: Visit) -> None:
+def test_what_says_that_it_is_simulated_is_proposed_as_a_cae_run() -> None:
     """A prediction in ISO-MME, say; taken as a test, it cannot be added, and the page says why."""
     channel = Channel("10VEHC000000ACXP", "X", "g", half_sine_g(clock()), 1e-4, -0.05, (), "simulation")
     weights = [(f".{axle} weight test object 1", "850") for axle in ("Front", "Rear")]
     test = IsommeTest("P1", [("Velocity test object 1", "15.5"), *weights], (channel,))
-    session = drop(visit(), own_zip=zipped(isomme_files(test)))
-    assert field(session, "Take it as").value == "cae"
+    session = begin().upload({"own.zip": zipped(isomme_files(test))})
+    assert session.field("Take it as").value == "cae"
     assert "Like CAE runs, by what the files say: own." in session.words
     assert "Add as CAE run" in session.buttons
-    field(session, "Take it as").set_value("tests")
-    assert "by its own account 10VEHC000000ACXP (simulation)" in session.run().words
+    session.fill({"Take it as": "tests"})
+    assert "by its own account 10VEHC000000ACXP (simulation)" in session.words

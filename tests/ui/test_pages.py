@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,6 +34,7 @@ from crashfuse.study.study import Fold, Study
 from crashfuse.ui import study
 from crashfuse.ui.kit import computation
 from crashfuse.ui.kit.figures import SentFigure
+from crashfuse.ui.kit.jobs import Job
 from crashfuse.ui.kit.text import as_read
 from crashfuse.units import LB, MPH, G
 from tests.conftest import not_none
@@ -122,14 +124,20 @@ def rated(session: Session) -> list[str]:
     return re.findall(r'data-approach="\w+" title="Why">([^<]+)</span>', row)
 
 
+def running(until: Callable[[Job[Any]], object]) -> Job[Any]:
+    """The job that runs, once it has come so far."""
+    (job,) = computation.jobs().active
+    while not until(job):
+        assert job.active
+    return job
+
+
 @pytest.mark.usefixtures("gate")
 def test_training_shows_progress_and_can_be_cancelled() -> None:
     """Step, count and a way out; then a word on what is kept."""
     session = start("train")
     session.press(WITHOUT)
-    (job,) = computation.jobs().active
-    while "LF TCN" not in job.steps or job.steps["LF TCN"].progress.done < 3:
-        assert job.active
+    job = running(lambda job: "LF TCN" in job.steps and job.steps["LF TCN"].progress.done == 3)
     session.run()
     assert "LF TCN: 3 of 10" in session.words
     assert session.charts == 1
@@ -273,9 +281,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
 
     nothing_cached.setattr(computation, "run_study", in_two_parts)
     session = start("compare").press("Predict test T1")
-    (job,) = computation.jobs().active
-    while job.part is None or not job.steps:  # shown, and then reported
-        assert job.active
+    job = running(lambda job: job.part is not None and job.steps)  # shown, and then reported
     session.run()
     assert rated(session) == ["CAE", "Displacement domain"]
     assert "LF TCN, Time domain, Fused: still training" in session.words
@@ -423,18 +429,14 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
     assert session.charts == 1
     assert "Extrapolation" not in session.words
     count = len(fits)
-    (speed,) = [field for field in session.app.number_input if field.label == "Impact speed (mph)"]
-    speed.set_value(60.0).run()
+    session.fill({"Impact speed (mph)": 60.0})
     assert "Extrapolation: speed 60.0 mph lies outside" in session.words
-    (speed,) = [field for field in session.app.number_input if field.label == "Impact speed (mph)"]
-    speed.set_value(600.0).run()  # the field itself would refuse it, and leave what was predicted before
+    session.fill({"Impact speed (mph)": 600.0})  # the field itself would refuse it, and leave what was predicted before
     assert re.search(r"Impact speed \(mph\) is from [\d.]+ to 70 here, not 600: 70 is taken", session.words)
     assert "Extrapolation: speed 70.0 mph lies outside" in session.words
     assert "lb in all" in session.words
-    (drive,) = [box for box in session.app.selectbox if box.label == "Drive"]
-    assert drive.options == ["FWD"]
-    drive.select("FWD").run()
-    assert not session.app.exception
+    assert session.field("Drive").options == ["FWD"]
+    session.fill({"Drive": "FWD"})
     assert session.charts == 1
     assert len(fits) == count
 
@@ -456,9 +458,7 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
 
     monkeypatch.setattr("crashfuse.study.config.create", create)
     session = start("predict").press("Predict")
-    (job,) = computation.jobs().active
-    while job.part is None or len(job.part.fits) < 2:
-        assert job.active
+    job = running(lambda job: job.part is not None and len(job.part.fits) >= 2)
     session.run()
     assert session.charts == 1
     assert "LF TCN, Time domain, Fused: still training" in session.words
@@ -536,8 +536,6 @@ def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize("page", ["compare", "study", "predict"])
 def test_a_seed_that_there_is_not_starts_nothing(page: str) -> None:
     """Train lets one type it and says so; elsewhere nothing that can only fail is offered."""
-    session = start("train")
-    (seed,) = [field for field in session.app.number_input if field.label == "Seed"]
-    seed.set_value(-1).run()
+    session = start("train").fill({"Seed": -1})
     assert "There is no seed -1: it is from 0 to 4294967295." in session.go(page).words
     assert not [button for button in session.app.button if button.label.startswith(("Predict", "Leave out"))]

@@ -11,7 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.progress import Watch
 from crashfuse.vehicle_archive import VehicleArchive, load_archive
 from tests.archives import made_archive
-from tests.ui.conftest import SOON, Session, Visit
+from tests.ui.conftest import SOON, Session, begin
 
 LEARN = "Learn an archive"
 
@@ -22,10 +22,10 @@ def upload(session: Session, content: bytes) -> Session:
     return session.run()
 
 
-def test_an_archive_is_put_in_shown_and_taken_out(open_campaign: Path, visit: Visit) -> None:
+def test_an_archive_is_put_in_shown_and_taken_out(open_campaign: Path) -> None:
     """What is in use stands on every page, which links here; Undo puts it back."""
     file, content = open_campaign / "archive.cfa", made_archive().content
-    session = upload(visit("train"), content)
+    session = upload(begin("train"), content)
     assert file.read_bytes() == content
     assert "Archive of 3 vehicles" in session.go("data").answer
     session.press("Archive of 3 vehicles")
@@ -41,25 +41,25 @@ def test_an_archive_is_put_in_shown_and_taken_out(open_campaign: Path, visit: Vi
     assert "Archive of 3 vehicles" in session.answer
 
 
-def test_a_file_that_is_no_archive_changes_nothing(open_campaign: Path, visit: Visit) -> None:
+def test_a_file_that_is_no_archive_changes_nothing(open_campaign: Path) -> None:
     """Why is said."""
-    session = upload(visit("train"), b"no archive")
+    session = upload(begin("train"), b"no archive")
     assert "Nothing was changed" in session.words
     assert session.tables[-1]["File"].tolist() == ["archive.cfa"]
     assert not (open_campaign / "archive.cfa").exists()
 
 
-def test_the_sample_tells_where_an_archive_can_be_put(visit: Visit) -> None:
+def test_the_sample_tells_where_an_archive_can_be_put() -> None:
     """Its folder is not written to."""
-    session = visit("train", campaign="sample")
+    session = begin("train", campaign="sample")
     assert "crashfuse sample DIR" in session.words
     assert not session.app.file_uploader
 
 
 @pytest.fixture
-def three(open_campaign: Path, tmp_path: Path, visit: Visit) -> Session:
+def three(open_campaign: Path, tmp_path: Path) -> Session:
     """A visitor who has opened three campaigns, and looks at the first."""
-    session = visit("data")
+    session = begin("data")
     for name in ("van", "coupe"):
         session.open_folder(str(shutil.copytree(open_campaign, tmp_path / name)))
     session.app.sidebar.selectbox(key="campaign").set_value("campaign")
