@@ -48,9 +48,7 @@ def test_the_odd_one_of_four_stands_apart_and_none_of_the_others(campaign: Campa
     assert (len(odd.ratings), len(odd.ratings_between)) == (3, 3)
     assert departures(group) == (odd,)
     assert departures(replace(group)) == (odd,)  # as it was kept in the cache
-    three = at_one_speed(
-        campaign, [1.0, 1.02, 1.3]
-    )  # one is always farther from both others
+    three = at_one_speed(campaign, [1.0, 1.02, 1.3])  # one is always farther from both others
     assert (departure(three, "S3", model), departures(three), departure(campaign, "T2", model)) == (None, (), None)
 
 
