@@ -71,6 +71,7 @@ def test_a_page_shows_one_thing_at_a_time_and_hands_out_whole_files(engineer: Us
     assert report.rstrip().endswith("</html>")
     assert "Test T1" in report
     engineer.press("", f'{DIALOG} [aria-label="Close"]')
+    engineer.open_tab("Pulses")
     engineer.find(".cf-ratings")
     engineer.wait(has_links)
     engineer.sits_at(900, 1000)
