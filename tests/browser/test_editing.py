@@ -33,7 +33,6 @@ def test_tests_are_left_out_of_use_used_again_added_and_undone(
     A German table, with semicolons, decimal commas and bare headers: columns are said, the condition filled in.
     """
     own = shutil.copytree(campaign_on_disk, tmp_path / f"car {tmp_path.name[-4:]}")
-    before = content_of(own)
     user.open_folder(server, own)
     user.press("T3", IN_USE)
     user.sees("Left out of use: T3.")
@@ -58,6 +57,7 @@ def test_tests_are_left_out_of_use_used_again_added_and_undone(
     assert not (own / "tests" / "T1.csv").exists()
     user.press("Undo")
     user.wait((own / "tests" / "T1.csv").exists, "T1 never came back.")
+    before = content_of(own)
     user.press("km/h, kg", f"{SIDEBAR} button")  # in which the import then begins
     user.wait(lambda: "system=kph-kg" in user.browser.current_url)
     table = tmp_path / "Versuch 12.csv"
