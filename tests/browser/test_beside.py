@@ -63,15 +63,15 @@ def test_curves_and_conditions_stay_as_chosen_whatever_else_is(small_server: Ser
     assert "C01 · " in "".join(legend(user))
     user.open(small_server, "compare", **ONE, test="T2", compare_also=("T3", "T4"))
     user.sees("T4 · 35.0 mph", FIGURE)
-    for units, shown in (("km/h, kg", "T4 · 56.3 km/h"), ("mph, lb", "T4 · 35.0 mph")):
+    for units, named in (("km/h, kg", "T4 · 56.3 km/h"), ("mph, lb", "T4 · 35.0 mph")):
         user.press(units)
-        user.sees(shown, FIGURE)
+        user.sees(named, FIGURE)
         user.opens("Curves")
         user.rates_over("40")
         user.wait(lambda: "window=40" in user.browser.current_url)
         user.rates_over("60")
         user.wait(lambda: "window=40" not in user.browser.current_url)
-        user.sees(shown, FIGURE)
+        user.sees(named, FIGURE)
         assert "Test T2: " in user.sees("Compare")
         assert "test=T2" in user.browser.current_url
         assert "compare_also=T3&compare_also=T4" in user.browser.current_url
