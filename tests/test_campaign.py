@@ -13,17 +13,17 @@ from crashfuse.signals.pulse import Pulse
 
 
 def test_holding_out_takes_the_test_and_leaves_the_rest(campaign: Campaign) -> None:
+    """Its paired run, too; a test that is unknown is named with those there are."""
     rest = campaign.without(["T2"])
     assert rest.test_ids == ("T1", "T3", "T4")
     assert rest.cae is campaign.cae
 
-
-def test_an_unknown_test_is_named_with_those_there_are(campaign: Campaign) -> None:
     with pytest.raises(UsageError, match="no test 'T7' in Tiny; it has T1, T2, T3, T4"):
         campaign.without(["T7"])
 
 
 def test_one_changed_sample_changes_the_fingerprint(campaign: Campaign) -> None:
+    """Every sample of every run and test counts; name and notice do not."""
     accel = campaign.cae.accel_mps2.copy()
     accel[3, 700] = np.nextafter(accel[3, 700], np.float32(1))
     assert replace(campaign, cae=replace(campaign.cae, accel_mps2=accel)).fingerprint != campaign.fingerprint
@@ -33,8 +33,6 @@ def test_one_changed_sample_changes_the_fingerprint(campaign: Campaign) -> None:
     changed = CrashTest(first.id, first.condition, Pulse(first.pulse.time_s, moved))
     assert replace(campaign, tests=(changed, *campaign.tests[1:])).fingerprint != campaign.fingerprint
 
-
-def test_name_and_notice_do_not_change_the_fingerprint(campaign: Campaign) -> None:
     assert replace(campaign, name="other", notice="x").fingerprint == campaign.fingerprint
 
 

@@ -63,14 +63,9 @@ class ParquetTable:
         plain = [name for name in texts if name not in written_out | dictionaries]
         with pq.ParquetFile(self._path, read_dictionary=plain) as file:
             for batch in file.iter_batches(batch_size=_BATCH_ROWS, columns=list(columns)):
-                arrays = {
-                    name: batch.column(name).cast(pa.float64(), safe=False)
-                    if name not in texts
-                    else batch.column(name).dictionary_encode()
-                    if name in written_out
-                    else batch.column(name)
-                    for name in columns
-                }
+                arrays = {name: batch.column(name) for name in columns}
+                arrays |= {name: arrays[name].dictionary_encode() for name in columns if name in written_out}
+                arrays |= {name: of.cast(pa.float64(), safe=False) for name, of in arrays.items() if name not in texts}
                 yield pa.table(arrays).to_pandas(), row + np.arange(batch.num_rows)
                 row += batch.num_rows
         pa.default_memory_pool().release_unused()  # it would keep 60 MB of a small file's blocks for the next one

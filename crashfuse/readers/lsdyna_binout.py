@@ -381,8 +381,6 @@ def _joined(pieces: Sequence[History]) -> History:
     ordered = sorted(pieces, key=lambda piece: float(piece.time[0]))
     ends = [float(piece.time[0]) for piece in ordered[1:]] + [np.inf]
     kept = [piece.time < end for piece, end in zip(ordered, ends, strict=True)]
-    parts = {
-        name: np.concatenate([getattr(piece, name)[keep] for piece, keep in zip(ordered, kept, strict=True)])
-        for name in ("time", "acceleration", "velocity")
-    }
-    return History(ordered[0].name, next((p.title for p in ordered if p.title), ""), **parts)
+    parts = [(p.time[keep], p.acceleration[keep], p.velocity[keep]) for p, keep in zip(ordered, kept, strict=True)]
+    columns = map(np.concatenate, zip(*parts, strict=True))
+    return History(ordered[0].name, next((p.title for p in ordered if p.title), ""), *columns)

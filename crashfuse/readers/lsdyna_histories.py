@@ -16,14 +16,7 @@ import numpy as np
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.members import COPY_AGAIN
-from crashfuse.readers.solver_run import (
-    CUT,
-    STAMP,
-    History,
-    axis_of_travel,
-    departure_time,
-    quality_by_histories,
-)
+from crashfuse.readers.solver_run import CUT, STAMP, History, axis_of_travel, departure_time, quality_by_histories
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 

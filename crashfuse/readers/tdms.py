@@ -224,15 +224,12 @@ def _proposed(
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
         codes = {name: code for name in names if (code := ChannelCode.parsed(channels[name].label)) is not None}
         if tests:
-            return (
-                (),
-                f"The same channels are in several groups, {', '.join(map(printable, tests))}: choose those of one.",
-            )
+            named = ", ".join(map(printable, tests))
+            return (), f"The same channels are in several groups, {named}: choose those of one."
         objects = {code.text[0] for code in codes.values() if code.rank < UNPLACED}
         vehicle = min(objects, default="")
-        chosen, why = vocabulary.propose_by_code(
-            {name: code for name, code in codes.items() if code.text[0] == vehicle} or codes
-        )
+        own = {name: code for name, code in codes.items() if code.text[0] == vehicle}
+        chosen, why = vocabulary.propose_by_code(own or codes)
         if chosen:
             others = f" Those of test object {' and '.join(sorted(objects - {vehicle}))} are left out."
             return chosen, f"{why}{others if len(objects) > 1 else ''}"

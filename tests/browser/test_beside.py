@@ -21,8 +21,17 @@ def shows(user: User, *names: str) -> None:
     user.wait(lambda: sorted(legend(user)) == sorted(names), f"The figure never showed {names}.")
 
 
-def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(small_server: Server, user: User) -> None:
-    """Corridors, another window, another figure and a reload change nothing of it; a CAE run is added by its name."""
+def shows_speed(user: User, value: str, unit: str) -> None:
+    """Wait until the field of the speed has this value."""
+    field = f'input[aria-label="Impact speed ({unit})"]'
+    user.wait(lambda: user.find(field).get_attribute("value") == value, f"The speed was never {value} {unit}.")
+
+
+def test_curves_and_conditions_stay_as_chosen_whatever_else_is(small_server: Server, user: User) -> None:
+    """A hidden curve in another window, another figure and after a reload; the nearest tests come in one click.
+
+    What is beside a held-out test in other units; 56 km/h come back as 56.0, not as 34.8 mph rounded twice.
+    """
     shown = ("Displacement domain", POINTWISE, WHOLE)
     user.open(small_server, "compare", **ONE, test="T2")
     user.starts("Predict test T2", FIGURE)
@@ -52,6 +61,42 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(sma
     user.press("Nearest tests", "label")
     user.wait(lambda: "T1 · 15.0 mph" not in legend(user))
     assert "C01 · " in "".join(legend(user))
+    user.open(small_server, "compare", **ONE, test="T2", compare_also=("T3", "T4"))
+    user.sees("T4 · 35.0 mph", FIGURE)
+    for units, named in (("km/h, kg", "T4 · 56.3 km/h"), ("mph, lb", "T4 · 35.0 mph")):
+        user.press(units)
+        user.sees(named, FIGURE)
+        user.opens("Curves")
+        user.rates_over("40")
+        user.wait(lambda: "window=40" in user.browser.current_url)
+        user.rates_over("60")
+        user.wait(lambda: "window=40" not in user.browser.current_url)
+        user.sees(named, FIGURE)
+        assert "Test T2: " in user.sees("Compare")
+        assert "test=T2" in user.browser.current_url
+        assert "compare_also=T3&compare_also=T4" in user.browser.current_url
+    user.open(small_server, "predict", campaign="campaign", approaches="cae")
+    user.starts("Predict", FIGURE)
+    user.sees("Velocity (mph)", FIGURE)
+    user.press("km/h, kg")
+    user.sees("Velocity (km/h)", FIGURE)
+    user.fill("Impact speed (km/h)", "56")
+    shows_speed(user, "56.0", "km/h")
+    user.press("More: ", "summary")
+    assert " lb" not in user.sees("kg in all")
+    assert "(mph)" not in user.sees("ΔV, rebound included (km/h)", TABLE)
+    user.press("Export")
+    report = user.downloads_file("report.html")
+    assert "prediction at 56.0 km/h, front" in report
+    assert "--speed-kph 56 --front-weight-kg" in report
+    user.press("", '[data-testid="stDialog"] [aria-label="Close"]')
+    user.press("mph, lb")
+    shows_speed(user, "34.8", "mph")
+    assert "km/h" not in user.sees("ΔV, rebound included (mph)", TABLE)
+    user.browser.refresh()
+    shows_speed(user, "34.8", "mph")
+    user.press("km/h, kg")
+    shows_speed(user, "56.0", "km/h")
 
 
 def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: Server, user: User) -> None:
@@ -106,51 +151,3 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.open_tab("Past results")
     listed = "return document.querySelector('[data-testid=\"stDataFrame\"]')?.textContent ?? ''"
     user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "Nothing listed the prediction.")
-
-
-def shows_speed(user: User, value: str, unit: str) -> None:
-    """Wait until the field of the speed has this value."""
-    field = f'input[aria-label="Impact speed ({unit})"]'
-    user.wait(lambda: user.find(field).get_attribute("value") == value, f"The speed was never {value} {unit}.")
-
-
-def test_all_follows_the_units_and_nothing_else_changes(small_server: Server, user: User) -> None:
-    """The held-out test and what is beside it stay; 56 km/h come back as 56.0, not as 34.8 mph rounded twice."""
-    link = {"campaign": "campaign", "approaches": "displacement_domain", "test": "T3"}
-    user.open(small_server, "compare", **link, compare_also=("T2", "T4"))
-    user.starts("Predict test T3", FIGURE)
-    user.sees("T4 · 35.0 mph", FIGURE)
-    for units, shown in (("km/h, kg", "T4 · 56.3 km/h"), ("mph, lb", "T4 · 35.0 mph")):
-        user.press(units)
-        user.sees(shown, FIGURE)
-        user.opens("Curves")
-        user.rates_over("40")
-        user.wait(lambda: "window=40" in user.browser.current_url)
-        user.rates_over("60")
-        user.wait(lambda: "window=40" not in user.browser.current_url)
-        user.sees(shown, FIGURE)
-        assert "Test T3: " in user.sees("Compare")
-        assert "test=T3" in user.browser.current_url
-        assert "compare_also=T2&compare_also=T4" in user.browser.current_url
-    user.open(small_server, "predict", campaign="campaign", approaches="cae")
-    user.starts("Predict", FIGURE)
-    user.sees("Velocity (mph)", FIGURE)
-    user.press("km/h, kg")
-    user.sees("Velocity (km/h)", FIGURE)
-    user.fill("Impact speed (km/h)", "56")
-    shows_speed(user, "56.0", "km/h")
-    user.press("More: ", "summary")
-    assert " lb" not in user.sees("kg in all")
-    assert "(mph)" not in user.sees("ΔV, rebound included (km/h)", TABLE)
-    user.press("Export")
-    report = user.downloads_file("report.html")
-    assert "prediction at 56.0 km/h, front" in report
-    assert "--speed-kph 56 --front-weight-kg" in report
-    user.press("", '[data-testid="stDialog"] [aria-label="Close"]')
-    user.press("mph, lb")
-    shows_speed(user, "34.8", "mph")
-    assert "km/h" not in user.sees("ΔV, rebound included (mph)", TABLE)
-    user.browser.refresh()
-    shows_speed(user, "34.8", "mph")
-    user.press("km/h, kg")
-    shows_speed(user, "56.0", "km/h")

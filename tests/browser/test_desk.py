@@ -1,5 +1,6 @@
 """Safe on any desk: other sites, other people, and servers that ask who someone is."""
 
+import shutil
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,8 +14,9 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.files.archive import zipped
-from tests.browser.conftest import SIDEBAR, Server, User, serve
+from tests.browser.conftest import SIDEBAR, TABLE, Server, User, serve
 from tests.browser.identity_provider import CLIENT, SECRET, identity_provider
+from tests.campaign_folder.test_uploads import spoil
 from tests.conftest import content_of
 
 pytestmark = pytest.mark.slow
@@ -63,10 +65,23 @@ def test_another_site_cannot_embed_the_dashboard(small_server: Server, user: Use
     user.find("#root")
 
 
-def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
+def test_an_upload_is_mended_and_seen_by_its_owner_and_whoever_has_the_link(
     small_server: Server, user: User, campaign_on_disk: Path, tmp_path: Path
 ) -> None:
-    """After Escape or a reload it is still theirs, with what was computed of it; another browser lists neither."""
+    """Files spoilt in eight ways are eight rows, which say which file; after that the good zip takes its place.
+
+    After Escape or a reload it is still theirs, with what was computed of it; another browser lists neither.
+    """
+    folder = shutil.copytree(campaign_on_disk, tmp_path / "car")
+    told = spoil(folder)
+    spoilt = tmp_path / "spoilt.zip"
+    spoilt.write_bytes(zipped(content_of(folder)))
+
+    def upload(file: Path) -> None:
+        user.open(small_server, "data")
+        user.press("Open another campaign")
+        user.uploads(file)
+        user.press("Open upload")
 
     def listed() -> str:
         user.press("", f'{SIDEBAR} [data-testid="stSelectbox"] input')
@@ -75,10 +90,12 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     dropped = tmp_path / "secret-car.zip"
     files = {**content_of(campaign_on_disk), "campaign.toml": b'unused = ["T4"]'}  # other data than all can see
     dropped.write_bytes(zipped({f"secret-car/{path}": file for path, file in files.items()}))
-    user.open(small_server, "data")
-    user.press("Open another campaign")
-    user.uploads(dropped)
-    user.press("Open upload")
+    upload(spoilt)
+    user.sees(f"cannot be used: {len(told)} problems")
+    problems = user.find(TABLE, "What to do")
+    assert "T2.csv" in problems.text
+    assert len(problems.find_elements(By.CSS_SELECTOR, "tbody tr")) == len(told)
+    upload(dropped)
     user.sees("secret-car", "h1")
     link = user.browser.current_url
     listed()

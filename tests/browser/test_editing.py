@@ -1,15 +1,12 @@
-"""Campaigns in a real browser: tests in and out of use, an import undone, an upload refused and mended."""
+"""Campaigns in a real browser: tests in and out of use, and an import undone."""
 
 import shutil
 from pathlib import Path
 
 import pytest
-from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from crashfuse.files.archive import zipped
-from tests.browser.conftest import MAIN, PILL, SIDEBAR, TABLE, Server, User
-from tests.campaign_folder.test_uploads import spoil
+from tests.browser.conftest import MAIN, PILL, SIDEBAR, Server, User
 from tests.conftest import content_of
 from tests.importing.crash_files import german
 from tests.importing.crashes import clock, half_sine_g
@@ -17,12 +14,6 @@ from tests.importing.crashes import clock, half_sine_g
 pytestmark = pytest.mark.slow
 
 IN_USE = f"{MAIN} {PILL}"  # a pill for each test
-
-
-@pytest.fixture
-def own(campaign_on_disk: Path, tmp_path: Path) -> Path:
-    """A campaign of the user's own."""
-    return shutil.copytree(campaign_on_disk, tmp_path / f"car {tmp_path.name[-4:]}")
 
 
 def held_out_choices(user: User) -> list[str]:
@@ -34,8 +25,14 @@ def held_out_choices(user: User) -> list[str]:
     return listed
 
 
-def test_a_test_is_left_out_of_use_and_used_again(server: Server, user: User, own: Path) -> None:
-    """One click: it is gone from Compare, and every page says so; another click, or Undo, and it is back."""
+def test_tests_are_left_out_of_use_used_again_added_and_undone(
+    server: Server, user: User, campaign_on_disk: Path, tmp_path: Path
+) -> None:
+    """One click: a test is gone from Compare, and every page says so; another click, or Undo, and it is back.
+
+    A German table, with semicolons, decimal commas and bare headers: columns are said, the condition filled in.
+    """
+    own = shutil.copytree(campaign_on_disk, tmp_path / f"car {tmp_path.name[-4:]}")
     user.open_folder(server, own)
     user.press("T3", IN_USE)
     user.sees("Left out of use: T3.")
@@ -60,14 +57,7 @@ def test_a_test_is_left_out_of_use_and_used_again(server: Server, user: User, ow
     assert not (own / "tests" / "T1.csv").exists()
     user.press("Undo")
     user.wait((own / "tests" / "T1.csv").exists, "T1 never came back.")
-
-
-def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
-    server: Server, user: User, own: Path, tmp_path: Path
-) -> None:
-    """Semicolons, decimal commas, bare headers: the columns are said, the condition filled in, the preview drawn."""
     before = content_of(own)
-    user.open_folder(server, own)
     user.press("km/h, kg", f"{SIDEBAR} button")  # in which the import then begins
     user.wait(lambda: "system=kph-kg" in user.browser.current_url)
     table = tmp_path / "Versuch 12.csv"
@@ -94,23 +84,3 @@ def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
     user.press("Undo")
     user.wait(lambda: not user.all(MAIN, "Versuch 12"))
     assert content_of(own) == before
-
-
-def test_an_upload_is_refused_with_all_its_problems_and_the_mended_one_opened(
-    server: Server, user: User, own: Path, tmp_path: Path
-) -> None:
-    """Eight files spoilt in eight ways: eight rows, which say which file; after that the good zip takes its place."""
-    (tmp_path / "mended.zip").write_bytes(zipped(content_of(own)))
-    told = spoil(own)
-    (tmp_path / "spoilt.zip").write_bytes(zipped(content_of(own)))
-    user.open(server, "data")
-    user.uploads(tmp_path / "spoilt.zip")
-    user.press("Open upload")
-    user.sees(f"cannot be used: {len(told)} problems")
-    assert "T2.csv" in user.sees("What to do", TABLE)
-    assert len(user.browser.find_elements(By.CSS_SELECTOR, f"{TABLE} tbody tr")) == len(told)
-    user.open(server, "data")
-    user.uploads(tmp_path / "mended.zip")
-    user.press("Open upload")
-    user.sees("Fingerprint")
-    assert "campaign=mended" in user.browser.current_url

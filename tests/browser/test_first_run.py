@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.browser.conftest import FIGURE, TABLE, Server, User
+from tests.browser.conftest import DARK, FIGURE, LIGHT, TABLE, Server, User
 
 pytestmark = pytest.mark.slow
 
@@ -20,7 +20,16 @@ READ = "return performance.getEntriesByType('resource').some(each => each.name.i
 
 
 def test_a_newcomer_gets_from_a_cold_link_to_a_rated_comparison(cold_server: Server, user: User) -> None:
-    """Open /compare, load the sample, train without the networks, see the table."""
+    """Open /compare, load the sample, train without the networks, see the table.
+
+    Dark from the first sight where the system is, light as soon as it becomes so: page, figures, no reload.
+    """
+
+    def grounds() -> set[str]:
+        shown = (user.find(css) for css in ('[data-testid="stApp"]', f"{FIGURE} .main-svg"))
+        return {element.value_of_css_property("background-color") for element in shown}
+
+    user.prefers("dark")
     script = user.browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
     user.open(cold_server, "compare")
     user.sees("No campaign is open yet")
@@ -38,6 +47,9 @@ def test_a_newcomer_gets_from_a_cold_link_to_a_rated_comparison(cold_server: Ser
     user.sees("Rated, ")
     user.press("Compare T")
     user.sees("Displacement (mm)", FIGURE)
+    user.wait(lambda: grounds() == {DARK})
+    user.prefers("light")
+    user.wait(lambda: grounds() == {LIGHT})
     user.open_tab("Ratings and metrics")
     table = user.sees("Corridor", TABLE)
     assert all(approach in table for approach in ("CAE", "Displacement domain"))

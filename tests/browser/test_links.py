@@ -1,11 +1,11 @@
-"""The frame in a real browser: links into a server that nobody has used, and both themes."""
+"""The frame in a real browser: links into a server that nobody has used, and Back."""
 
 from collections.abc import Iterator
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, SIDEBAR, Server, User
+from tests.browser.conftest import FIGURE, LINK, MAIN, SIDEBAR, Server, User
 
 pytestmark = pytest.mark.slow
 
@@ -90,18 +90,3 @@ def test_back_undoes_the_last_choice_and_no_more(server: Server, small_server: S
     user.wait(lambda: urlsplit(user.browser.current_url).path == "/train")
     user.sees("Compare T3")
     assert asked(user)["test"] == "T2"
-
-
-def test_the_page_and_its_figures_follow_the_theme(server: Server, user: User) -> None:
-    """Dark from the first sight where the system is, light as soon as it becomes so: page, figures, no reload."""
-
-    def grounds() -> tuple[str, str]:
-        app, figure = (user.find(css) for css in ('[data-testid="stApp"]', f"{FIGURE} .main-svg"))
-        return app.value_of_css_property("background-color"), figure.value_of_css_property("background-color")
-
-    user.prefers("dark")
-    user.open(server, "data", campaign="sample")
-    user.sees("CAE runs")
-    user.wait(lambda: grounds() == (DARK, DARK))
-    user.prefers("light")
-    user.wait(lambda: grounds() == (LIGHT, LIGHT))

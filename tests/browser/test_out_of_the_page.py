@@ -26,8 +26,25 @@ pytestmark = pytest.mark.slow
 BANDED = ("time_domain", "displacement_domain", "fused")
 
 
-def test_the_numbers_of_a_figure_are_those_of_visible_curves(engineer: User, campaign_on_disk: "Path") -> None:
-    """A curve is taken out, corridors are added: the file has what is left, as the library has it."""
+def test_a_figure_is_saved_as_it_is_shown_and_always_in_the_light(engineer: User, campaign_on_disk: "Path") -> None:
+    """What it shows in lines above it, which wrap where it is narrow; the numbers are those of visible curves."""
+    engineer.sits_at(480, 1000)
+    engineer.prefers("dark")
+    ground = f"return document.querySelector('{FIGURE}').layout.paper_bgcolor"
+    engineer.wait(lambda: engineer.browser.execute_script(ground) == IN_THE_DARK[PAPER])
+    press_tool(engineer, '[data-format="svg"]')
+    saved = engineer.arrived("_T1_pulses-Displacement-domain-Test-CAE_0-60ms_g.svg").read_text(encoding="utf-8")
+    dark = ["rgb({}, {}, {})".format(*bytes.fromhex(colour[1:])) for colour in IN_THE_DARK.values() if colour[0] == "#"]
+    assert not [colour for colour in dark if colour in saved]
+    lines = re.findall('<text x="12" y="([0-9.]+)"[^>]*>([^<]+)<', saved)
+    assert " ".join(words for _, words in lines).startswith(
+        "Acceleration, velocity and displacement over time: test T1"
+    )
+    assert "Fast settings, seed 0" in " ".join(words for _, words in lines)
+    assert len({y for y, _ in lines}) == len(lines) > 2
+    assert engineer.browser.execute_script(ground) == IN_THE_DARK[PAPER]
+    engineer.prefers("light")
+    engineer.sits_at(1440, 1000)
     engineer.press("Corridors of the rating", "label")
     engineer.sees("Corridor of the rating, inner", FIGURE)
     engineer.press_inside("Curves", "CAE", PILL)
@@ -49,25 +66,6 @@ def test_the_numbers_of_a_figure_are_those_of_visible_curves(engineer: User, cam
     assert "test T1 and its prediction by Displacement domain<" in saved  # not by CAE, which is hidden
     assert "@font-face" in saved  # which no other program has: without it, and without lengths, words would overlap
     assert len(re.findall("<(?:text|tspan)[^>]* textLength=", saved)) > 20
-
-
-def test_a_picture_from_a_dark_page_is_light_and_says_what_it_shows(engineer: User) -> None:
-    """In lines above the figure, which wrap where it is narrow; the page itself stays as it is."""
-    engineer.sits_at(480, 1000)
-    engineer.prefers("dark")
-    ground = f"return document.querySelector('{FIGURE}').layout.paper_bgcolor"
-    engineer.wait(lambda: engineer.browser.execute_script(ground) == IN_THE_DARK[PAPER])
-    press_tool(engineer, '[data-format="svg"]')
-    saved = engineer.arrived("_T1_pulses-Displacement-domain-Test-CAE_0-60ms_g.svg").read_text(encoding="utf-8")
-    dark = ["rgb({}, {}, {})".format(*bytes.fromhex(colour[1:])) for colour in IN_THE_DARK.values() if colour[0] == "#"]
-    assert not [colour for colour in dark if colour in saved]
-    lines = re.findall('<text x="12" y="([0-9.]+)"[^>]*>([^<]+)<', saved)
-    assert " ".join(words for _, words in lines).startswith(
-        "Acceleration, velocity and displacement over time: test T1"
-    )
-    assert "Fast settings, seed 0" in " ".join(words for _, words in lines)
-    assert len({y for y, _ in lines}) == len(lines) > 2
-    assert engineer.browser.execute_script(ground) == IN_THE_DARK[PAPER]
 
 
 def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(

@@ -8,15 +8,35 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
-from tests.browser.conftest import FIGURE, LINK, MAIN, PAIRED, POPOVER, QUICK, TABLE, Server, User, press_tool, rows
+from tests.browser.conftest import (
+    DIALOG,
+    FIGURE,
+    LINK,
+    MAIN,
+    PAIRED,
+    POPOVER,
+    QUICK,
+    TABLE,
+    Server,
+    User,
+    press_tool,
+    rows,
+)
 
 pytestmark = pytest.mark.slow
 
 _CLIPBOARD = "navigator.clipboard.readText().then(arguments[0], () => arguments[0](''))"
 
 
-def test_compare_shows_one_tab_at_a_time_and_hands_out_whole_files(engineer: User) -> None:
-    """Reasons on demand; corridors, residuals; a table copied; scores and pulses as CSV; a report from end to end."""
+def test_a_page_shows_one_thing_at_a_time_and_hands_out_whole_files(engineer: User) -> None:
+    """On Compare reasons on demand, corridors, residuals; a table copied, scores and pulses as CSV, a whole report.
+
+    The sidebar folds by itself in a narrow window; on Data the link has which figure is shown.
+    """
+
+    def has_links() -> bool:
+        return any(0 <= link.rect["x"] < 300 for link in engineer.all(LINK))
+
     engineer.sees("Velocity (mph)", FIGURE)
     assert engineer.texts(".cf-best")[0].startswith(("CAE", "Displacement domain"))
     assert not engineer.all(MAIN, "Single draws")
@@ -50,25 +70,19 @@ def test_compare_shows_one_tab_at_a_time_and_hands_out_whole_files(engineer: Use
     assert report.startswith("<!doctype html>")
     assert report.rstrip().endswith("</html>")
     assert "Test T1" in report
-
-
-def test_the_sidebar_folds_in_a_narrow_window_and_data_shows_one_figure_at_a_time(engineer: User) -> None:
-    """By itself, and comes back in a wide one; the link has which figure, and it is said what it asks for in vain."""
-
-    def shown() -> bool:
-        return any(0 <= link.rect["x"] < 300 for link in engineer.all(LINK))
-
+    engineer.press("", f'{DIALOG} [aria-label="Close"]')
+    engineer.open_tab("Pulses")
     engineer.find(".cf-ratings")
-    engineer.wait(shown)
+    engineer.wait(has_links)
     engineer.sits_at(900, 1000)
-    engineer.wait(lambda: not shown())
+    engineer.wait(lambda: not has_links())
     engineer.press("", '[data-testid="stExpandSidebarButton"]')
-    engineer.wait(shown)
+    engineer.wait(has_links)
     engineer.browser.refresh()
     engineer.find(".cf-ratings")
-    engineer.wait(lambda: not shown())
+    engineer.wait(lambda: not has_links())
     engineer.sits_at(1440, 1000)
-    engineer.wait(shown)
+    engineer.wait(has_links)
     engineer.go("Data")
     engineer.find(FIGURE, "Time (ms)")
     engineer.open_tab("Conditions")

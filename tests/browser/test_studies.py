@@ -30,23 +30,13 @@ def study(user: User, server: Server, **view: str) -> None:
     user.sees("Mean over the tests")  # the end of the page: until then the figures move
 
 
-def test_a_click_on_a_cell_opens_its_test_and_back_leads_to_the_question(small_server: Server, user: User) -> None:
-    """Anywhere in the cell, not only on the words; back to the study with all at about a test's speed left out."""
-    study(user, small_server)
-    asked = "With all tests at about its speed"
-    user.press(asked, '[data-testid="stButtonGroup"] button')
-    user.wait(lambda: "ways=" in user.browser.current_url)
-    # 2 columns; 5 rows: the tests, and their mean
-    user.clicks_cell("Test T3", lambda width, height: (0.15 * width, (2.3 / 5 - 0.5) * height), "Test T3: 26.0 mph")
-    user.wait(lambda: user.chosen_approach == "By Displacement domain", "Why would be of another approach.")
-    assert "test=T3" in user.browser.current_url
-    user.browser.back()
-    chosen = '[data-testid="stButtonGroup"] button[aria-checked="true"]'
-    user.wait(lambda: asked in user.texts(chosen), "Back led to another question.")
+def test_a_cell_opens_its_test_by_keyboard_and_mouse_and_back_leads_to_the_question(
+    small_server: Server, user: User
+) -> None:
+    """Arrows move from cell to cell, Enter does what a click anywhere in the cell does, as does a field below.
 
-
-def test_a_test_is_opened_by_keyboard(small_server: Server, user: User) -> None:
-    """Arrows move from cell to cell, Enter does what a click does; so does a field below, and Space on a rating."""
+    Back leads to the study with all at about a test's speed left out; Space opens a rating.
+    """
     study(user, small_server)
     heat_map = user.find(FIGURE)
     user.wait(lambda: heat_map.get_attribute("tabindex") == "0")
@@ -59,6 +49,18 @@ def test_a_test_is_opened_by_keyboard(small_server: Server, user: User) -> None:
     heat_map.send_keys(Keys.ENTER)
     user.sees("Test T2: 25.0 mph")
     user.wait(lambda: user.browser.switch_to.active_element.tag_name == "h1", "The focus was lost with the figure.")
+    user.browser.back()
+    user.sees("Mean over the tests")
+    asked = "With all tests at about its speed"
+    user.press(asked, '[data-testid="stButtonGroup"] button')
+    user.wait(lambda: "ways=" in user.browser.current_url)
+    # 2 columns; 5 rows: the tests, and their mean
+    user.clicks_cell("Test T3", lambda width, height: (0.15 * width, (2.3 / 5 - 0.5) * height), "Test T3: 26.0 mph")
+    user.wait(lambda: user.chosen_approach == "By Displacement domain", "Why would be of another approach.")
+    assert "test=T3" in user.browser.current_url
+    user.browser.back()
+    chosen = '[data-testid="stButtonGroup"] button[aria-checked="true"]'
+    user.wait(lambda: asked in user.texts(chosen), "Back led to another question.")
     study(user, small_server)
     user.browser.execute_script("document.activeElement.blur(); window.focus()")
     keyboard = ActionChains(user.browser)
@@ -82,8 +84,14 @@ def test_a_test_is_opened_by_keyboard(small_server: Server, user: User) -> None:
     assert user.browser.execute_script("return document.querySelector('[data-testid=stMain]').scrollTop") == 0
 
 
-def test_a_study_report_shows_the_chosen_tests_in_the_units_of_the_page(small_server: Server, user: User) -> None:
-    """Short, of one test, in kg and m/s²; bands, and what they are worth."""
+def test_studies_are_reported_in_the_units_of_the_page_compared_and_opened_again(
+    small_server: Server, user: User
+) -> None:
+    """Short, of one test, in kg and m/s². Two ticks: means, differences, a table to take along; a button opens one.
+
+    Escape closes the dialog of files, and Back does not open it again.
+    """
+    user.sits_at(1440, 1000)
     study(user, small_server)
     user.press("km/h, kg", f"{SIDEBAR} button")
     user.press("m/s²", f"{SIDEBAR} button")
@@ -97,12 +105,6 @@ def test_a_study_report_shows_the_chosen_tests_in_the_units_of_the_page(small_se
     assert re.findall("<h2>Test (T.): ([^<]*), front", report) == [("T3", "41.8 km/h")]
     assert "Method and settings" not in report
     assert "<td>Peak deceleration (m/s²)</td>" in report
-
-
-def test_two_studies_are_compared_and_one_is_opened_again(small_server: Server, user: User) -> None:
-    """Two ticks: means, differences, a table to take along, by a dialog that Escape closes; a button opens a study."""
-    user.sits_at(1440, 1000)
-    study(user, small_server)
     study(user, small_server, seed="4")
     user.sees("Fast settings, seed 4", ".st-key-head")
     user.open_tab("Past results")

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,6 +20,7 @@ from crashfuse.files.archive import name_trouble
 from crashfuse.importing import Reading, read_records
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.testing.readers import written
+from tests.campaign_folder.test_refusals import edit
 from tests.conftest import problems_of
 from tests.importing.crash_files import german
 from tests.importing.crashes import clock, half_sine_g
@@ -85,13 +85,9 @@ def test_a_foreign_name_that_is_no_id_is_made_one_and_told(tmp_path: Path) -> No
     assert record.id == "=1+1"
 
 
-def with_columns(folder: Path, **columns: Mapping[str, object]) -> Path:
+def with_columns(folder: Path, **columns: Mapping[str, object]) -> None:
     """Write columns of cae.csv, of the runs that are named."""
-    table = pd.read_csv(folder / "cae.csv")
-    for name, by_run in columns.items():
-        table[name] = table.id.map(by_run)
-    table.to_csv(folder / "cae.csv", index=False)
-    return folder
+    edit("cae.csv", lambda t: t.assign(**{name: t.id.map(by_run) for name, by_run in columns.items()}))(folder)
 
 
 def test_shares_are_read_and_empty_cells_are_not_recorded(campaign_folder: Path) -> None:
@@ -119,17 +115,11 @@ def test_quality_and_limits_survive_the_round_trip(campaign_on_disk: Path, tmp_p
         assert again.fingerprint == campaign.fingerprint
 
 
-def stating(folder: Path, **columns: list[str]) -> Path:
-    """More columns in its table of tests."""
-    table = pd.read_csv(folder / "tests.csv", dtype=str, keep_default_na=False).assign(**columns)
-    table.to_csv(folder / "tests.csv", index=False)
-    return folder
-
-
 def test_what_is_said_of_a_test_is_no_part_of_its_condition(campaign_folder: Path, tmp_path: Path) -> None:
     """Whether the CAE model was tuned to it, and about_ columns, survive the round trip and change no fingerprint."""
     before = load_campaign(campaign_folder)
-    stating(campaign_folder, cae_tuned=["yes", "No ", "", "TRUE"], about_date=["2026-03-01", "", "", "2026-04-01"])
+    columns = {"cae_tuned": ["yes", "No ", "", "TRUE"], "about_date": ["2026-03-01", "", "", "2026-04-01"]}
+    edit("tests.csv", lambda t: t.assign(**columns))(campaign_folder)
     said = load_campaign(campaign_folder)
     assert [test.cae_tuned for test in said.tests] == [True, False, None, True]
     assert said.tests[0].about == (("about_date", "2026-03-01"),)
@@ -142,7 +132,7 @@ def test_what_is_said_of_a_test_is_no_part_of_its_condition(campaign_folder: Pat
         assert [(test.cae_tuned, test.about) for test in other.tests] == [(t.cae_tuned, t.about) for t in said.tests]
     assert said.tests_frame["cae_tuned"].tolist() == ["yes", "no", "", "yes"]
     assert "cae_tuned" not in before.tests_frame
-    stating(campaign_folder, cae_tuned=["yes", "maybe", "", ""])
+    edit("tests.csv", lambda t: t.assign(cae_tuned=["yes", "maybe", "", ""]))(campaign_folder)
     (problem,) = problems_of(lambda: load_campaign(campaign_folder))
     assert (problem.column, problem.row, problem.found) == ("cae_tuned", 3, "'maybe'")
 

@@ -178,16 +178,47 @@ def test_files_that_nothing_reads_are_named(campaign_folder: Path) -> None:
     assert told.partition(": ")[2] == "study/, summary.csv, tests/T9.xlsx."
 
 
-def test_a_single_test_is_enough_to_predict_and_not_to_check(campaign_folder: Path) -> None:
-    """The campaign is read, with a word on what cannot be done."""
-    table = campaign_folder / "tests.csv"
-    table.write_text("\n".join(table.read_text().splitlines()[:2]) + "\n")
+def _one_test(folder: Path) -> None:
+    edit("tests.csv", lambda t: t[:1])(folder)
     for test_id in ("T2", "T3", "T4"):
-        (campaign_folder / "tests" / f"{test_id}.csv").unlink()
+        (folder / "tests" / f"{test_id}.csv").unlink()
+
+
+@pytest.mark.parametrize(
+    ("change", "ids", "told"),
+    [
+        (_one_test, "1", "Only one test: "),
+        (
+            edit("tests.csv", lambda t: t.assign(drive=t.drive.where(t.id != "T3", ""))),
+            "1234",
+            "tests.csv, drive: not given for T3; fill it in, for tests may differ by it.",
+        ),
+        (
+            lambda folder: shutil.copy(folder / "tests" / "T1.csv", folder / "tests" / "T9.csv"),
+            "1234",
+            "tests: pulses without a row in tests.csv are left out, namely T9.",
+        ),
+    ],
+    ids=["one test", "no factor", "no row"],
+)
+def test_what_keeps_no_campaign_from_being_used_is_told(
+    campaign_folder: Path, change: Callable[[Path], object], ids: str, told: str
+) -> None:
+    """With one test nothing can be checked; a factor left empty may matter; a stray file does no harm."""
+    change(campaign_folder)
     loaded = load_campaign(campaign_folder)
-    assert loaded.test_ids == ("T1",)
+    assert loaded.test_ids == tuple(f"T{number}" for number in ids)
     (warning,) = loaded.warnings
-    assert warning.startswith("Only one test: ")
+    assert warning.startswith(told)
+
+
+def test_filter_class_of_the_import_is_that_of_all_tests(campaign_folder: Path) -> None:
+    """Known if every test was imported with one class; else it is as supplied."""
+    entries = [f'[[imported]]\nid = "T{i}"\nas = "tests"\nchannel_filter_class = 60.0\n' for i in range(1, 5)]
+    others = [*entries[:3], entries[3].replace("60.0", '"none"')]
+    for lines, told in ((entries, "CFC 60"), (entries[:3], "filtered as supplied"), (others, "filtered as supplied")):
+        (campaign_folder / "campaign.toml").write_text("\n".join(lines))
+        assert load_campaign(campaign_folder).filter_class == told
 
 
 def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
@@ -199,29 +230,6 @@ def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
     assert "NA" in load_campaign(campaign_folder).cae.ids
 
 
-def test_a_test_that_lacks_a_factor_of_the_others_is_named(campaign_folder: Path) -> None:
-    """Left empty, as after an import that could not know it: the campaign is sound, and the reader is told."""
-    table = pd.read_csv(campaign_folder / "tests.csv", dtype=str)
-    table.loc[table["id"] == "T3", "drive"] = ""
-    table.to_csv(campaign_folder / "tests.csv", index=False)
-    (warning,) = load_campaign(campaign_folder).warnings
-    assert warning == "tests.csv, drive: not given for T3; fill it in, for tests may differ by it."
-
-
-def test_pulses_without_a_row_are_left_out_with_a_warning(campaign_folder: Path) -> None:
-    """A stray file does no harm."""
-    shutil.copy(campaign_folder / "tests" / "T1.csv", campaign_folder / "tests" / "T9.csv")
-    loaded = load_campaign(campaign_folder)
-    assert loaded.test_ids == ("T1", "T2", "T3", "T4")
-    assert loaded.warnings == ("tests: pulses without a row in tests.csv are left out, namely T9.",)
-
-
-def test_a_fault_of_one_file_raises_no_false_alarm_elsewhere(campaign_folder: Path) -> None:
-    """One unreadable pulse is one problem: its test is not reported as missing too."""
-    (campaign_folder / "tests" / "T1.csv").write_text("")
-    assert len(problems_of(lambda: load_campaign(campaign_folder))) == 1
-
-
 def test_what_is_wrong_with_pulses_is_said_beside_what_is_wrong_with_their_table(campaign_folder: Path) -> None:
     """An id twice, a word for a weight, a stretch without samples and a pulse that is missing: each is said."""
     put("tests.csv", 3, "id", "T1")(campaign_folder)
@@ -230,12 +238,9 @@ def test_what_is_wrong_with_pulses_is_said_beside_what_is_wrong_with_their_table
         campaign_folder
     )
     (campaign_folder / "tests" / "T3.csv").unlink()
-    assert [(problem.where, problem.column) for problem in problems_of(lambda: load_campaign(campaign_folder))] == [
-        ("tests.csv", "id"),
-        ("tests.csv", "rear_weight_lb"),
-        ("tests/T2.csv", "acceleration_g"),
-        ("tests.csv", "id"),
-    ]
+    of_table, of_pulse = [("tests.csv", "id"), ("tests.csv", "rear_weight_lb")], ("tests/T2.csv", "acceleration_g")
+    problems = problems_of(lambda: load_campaign(campaign_folder))
+    assert [(problem.where, problem.column) for problem in problems] == [*of_table, of_pulse, of_table[0]]
 
 
 def test_bad_cells_of_a_column_are_shortened(campaign_folder: Path) -> None:

@@ -1,6 +1,5 @@
 """Notes go into a campaign folder and come back; a damaged file is said; no result depends on them."""
 
-import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -11,8 +10,9 @@ from crashfuse import cli
 from crashfuse.campaign_folder.load import lay_out
 from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, change_notes, read_notes, write_notes
 from crashfuse.errors import DataError, UsageError
+from crashfuse.files.archive import zipped
 from crashfuse.reporting.figure_files import figures_of
-from tests.conftest import Capture
+from tests.conftest import Capture, content_of
 
 NOTES = (
     Note("T1", "Barrier face\n  replaced"),
@@ -41,18 +41,11 @@ def test_notes_come_back_as_they_were_written(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [FILE]
 
 
-@pytest.fixture
-def folder(campaign_on_disk: Path, tmp_path: Path) -> Path:
-    """A campaign folder of one's own."""
-    return Path(shutil.copytree(campaign_on_disk, tmp_path / "campaign"))
-
-
-def test_notes_travel_with_a_campaign_that_is_uploaded(folder: Path, tmp_path: Path) -> None:
+def test_notes_travel_with_a_campaign_that_is_uploaded(campaign_folder: Path, tmp_path: Path) -> None:
     """In a zip of the folder."""
-    write_notes(folder, NOTES)
-    archive = Path(shutil.make_archive(str(tmp_path / "campaign"), "zip", folder))
+    write_notes(campaign_folder, NOTES)
     (tmp_path / "into").mkdir()
-    assert read_notes(lay_out([(archive.name, archive.read_bytes())], tmp_path / "into")) == NOTES
+    assert read_notes(lay_out([("campaign.zip", zipped(content_of(campaign_folder)))], tmp_path / "into")) == NOTES
 
 
 @pytest.mark.parametrize(
@@ -93,14 +86,27 @@ def test_a_damaged_file_is_one_sentence(tmp_path: Path, content: bytes, said: st
     for notes in ((NOTES[0],), ()):
         with pytest.raises(DataError, match=said):
             write_notes(tmp_path, notes)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {FILE: content}
+    assert content_of(tmp_path) == {FILE: content}
 
 
-def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(folder: Path, tmp_path: Path) -> None:
+def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(
+    campaign_folder: Path, tmp_path: Path
+) -> None:
     """A script in notes.csv is shown, not run, in the list and on the figure of the short report."""
-    write_notes(folder, [Note("T1", "<script>alert(1)</script>", 25.0)])
+    write_notes(campaign_folder, [Note("T1", "<script>alert(1)</script>", 25.0)])
     out = tmp_path / "out"
-    command = ["study", str(folder), "--out", str(out), "--held-out", "T1", "--approach", "cae", "--workers", "1"]
+    command = [
+        "study",
+        str(campaign_folder),
+        "--out",
+        str(out),
+        "--held-out",
+        "T1",
+        "--approach",
+        "cae",
+        "--workers",
+        "1",
+    ]
     assert cli.main([*command, "--report", "short"]) == cli.DONE
     text = (out / "report.html").read_text(encoding="utf-8")
     assert "<script>alert(1)" not in text
@@ -111,11 +117,11 @@ def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(fold
 
 
 def test_damaged_notes_stop_the_command_before_anything_is_computed(
-    folder: Path, tmp_path: Path, capsys: Capture
+    campaign_folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """One sentence, nothing written."""
-    (folder / FILE).write_text("test,text\n", encoding="utf-8")
-    assert cli.main(["study", str(folder), "--out", str(tmp_path / "out")]) == cli.WRONG_DATA
+    (campaign_folder / FILE).write_text("test,text\n", encoding="utf-8")
+    assert cli.main(["study", str(campaign_folder), "--out", str(tmp_path / "out")]) == cli.WRONG_DATA
     assert "notes.csv: expected the columns test, start_ms, end_ms, text" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 

@@ -1,6 +1,7 @@
 """Records and CAE runs that cannot be, by themselves or beside the others, are told of, and no others."""
 
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -90,10 +91,8 @@ def with_gap(folder: Path, gap_m: float, *, every: int, filtered: bool, slowest_
     folder.mkdir()
     runs.to_csv(folder / "cae.csv", index=False)
     pd.concat(tables).to_parquet(folder / "cae_pulses.parquet", index=False)
-    (folder / "tests.csv").write_bytes((sample_folder() / "tests.csv").read_bytes())
-    (folder / "tests").mkdir()
-    for path in (sample_folder() / "tests").iterdir():
-        (folder / "tests" / path.name).write_bytes(path.read_bytes())
+    shutil.copy(sample_folder() / "tests.csv", folder)
+    shutil.copytree(sample_folder() / "tests", folder / "tests")
     return np.array(wanted)
 
 
@@ -136,10 +135,8 @@ def few(tmp_path: Path) -> Path:
     runs.to_csv(tmp_path / "cae.csv", index=False)
     pulses = pd.read_parquet(sample / "cae_pulses.parquet")
     pulses[pulses["id"].isin(runs["id"])].to_parquet(tmp_path / "cae_pulses.parquet", index=False)
-    (tmp_path / "tests.csv").write_bytes((sample / "tests.csv").read_bytes())
-    (tmp_path / "tests").mkdir()
-    for path in (sample / "tests").iterdir():
-        (tmp_path / "tests" / path.name).write_bytes(path.read_bytes())
+    shutil.copy(sample / "tests.csv", tmp_path)
+    shutil.copytree(sample / "tests", tmp_path / "tests")
     return tmp_path
 
 

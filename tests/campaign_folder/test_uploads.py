@@ -11,16 +11,10 @@ import pytest
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import lay_out, load_campaign, unread_files
 from crashfuse.errors import DataError
-from crashfuse.files import archive
-from crashfuse.files.archive import Limits
+from crashfuse.files.archive import Limits, zipped
 from tests.archives import made_archive
 from tests.campaign_folder.test_refusals import CAE, PULSE, TABLE, TESTS, edit, put
 from tests.conftest import content_of, problems_of
-
-
-def zipped(*files: tuple[str, bytes]) -> bytes:
-    """Pack files as a zip."""
-    return archive.zipped(dict(files))
 
 
 @pytest.fixture
@@ -34,10 +28,9 @@ def test_a_zipped_campaign_is_the_campaign(
     content: dict[str, bytes], campaign_on_disk: Path, tmp_path: Path, top: str
 ) -> None:
     """With or without folders around it, and with what a Mac adds, a zip gives the campaign of the folder."""
-    extra = [("__MACOSX/._tests.csv", b"x"), (f"{top}.DS_Store", b"x"), (f"{top}README.md", b"# Notes")]
-    folder = lay_out(
-        [("Our car.zip", zipped(*((top + name, data) for name, data in content.items()), *extra))], tmp_path
-    )
+    files = {"__MACOSX/._tests.csv": b"x", f"{top}.DS_Store": b"x", f"{top}README.md": b"# Notes"}
+    files |= {top + name: data for name, data in content.items()}
+    folder = lay_out([("Our car.zip", zipped(files))], tmp_path)
     assert content_of(folder) == content
     assert folder.parent == tmp_path
     uploaded = load_campaign(folder)
@@ -63,7 +56,7 @@ def test_what_is_asked_of_a_campaign_comes_with_it(content: dict[str, bytes], tm
     asked = {"criteria.toml": b"confidence = 0.9", "matrix.csv": TABLE + b"M1,25,2000,1500\n"}
     asked["archive.cfa"] = made_archive().content
     files = [(Path(name).name if loose else name, data) for name, data in {**content, **asked}.items()]
-    folder = lay_out(files if loose else [("Our car.zip", zipped(*files))], tmp_path)
+    folder = lay_out(files if loose else [("Our car.zip", zipped(dict(files)))], tmp_path)
     assert {name: content_of(folder)[name] for name in asked} == asked
     assert load_campaign(folder).warnings == ()
 
@@ -97,15 +90,14 @@ def test_uploads_beyond_the_limits_are_refused_and_nothing_stays(
     """Zip or loose files: neither may be larger than allowed."""
     loose = [(Path(name).name, data) for name, data in content.items()]
     with pytest.raises(DataError, match=expected):
-        lay_out([("c.zip", zipped(*content.items()))] if packed else loose, tmp_path, limits)
+        lay_out([("c.zip", zipped(content))] if packed else loose, tmp_path, limits)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
 def test_damage_anywhere_is_a_sentence_and_writes_nothing_outside(content: dict[str, bytes], tmp_path: Path) -> None:
     """Cut off or with flipped bits at random, a zip is laid out or refused; no other error, no file elsewhere."""
-    small = {name: data[:300] for name, data in content.items()}
-    sound = zipped(*((f"car/{name}", data) for name, data in small.items()))
+    sound = zipped({f"car/{name}": data[:300] for name, data in content.items()})
     dice = random.Random(18571)  # noqa: S311  (no secret)
     (tmp_path / "in").mkdir()
     sentences: list[str] = []
@@ -173,7 +165,7 @@ def loose(folder: Path) -> list[tuple[str, bytes]]:
 
 OPENED: dict[str, Callable[[Path, Path], Campaign]] = {
     "the folder": lambda folder, _: load_campaign(folder),
-    "a zip": lambda folder, into: load_campaign(lay_out([("car.zip", archive.zipped(content_of(folder)))], into)),
+    "a zip": lambda folder, into: load_campaign(lay_out([("car.zip", zipped(content_of(folder)))], into)),
     "loose files": lambda folder, into: load_campaign(lay_out(loose(folder), into)),
 }
 

@@ -16,6 +16,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.writer import append_to_table, write_campaign
 from crashfuse.errors import DataError
+from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import Pulse
 from tests.conftest import content_of
 
@@ -57,6 +58,21 @@ def test_filtered_pulses_are_not_filtered_again(campaign_folder: Path, tmp_path:
         stream.write("channel_filter_class = 60\n")
     with pytest.raises(DataError, match="or pulses are filtered twice"):
         load_campaign(tmp_path / "again")
+
+
+def test_an_occupant_model_of_its_own_is_read_and_written(
+    campaign: Campaign, campaign_folder: Path, tmp_path: Path
+) -> None:
+    """The rest stays as usual, 65 and 235 mm, 30 mm and 2500 N/m; the fingerprint is that of the content."""
+    assert load_campaign(campaign_folder).occupant == USUAL_OCCUPANT == OccupantModel(65, 235, 30, 2500)
+    (campaign_folder / "campaign.toml").write_text("[occupant]\nolc_restraint_mm = 200\nvpi_stiffness_npm = 3000\n")
+    found = load_campaign(campaign_folder)
+    assert found.occupant == OccupantModel(olc_restraint_mm=200.0, vpi_stiffness_npm=3000.0)
+    write_campaign(found, tmp_path / "again")
+    assert load_campaign(tmp_path / "again").fingerprint == found.fingerprint
+    assert "occupant" not in (tmp_path / "again" / "tests.csv").read_text()
+    write_campaign(replace(campaign, occupant=USUAL_OCCUPANT), tmp_path / "usual")
+    assert "[occupant]" not in (tmp_path / "usual" / "campaign.toml").read_text()
 
 
 def test_a_folder_that_holds_something_is_left_alone(campaign: Campaign, tmp_path: Path) -> None:
@@ -170,12 +186,7 @@ def read(campaign_on_disk: Path) -> Campaign:
 @pytest.fixture
 def frames(read: Campaign) -> Frames:
     """The tables of that campaign."""
-    return {
-        "tests": read.tests_frame,
-        "test_pulses": read.test_pulses_frame,
-        "cae": read.cae_frame,
-        "cae_pulses": read.cae_pulses_frame,
-    }
+    return {name: getattr(read, f"{name}_frame") for name in ("tests", "test_pulses", "cae", "cae_pulses")}
 
 
 def refusal(frames: Frames, **changed: pd.DataFrame) -> str:

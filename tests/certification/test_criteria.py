@@ -129,14 +129,11 @@ def test_what_cannot_be_judged_is_refused_in_a_sentence(tmp_path: Path, text: st
     assert problem.startswith("criteria.toml")
 
 
-def test_every_problem_of_a_file_is_told_at_once(tmp_path: Path) -> None:
-    """Nobody has to correct one criterion to learn of the next."""
+def test_every_problem_of_a_file_is_told_at_once_and_another_file_is_one_sentence(tmp_path: Path) -> None:
+    """Nobody has to correct one criterion to learn of the next; no file, no text, one far too large, too many."""
     text = f'confidence = 1\n{CRUSH}\n[[criterion]]\nmetric = "hic"\nat_most = 1000\n'
     assert len(problems_of(lambda: read_criteria(criteria_file(tmp_path, text)))) == 3
-
-
-def test_a_file_that_is_missing_or_no_text_is_one_sentence(tmp_path: Path) -> None:
-    """So is one that is far too large."""
+    (tmp_path / "criteria.toml").unlink()
     with pytest.raises(DataError, match=r"criteria\.toml: expected this file, found no such file"):
         read_criteria(tmp_path / "criteria.toml")
     (tmp_path / "criteria.toml").write_bytes(b"\xff\xfe\x00")

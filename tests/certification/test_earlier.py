@@ -2,7 +2,6 @@
 
 import json
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crashfuse.certification.criteria import criteria_of, criteria_text
-from crashfuse.certification.earlier import FILE, Earlier, parse_earlier, read_earlier
+from crashfuse.certification.earlier import FILE, parse_earlier, read_earlier
 from crashfuse.certification.verdict import EarlierVerdict
 from crashfuse.errors import DataError
 from crashfuse.reporting.certification_record import _criterion
@@ -161,11 +160,10 @@ def test_whatever_limit_was_judged_is_read_again(metric: str, limits: tuple[floa
 
 def test_no_file_and_a_huge_one_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder without it, too."""
-    find: Callable[[Path], Earlier] = read_earlier
     for path in (tmp_path, tmp_path / "other.json"):
         with pytest.raises(DataError, match="expected the record of a certification, found no such file"):
-            find(path)
+            read_earlier(path)
     (tmp_path / FILE).write_text(json.dumps(RECORD))
     monkeypatch.setattr("crashfuse.certification.seal._LARGEST", 10)
     with pytest.raises(DataError, match="found 0 MB"):
-        find(tmp_path)
+        read_earlier(tmp_path)

@@ -141,10 +141,8 @@ def test_whoever_seals_it_anew_has_another_key(sealed: Path, maker: Path, tmp_pa
     seal(sealed, forger, {}, None)
     assert verify(sealed).key == its_name
     (problem,) = problems_of(lambda: verify(sealed, maker.with_name("maker.pub")))
-    assert (problem.where, key_name(read_key(maker.with_name("maker.pub"), "public")) in problem.expected) == (
-        SEAL,
-        True,
-    )
+    assert problem.where == SEAL
+    assert key_name(read_key(maker.with_name("maker.pub"), "public")) in problem.expected
 
 
 def test_a_review_is_signed_once_all_holds_and_one_key_for_both_is_told(

@@ -12,12 +12,7 @@ import pytest
 from crashfuse import cli
 from crashfuse.errors import DataError
 from crashfuse.files.atomic import new_folder, write_atomically, written_together
-from tests.conftest import Capture
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """All files of a folder."""
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+from tests.conftest import Capture, content_of
 
 
 def test_files_get_to_their_folder_together(tmp_path: Path) -> None:
@@ -27,7 +22,7 @@ def test_files_get_to_their_folder_together(tmp_path: Path) -> None:
         write_atomically(folder / "a.csv", b"new")
         write_atomically(folder / "more" / "b.csv", b"new")
         assert (tmp_path / "a.csv").read_bytes() == b"old"
-    assert contents(tmp_path) == {"a.csv": b"new", "more/b.csv": b"new"}
+    assert content_of(tmp_path) == {"a.csv": b"new", "more/b.csv": b"new"}
     assert len(list(tmp_path.iterdir())) == 2
 
 
@@ -54,7 +49,7 @@ def test_files_that_cannot_all_be_written_change_nothing(tmp_path: Path) -> None
     with pytest.raises(OSError, match="No space"), written_together(tmp_path, last="b.csv") as folder:  # noqa: PT012
         write_atomically(folder / "a.csv", b"new")
         raise OSError(28, "No space left on device")
-    assert contents(tmp_path) == {"a.csv": b"old"}
+    assert content_of(tmp_path) == {"a.csv": b"old"}
     assert len(list(tmp_path.iterdir())) == 1
 
 
@@ -66,12 +61,12 @@ def test_a_new_folder_appears_when_it_is_whole(tmp_path: Path, there: bool) -> N
         folder.mkdir()
     with new_folder(folder) as home:
         write_atomically(home / "a.csv", b"new")
-        assert not contents(folder)
-    assert contents(tmp_path) == {"c/a.csv": b"new"}
+        assert not content_of(folder)
+    assert content_of(tmp_path) == {"c/a.csv": b"new"}
     for taken in (folder, folder / "a.csv"):
         with pytest.raises(DataError, match="a folder that holds nothing yet"), new_folder(taken):
             pass
-    assert contents(tmp_path) == {"c/a.csv": b"new"}
+    assert content_of(tmp_path) == {"c/a.csv": b"new"}
 
 
 @pytest.mark.parametrize("folder", [False, True])
@@ -94,7 +89,7 @@ def test_what_the_disk_has_no_room_for_is_named(tmp_path: Path, monkeypatch: pyt
     with pytest.raises(OSError, match="No space left") as caught:
         write(target)
     assert caught.value.filename == str(target)
-    assert not contents(tmp_path)
+    assert not content_of(tmp_path)
 
 
 @pytest.mark.slow
@@ -114,11 +109,11 @@ def test_a_disk_that_is_full_at_the_end_of_a_study_costs_nothing_but_time(
     assert cli.main(command) == cli.WRONG_DATA
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert said.startswith(f"crashfuse: Nothing was written to {out}: No space left on device. What was finished")
-    assert list(contents(out)) == ["study.json"]
+    assert list(content_of(out)) == ["study.json"]
     assert b'"finished": false' in (out / "study.json").read_bytes()
     monkeypatch.undo()
     assert cli.main([*command, "--resume"]) == cli.DONE
-    assert {"scores.csv", "pulses.csv", "metrics.csv", "report.html", "study.json"} == set(contents(out))
+    assert {"scores.csv", "pulses.csv", "metrics.csv", "report.html", "study.json"} == set(content_of(out))
 
 
 def test_what_a_killed_process_left_is_cleared_away_in_time(tmp_path: Path) -> None:

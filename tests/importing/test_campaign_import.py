@@ -1,6 +1,7 @@
 """From a source to a campaign: all of it goes in or nothing, and where it came from is kept."""
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -147,9 +148,8 @@ def test_what_many_records_lack_is_asked_for_once_with_the_table_that_gives_each
         crash(tmp_path / "in", name, SPEED_MPS, 1.0)
 
     def asked(conditions: Path | None = None) -> list[str]:
-        with pytest.raises(DataError) as caught:
-            import_source(tmp_path / "in", tmp_path / "out", conditions=conditions)
-        return [str(problem) for problem in caught.value.problems]
+        problems = problems_of(lambda: import_source(tmp_path / "in", tmp_path / "out", conditions=conditions))
+        return [str(problem) for problem in problems]
 
     speed, weights, *_ = asked()
     assert speed.startswith("A.csv to B.csv: expected the impact speed of A, B, found none; add a row")
@@ -311,9 +311,7 @@ def test_where_all_look_like_cae_runs_it_is_asked(tmp_path: Path) -> None:
     content = {"sim_1.csv": german(time_s, half_sine_g(time_s)), "sim_2.csv": german(time_s, half_sine_g(time_s))}
     runs, solver = written(tmp_path / "sims", content), written(tmp_path / "lib", {"r1/binout": Run().binout()})
     for source, names in ((runs, "sim_1.csv, sim_2.csv"), (solver, "lib")):
-        with pytest.raises(DataError) as caught:
-            import_source(source, tmp_path / "out")
-        (problem,) = caught.value.problems
+        (problem,) = problems_of(partial(import_source, source, tmp_path / "out"))
         assert problem.found == f"what looks like CAE runs ({names})"
         assert "(--as cae)" in problem.advice
     assert not (tmp_path / "out").exists()

@@ -77,14 +77,8 @@ class RadiossRun:
         if self.gauge:
             found.append((ACCELEROMETERS, "gauges", [(9, "rear seat")], self.gauge))
         if self.curves:
-            found.append(
-                (
-                    NODES,
-                    "mains",
-                    [(690, self.titles[0]), (758, self.titles[1]), *((1000 + i, "") for i in range(self.more_nodes))],
-                    self.curves,
-                )
-            )
+            others = [(1000 + i, "") for i in range(self.more_nodes)]
+            found.append((NODES, "mains", [(690, self.titles[0]), (758, self.titles[1]), *others], self.curves))
         found.append((WALLS, "wall", [(1, "w")], ("FNX", "FNY")))
         return found
 

@@ -42,8 +42,6 @@ GOOD: dict[str, Files] = {
 }
 """A sound test or run of each format, by the names of its files."""
 EVERY = [*GOOD.items(), ("lsdyna", {"nodout": SHORT.nodout()}), ("tdms", {"CEN1908.tdms": iihs_test()})]
-IDS = [f"{fmt}, {next(iter(files))}" for fmt, files in EVERY]
-every_format = pytest.mark.parametrize(("fmt", "files"), EVERY, ids=IDS)
 
 
 def test_every_format_has_a_good_file_here() -> None:
@@ -51,7 +49,7 @@ def test_every_format_has_a_good_file_here() -> None:
     assert set(GOOD) == set(FORMATS)
 
 
-@every_format
+@pytest.mark.parametrize(("fmt", "files"), EVERY, ids=[f"{fmt}, {next(iter(files))}" for fmt, files in EVERY])
 def test_the_pulse_is_that_of_the_crash(tmp_path: Path, fmt: str, files: Files) -> None:
     """Unit, sign and time zero are found."""
     (record,) = read_records(Reading(written(tmp_path / "good", files), fmt))
@@ -78,9 +76,7 @@ def test_bytes_of_another_format_under_a_name_are_refused(tmp_path: Path, fmt: s
 def test_a_file_that_is_named_as_another_format_is_not_its_folder(tmp_path: Path, fmt: str) -> None:
     """Whoever names a table as NHTSA gets no other test that lies somewhere below it."""
     for name, files in GOOD.items():
-        written(
-            tmp_path, {f"old {name}/{file}": content for file, content in files.items()} if name != TABLES else files
-        )
+        written(tmp_path if name == TABLES else tmp_path / f"old {name}", files)
     with pytest.raises(DataError, match=r"T1\.csv: expected .* found a file of another kind"):
         read_records(Reading(tmp_path / "T1.csv", fmt))
 

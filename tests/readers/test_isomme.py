@@ -94,10 +94,7 @@ def test_what_is_written_is_read_again_to_the_bit(test_with_numbers: IsommeTest,
     assert (again.name, again.descriptors) == (test_with_numbers.name, test_with_numbers.descriptors)
     for found, expected in zip(again.channels, test_with_numbers.channels, strict=True):
         np.testing.assert_array_equal(found.values, expected.values)
-        nothing = np.zeros(0)
-        assert vars(replace(found, values=nothing)) | {"values": 0} == vars(replace(expected, values=nothing)) | {
-            "values": 0
-        }
+        assert {**vars(found), "values": 0} == {**vars(expected), "values": 0}
 
 
 def test_files_keep_to_the_form_of_the_standard(test_with_numbers: IsommeTest) -> None:

@@ -1,6 +1,7 @@
 """LS-DYNA runs: whatever file, units and direction, the same pulse; damage is told in a sentence, never more."""
 
 import struct
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path
@@ -17,7 +18,7 @@ from crashfuse.testing.readers import written
 from crashfuse.units import MS
 from tests.conftest import SHARED, needs_shared, problems_of
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
-from tests.readers.lsdyna_files import MASS_KG, SYSTEMS, Energies, Layout, Run, chars, lsda
+from tests.readers.lsdyna_files import MASS_KG, SYSTEMS, Energies, Folders, Layout, Run, chars, lsda
 
 WEIGHTS = Choices(condition=PartialCondition(front_weight_kg=950.0, rear_weight_kg=750.0))
 SHORT = Run(end_s=0.02, step_s=1e-3)
@@ -165,18 +166,19 @@ def test_of_states_that_a_binout_repeats_the_later_are_read(tmp_path: Path) -> N
     )
 
 
-@pytest.mark.parametrize("database", ["nodout", "rbdout"])
-def test_without_accelerations_the_velocities_tell(tmp_path: Path, database: str) -> None:
+def as_bodies(folders: Folders) -> Folders:
+    """Histories of nodes as those of rigid bodies."""
+    names = {"x_velocity": "global_vx", "x_acceleration": "global_ax"}
+    renamed = {path: {names.get(name, name): of for name, of in told.items()} for path, told in folders.items()}
+    return {path.replace("nodout", "rbdout"): told for path, told in renamed.items()}
+
+
+@pytest.mark.parametrize("of", [lambda folders: folders, as_bodies], ids=["nodes", "bodies"])
+def test_without_accelerations_the_velocities_tell(tmp_path: Path, of: Callable[[Folders], Folders]) -> None:
     """Of nodes and of rigid bodies; without either the solver is to be asked."""
-    names = {"x_velocity": "global_vx"} if database == "rbdout" else {}
     for words, found in ((("acceleration",), ""), (("acceleration", "velocity"), "ask the solver")):
-        folders = {
-            path.replace("nodout", database): {
-                names.get(name, name): of for name, of in told.items() if not name.endswith(words)
-            }
-            for path, told in FOLDERS.items()
-        }
-        folder = saved(tmp_path / "-".join(words), binout0000=lsda(folders))
+        folders = {path: {i: t[i] for i in t if not i.endswith(words)} for path, t in FOLDERS.items()}
+        folder = saved(tmp_path / "-".join(words), binout0000=lsda(of(folders)))
         if found:
             assert found in problem(folder)
             continue
@@ -269,11 +271,8 @@ def test_a_run_killed_while_writing_is_read_up_to_its_last_whole_state(tmp_path:
 
 def test_rigid_bodies_or_text_serve_where_the_binout_has_no_nodes(tmp_path: Path) -> None:
     """The rigid body of rbdout is the pulse, or the text beside a binout whose energies give the mass."""
-    folders = {}
-    for path, variables in Run(nodes={12: ("", 1.0)}).folders().items():
-        names = {"x_velocity": "global_vx", "x_acceleration": "global_ax"}
-        folders[path.replace("nodout", "rbdout")] = {names.get(name, name): v for name, v in variables.items()}
-    record = only(saved(tmp_path / "bodies", binout=lsda(folders)))
+    folders = Run(nodes={12: ("", 1.0)}).folders()
+    record = only(saved(tmp_path / "bodies", binout=lsda(as_bodies(folders))))
     assert record.proposed == ("body 12",)
     assert settle(record, WEIGHTS, role="cae").pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
     energies = {path: variables for path, variables in SHORT.folders().items() if "glstat" in path}

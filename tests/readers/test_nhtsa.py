@@ -39,14 +39,11 @@ def test_a_zip_its_file_and_its_folder_are_one_test(tmp_path: Path) -> None:
     folder = written(tmp_path / "v00005", nhtsa_files())
     packed = zipped({f"download/{name}": content for name, content in nhtsa_files().items()})
     (tmp_path / "v00005.zip").write_bytes(packed)
-    records = [read_nhtsa(path)[0] for path in (folder, folder / "v00005.EV5", tmp_path / "v00005.zip")]
-    for record in records:
-        assert (record.id, record.proposed, record.condition) == (
-            records[0].id,
-            records[0].proposed,
-            records[0].condition,
-        )
-        np.testing.assert_array_equal(record.channels[0].values, records[0].channels[0].values)
+    (own,) = read_nhtsa(folder)
+    for path in (folder / "v00005.EV5", tmp_path / "v00005.zip"):
+        (other,) = read_nhtsa(path)
+        assert (other.id, other.proposed, other.condition) == (own.id, own.proposed, own.condition)
+        np.testing.assert_array_equal(other.channels[0].values, own.channels[0].values)
 
 
 def test_without_a_centre_of_gravity_the_axles_are_asked_for(tmp_path: Path) -> None:

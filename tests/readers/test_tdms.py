@@ -338,11 +338,7 @@ def test_sensors_are_aligned_by_the_times_at_which_recording_began(
 @pytest.mark.parametrize(
     ("channels", "proposed", "told"),
     [
-        (
-            "Test_041/11TUNN000000ACXP Test_042/11TUNN000000ACXP",
-            0,
-            "in several groups, Test_041, Test_042: choose",
-        ),
+        ("Test_041/11TUNN000000ACXP Test_042/11TUNN000000ACXP", 0, "in several groups, Test_041, Test_042: choose"),
         ("A/11TUNN000000ACXP B/11TUNN000000ACXD", 0, "in several groups, A, B: choose"),
         ("Raw/11TUNN000000ACXP Filtered/11TUNN000000ACXD", 1, "accelerations of other groups: Filtered."),
         ("Car/11TUNN000000ACXP Car/21TUNN000000ACXP", 1, "Those of test object 2 are left out."),

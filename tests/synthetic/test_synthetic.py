@@ -200,12 +200,8 @@ def test_the_seed_decides_everything(sample: Campaign) -> None:
 @pytest.mark.slow
 def test_the_folder_holds_the_campaign(sample: Campaign, written: Path) -> None:
     read = load_campaign(written)
-    assert (read.name, read.notice, read.test_ids, read.cae.ids) == (
-        sample.name,
-        sample.notice,
-        sample.test_ids,
-        sample.cae.ids,
-    )
+    assert (read.name, read.notice) == (sample.name, sample.notice)
+    assert (read.test_ids, read.cae.ids) == (sample.test_ids, sample.cae.ids)
     assert [test.condition for test in read.tests] == [test.condition for test in sample.tests]
     assert read.cae.conditions == sample.cae.conditions
     np.testing.assert_allclose(read.cae.accel_mps2, sample.cae.accel_mps2, rtol=0, atol=0.003 * G)
