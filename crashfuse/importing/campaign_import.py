@@ -24,16 +24,12 @@ from crashfuse.importing.sources import Reading, format_of, is_archive, iter_rec
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
-from crashfuse.readers.vocabulary import Travel, names_a_simulation, speed
+from crashfuse.readers.vocabulary import Travel, names_a_simulation, plain, speed, words
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import MS
 from crashfuse.wording import Sentence
 
-_CAE = re.compile(r"(?<![a-z])runs?(?![a-z])", re.IGNORECASE)
-_TEST = re.compile(
-    r"(?<![a-z])(tests?|versuche?|essais?|measure(d|ments?)|messung(en)?|gemessen|nhtsa|barrier)(?![a-z])",
-    re.IGNORECASE,
-)
+_CAE, _TEST = words("run"), words("test")
 _MANY = 20  # records in one file; nobody crashes as many vehicles
 _ONE_SPEED = 1.05  # ratio of the changes of velocity of repeats; rebounds differ
 _COLUMNS = re.compile(r"--(column|id|conditions)\b")  # options that say what the columns of a table are
@@ -66,7 +62,8 @@ class Label(NamedTuple):
 
 
 def _named_as(name: str) -> tuple[bool, bool]:
-    return _CAE.search(name) is not None or names_a_simulation(name), _TEST.search(name) is not None
+    text = plain(name)
+    return _CAE.search(text) is not None or names_a_simulation(name), _TEST.search(text) is not None
 
 
 def role_of(record: Record, role: Role, cae: Sequence[str]) -> Role:

@@ -33,10 +33,7 @@ _WEIGHT, _NOT_AS_TESTED, _OTHER_UNIT = (_HEADERS[name] for name in ("weight", "n
 _INCLUDING = re.compile(r"\b(incl|inkl|including|with|mit)\b.*")
 _BODY, _DUMMY, _VEHICLE, _OTHER_AXIS = words("body"), words("body", "dummy"), words("vehicle"), words("direction")
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")  # HeadAccX, DUMMYHead
-_AHEAD = words("ahead")
-_OF_THE_VEHICLE = re.compile(
-    r"\b(veh\w*|car|fahrzeug\w*|cg|tunnel\w*|sill|schweller\w*|b (pillar|saule)|rocker|(x|cross) ?member)\b"
-)
+_AHEAD, _OF_THE_VEHICLE = words("ahead"), words("vehicle_part")
 _RAW = re.compile(r"\b(raw|roh(daten|signal)?|unfiltered|ungefiltert)\b")
 _FILTER = re.compile(rf"{_RAW.pattern}|\b(filtered|filt|gefiltert|cfc ?\d{{1,4}})\b")
 _NO_ACCELERATION = words("quantity")

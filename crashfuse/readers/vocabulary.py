@@ -112,48 +112,13 @@ _FIRST_WORDS = re.compile(
 )
 _STATEMENT = re.compile(r"\b(predicted by|ls dyna keyword|ls prepost|nodout|(nodal|element) history)\b")
 _SIMULATION, _PARAMETER, _COMPUTED = words("simulation"), words("parameter"), words("computed")
-_SOUND = re.compile(
-    r"((data|channel|sensor|signal|filtered|ok|o k|okay|am|as measured|good|valid|sound|normal|passed|accepted|checked|"
-    r"correct|bon|gut|i o|in ordnung|(no|without) (remark|error|failure|fault|comment)s?|not failed|\d{2,})( |$))*|"
-    r"unknown|undefined|not (specified|stated|checked|applicable)|n a|none|novalue"
-)
-_FAILURE = (
-    r"fail\w*|fault\w*|malfunction\w*|non ?functional|meaningless|n i o|nio|nok|bad|invalid|lost|loss|broken?|"
-    r"corrupt\w*|defect\w*|defekt\w*|destroyed|damaged|unusable|unbrauchbar|ausfall|ausgefallen|ungultig|disconnected|"
-    r"unplugged|detached|dislodged|torn|severed|cable cut|dead(?! pedal)|abgerissen|kabelbruch|gebrochen|perdue?|"
-    r"cassee?|defaillant\w*|(open|short) circuit|(came|pulled|fell|broke|ripped) (off|loose|away|out|free)"
-)
-_DOUBT = (
-    r"question\w*|suspect\w*|suspicious|doubtful|dubious|unreliable|unrealistic|implausible|unplausibel|anomal\w*|"
-    r"abnormal\w*|errati\w*|(data|signal|sensor|channel) errors?|erroneous|incorrect|wrong|spurious|intermittent\w*|"
-    r"drift(s|ed|ing)|nois[ey]\w*|spik\w*|saturat\w*|clipp\w*|truncated|over ?(range|load|drive)[nd]?|out of range|"
-    r"exceed\w*|drop(ped)? ?outs?|loose|artefact\w*|artifact\w*|fragwurdig|zweifelhaft|gestort|storung\w*|ubersteuert|"
-    r"douteu\w*"
-)
-_FAILED = re.compile(
-    rf"\b({_FAILURE}|no (valid |usable )?(data|signal|values?|output|response|reading|channel)|"
-    r"(not|nicht|don) (t |to be |be )?(ok|o k|valid|usable|good|used?|recorded|working|available|gultig|brauchbar))\b"
-)
+_FAULT = words("quality.failure", "quality.doubt").pattern
+_SOUND = re.compile(rf"(({words('quality.sound').pattern})( |$))*|{words('quality.unstated').pattern}")
+_FAILED, _DOUBTED = words("quality.failure", "quality.no_data"), words("quality.doubt")
 _FAILED_CODE = re.compile(r"\b(cf|mn|md|nd)\b")
-_DOUBTED = re.compile(rf"\b({_DOUBT})\b")
-_DENIED = re.compile(
-    rf"\b((not|nicht|never) ({_FAILURE}|{_DOUBT})|(no|without|ohne|keine?n?|sans) (known |visible |any |data )?"
-    r"(failures?|faults?|errors?|loss(es)?|defe[ck]te?s?|doubts?|noise|spikes?|drift|clipping|drop ?outs?|anomaly))\b"
-)
-_SUM = re.compile(r"\b(sum|sums|summed|summation|totals?|overall|resultant|summe|gesamt\w*|somme|totale|suma)\b")
-_SOME_CELLS = re.compile(
-    r"\b(row|col(umn)?|left|right|upper|lower|top|bottom|middle|reihe|zeile|spalte|links|rechts)\b"
-)
-_VEHICLE = r"(?:car|vehicle|veh|fahrzeug|pkw)"
-_OTHER = re.compile(
-    rf"\b{_VEHICLE}[ _-]*(?:to|2|into|vs\.?|against|gegen|-)[ _-]*(?:other )?{_VEHICLE}s?\b|\b(?:v2v|c2c|vtv)\b|"
-    r"\b(?:small|moderate|partial|narrow)[ _-]*(?:\w+[ _-]*)?overlap|\bdeformable\b|\bm?pdb\b|\bodb\b|"
-    r"\boffset[ _-]*(?:frontal|barrier|crash|impact|test|deform\w*)|\b(?:frontal|front|%)[ _-]*offset|"
-    r"(?<!\d)(?:[1-9]|[1-9]\d)(?:\.\d+)? ?%[ _-]*(?:\w+[ _-]*)?(?:overlap|uberdeckung|überdeckung)|"
-    r"\b(?:side|rear|lateral|far[ -]?side)[ _-]*(?:pole|impact|crash|end|collision)|\bimpactor[ _-]*into\b|\bpole\b|"
-    r"\boblique\b|\broll[ -]?over\b|\bwhiplash\b|\bsled\b|\bseitena\w+|\bhecka\w+|\bpfahl\w*|\bschlitten\w*",
-    re.IGNORECASE,
-)
+_DENIED = re.compile(rf"\b(not|nicht|never) ({_FAULT})|{words('quality.denied').pattern}")
+_SUM, _SOME_CELLS = words("sum.sum"), words("sum.part")
+_OTHER = re.compile("|".join(_WORDS["setup"].values()), re.IGNORECASE)
 
 
 def unit_named(text: str, quantity: str | None = None) -> str | None:
