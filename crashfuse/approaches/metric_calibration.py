@@ -7,6 +7,7 @@ be, for each metric by itself, as the same draws can be too wide in one metric a
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -36,6 +37,7 @@ _WORST = 5.0  # a larger standardised error counts as this one: one odd test mus
 _LEVEL = 0.95
 _LATEST_MS = dict.fromkeys(("peak_time", "step_time", "centroid_time"), float(GRID_S[-1]) * 1e3)
 _MOST_DRAWS = 1000  # computed at once
+_HALVINGS = 40  # of the range in which a quantile lies
 
 MATCHED = ("peak", "sm25", "olc", "max_crush")
 """Metrics of a representative pulse that are at the middle of their distributions."""
@@ -111,6 +113,27 @@ class Distribution:
         """Central 95 %; None beyond the record, or from 0 to beyond it."""
         lower, upper = self.quantile((1 - _LEVEL) / 2), self.quantile((1 + _LEVEL) / 2)
         return (None if upper is None and lower == 0 else lower), upper
+
+
+@lru_cache(maxsize=4096)
+def mean_quantiles(parts: tuple[Distribution, ...]) -> tuple[float | None, float | None, float | None]:
+    """Median and :attr:`Distribution.interval` of the mean of distributions."""
+    median, lower, upper = (_mean_quantile(parts, share) for share in (0.5, (1 - _LEVEL) / 2, (1 + _LEVEL) / 2))
+    return median, (None if upper is None and lower == 0 else lower), upper
+
+
+def _mean_quantile(parts: tuple[Distribution, ...], share: float) -> float | None:
+    lowest, highest = (float(np.mean([getattr(part, end) for part in parts])) for end in ("lowest", "highest"))
+    ends = [end for part in parts if (end := part.quantile(share)) is not None]
+    if not ends or not lowest < share < 1 - highest:
+        return None
+    low, high = min(ends), max(ends)  # equal if there is but one part
+    if len(ends) < len(parts):  # some records end too early for it
+        low, high = 0.0, min(2 * high, parts[0].most)
+    for _ in range(_HALVINGS if high > low else 0):
+        middle = (low + high) / 2
+        low, high = (middle, high) if np.mean([part.cdf(middle) for part in parts]) < share else (low, middle)
+    return high
 
 
 def standardised_error(values: FloatArray, measured: float, metric: str = "") -> float:
