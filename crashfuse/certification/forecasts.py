@@ -138,7 +138,8 @@ class MeanForecast:
 
     def drawn(self, criterion: Criterion) -> npt.NDArray[np.bool_]:
         """As :meth:`Forecast.drawn`, shape (n_seeds, n_draws)."""
-        return np.array([forecast.drawn(criterion) for forecast in self.by_seed])
+        rows = [forecast.drawn(criterion) for forecast in self.by_seed]
+        return np.array(rows) if all(row.size for row in rows) else np.empty(0, dtype=bool)
 
     def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
         """As :meth:`Forecast.measured`: of ratings the mean."""
