@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, Self
 
 from crashfuse.approaches.base import holds_whole
 from crashfuse.approaches.mixture import AboutFused
-from crashfuse.approaches.registry import BASELINE
+from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.approaches.settings import PRESETS
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria, varied
@@ -176,7 +176,7 @@ def certify_matrix(
 ) -> Certification:
     """Judge every criterion at every condition by the first approach, and keep the record of tests, left out in turn.
 
-    Forecasts are cached: other limits take no time. Raises a UsageError without tests, a DataError if a record is
+    Forecasts are cached: other limits take time only near probabilities of the confidence. Raises a UsageError without tests, a DataError if a record is
     shorter than the window of a rating.
     """
     if not campaign.tests:
@@ -243,7 +243,7 @@ def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: 
     asked = _Plan.of(campaign, criteria, matrix, config.approaches[0])
     forecasts = asked.forecasts(config, cache, SILENT)
     restored = all(forecasts.is_known(trial._replace(with_runs=True)) for trial in asked.with_runs)
-    return restored and forecasts.known((*asked.cells, *asked.trials), asked.is_clear)
+    return restored and forecasts.are_known((*asked.cells, *asked.trials), asked.is_clear)
 
 
 _Split = tuple[CrashTest, LeftOut, tuple[str, ...]]  # a test, what is left out with it, the ids of all left out
@@ -278,21 +278,20 @@ class _Plan:
         return cls(campaign, criteria, splits, trials, cells, without)
 
     def forecasts(self, config: StudyConfig, cache: Cache, watch: Watch) -> Forecasts:
-        """What computes them: networks that several of them share are trained on none of the runs that one lacks."""
+        # networks, which all trials share, are trained on none of the runs that one of these lacks
         tests = {test for trial in self.with_runs for test in trial.held_out}
-        untrained = paired_runs(self.campaign, sorted(tests))
+        trains = CLASSES[config.approaches[0]].trains_networks
+        untrained = paired_runs(self.campaign, sorted(tests)) if trains else frozenset()
         cae = replace(self.campaign.cae, untrained=untrained) if untrained else self.campaign.cae
         return Forecasts(replace(self.campaign, cae=cae), self.criteria.windows_ms, config, cache, watch)
 
     def is_clear(self, asked: Asked, forecast: MeanForecast) -> bool:
-        """Whether it is beyond what is checked, or no further seed could turn a verdict."""
         if self._outside[asked.held_out, asked.condition]:
             return True
         return is_clear(judge(forecast, asked.condition, self.criteria), self.criteria.confidence)
 
     @cached_property
     def domain(self) -> Domain:
-        """What all tests check."""
         return Domain.of(self.campaign)
 
     @cached_property

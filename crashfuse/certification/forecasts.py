@@ -1,7 +1,7 @@
 """Forecasts of many conditions by approaches that learned from parts of the tests: computed side by side, and kept."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import lru_cache, partial
 from typing import NamedTuple, Self
@@ -266,32 +266,38 @@ class Forecasts:
         self, asked: Sequence[Asked], workers: Workers, step: str, is_clear: IsClear, learn_for: Sequence[Asked] = ()
     ) -> dict[Asked, MeanForecast]:
         """Forecasts by the first seeds, and by twice as many again as long as their mean is not clear."""
-        found: dict[Asked, MeanForecast] = {}
-        missing = [*dict.fromkeys(asked)]
-        for seeds in _SEEDS:
-            wanted = [each._replace(seed=i) for each in missing for i in seeds if not i or self._is_random(each)]
-            ahead = [each._replace(seed=seed) for each in learn_for for seed in seeds] if seeds is _SEEDS[0] else []
-            known = self.all(wanted, workers, step, ahead)
-            for each in missing:
-                more = tuple(known[own] for seed in seeds if (own := each._replace(seed=seed)) in known)
-                found[each] = MeanForecast((*(found[each].by_seed if each in found else ()), *more))
-            missing = [each for each in missing if self._is_random(each) and not is_clear(each, found[each])]
-            if not missing:
-                break
-        return found
+        ahead = [each._replace(seed=seed) for each in learn_for for seed in _SEEDS[0]]
+        return self._averaged(asked, is_clear, lambda wanted: self.all(wanted, workers, step, ahead))
 
-    def known(self, asked: Sequence[Asked], is_clear: IsClear) -> bool:
+    def are_known(self, asked: Sequence[Asked], is_clear: IsClear) -> bool:
         """Whether the cache has all that :meth:`averaged` takes."""
-        for each in asked:
-            forecasts: tuple[Forecast, ...] = ()
-            for seeds in _SEEDS[: None if self._is_random(each) else 1]:
-                more = [self.find(each._replace(seed=seed)) for seed in seeds[: None if self._is_random(each) else 1]]
-                if None in more:
-                    return False
-                forecasts = (*forecasts, *(forecast for forecast in more if forecast is not None))
-                if is_clear(each, MeanForecast(forecasts)):
-                    break
-        return True
+        with suppress(KeyError):
+            self._averaged(asked, is_clear, self._found)
+            return True
+        return False
+
+    def _found(self, wanted: Sequence[Asked]) -> dict[Asked, Forecast]:
+        found = {each: own for each in wanted if (own := self.find(each)) is not None}
+        return {each: found[each] for each in wanted}
+
+    def _averaged(
+        self, asked: Sequence[Asked], is_clear: IsClear, get: Callable[[Sequence[Asked]], Mapping[Asked, Forecast]]
+    ) -> dict[Asked, MeanForecast]:
+        by_seed: dict[Asked, list[Forecast]] = {each: [] for each in asked}
+        missing = [*by_seed]
+        for seeds in _SEEDS:
+            wanted = [
+                each._replace(seed=seed) for each in missing for seed in seeds if not seed or self._is_random(each)
+            ]
+            forecasts = get(wanted) if wanted else {}
+            for each in wanted:
+                by_seed[each._replace(seed=0)].append(forecasts[each])
+            missing = [
+                each
+                for each in missing
+                if self._is_random(each) and not is_clear(each, MeanForecast(tuple(by_seed[each])))
+            ]
+        return {each: MeanForecast(tuple(own)) for each, own in by_seed.items()}
 
     def _is_random(self, asked: Asked) -> bool:
         return hasattr(self.config.create(asked.approach), "seed")
