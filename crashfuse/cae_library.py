@@ -1,10 +1,10 @@
 """The CAE runs of a campaign: their conditions and pulses, what the solver says of them, what lies beyond them."""
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -106,6 +106,7 @@ NAMED_LIMITS: Mapping[str, QualityLimits] = {
 """Sets of limits by their names in ``campaign.toml``."""
 
 
+_ROWS = ("ids", "conditions", "quality", "about")
 _AXES = (("speed", speed, STEP_MPS), ("front weight", weight, STEP_KG), ("rear weight", weight, STEP_KG))
 
 
@@ -122,6 +123,7 @@ class CaeLibrary:
     quality: tuple[RunQuality, ...] = ()  # of each run; empty if nothing is recorded for any
     left_out: tuple[tuple[str, RunQuality], ...] = ()  # runs that exceed the campaign limits, by id
     about: tuple[About, ...] = ()  # where each comes from; empty likewise
+    untrained: frozenset[str] = frozenset()  # ids of runs that networks are not trained on
 
     def __repr__(self) -> str:
         return f"<CaeLibrary of {len(self):,} runs>"
@@ -141,6 +143,7 @@ class CaeLibrary:
         for run_id, condition in zip(self.ids, self.conditions, strict=True):
             digest.update(f"{run_id}|{condition!r}\n".encode())
         digest.update(np.ascontiguousarray(self.accel_mps2).tobytes())
+        digest.update("|".join(sorted(self.untrained)).encode())
         return digest.hexdigest()
 
     def paired_run(self, condition: Condition) -> int | None:
@@ -153,6 +156,29 @@ class CaeLibrary:
         away = np.divide(gap, target, out=np.where(gap > 0, np.inf, 0.0), where=target > 0).max(axis=1)
         alike = [i for i in np.flatnonzero(away <= SAME_CONDITION).tolist() if condition.may_be(self.conditions[i])]
         return min(alike, key=lambda i: (-condition.shared_factors(self.conditions[i]), away[i]), default=None)
+
+    @cached_property
+    def for_networks(self) -> Self:
+        """The runs that networks are trained on."""
+        left = self.without(self.untrained)
+        return replace(left, untrained=frozenset()) if left.untrained else left
+
+    def paired_ids(self, conditions: Iterable[Condition]) -> frozenset[str]:
+        """Ids of all runs at these conditions."""
+        left, found = self, frozenset[str]()
+        for condition in conditions:
+            while len(left) and (run := left.paired_run(condition)) is not None:
+                found |= {left.ids[run]}
+                left = left.without(found)
+        return found
+
+    def without(self, ids: frozenset[str]) -> Self:
+        """The library without these runs."""
+        kept = [number for number, run_id in enumerate(self.ids) if run_id not in ids]
+        if len(kept) == len(self):
+            return self
+        rows: dict[str, Any] = {n: tuple(values[i] for i in kept) for n in _ROWS if (values := getattr(self, n))}
+        return replace(self, accel_mps2=self.accel_mps2[kept], **rows)
 
     @cached_property
     def range(self) -> tuple[FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem, said
+from tests.conftest import not_none
 
 
 def test_a_run_at_a_tests_condition_is_its_pair(campaign: Campaign) -> None:
@@ -103,3 +104,16 @@ def test_every_run_and_what_lies_between_is_in_range(campaign: Campaign) -> None
     """The range is that of all runs."""
     inside = (*campaign.cae.conditions, Condition.of_vector([20 * MPH, 2050 * LB, 1550 * LB]))
     assert not any(map(campaign.cae.extrapolation, inside))
+
+
+def test_networks_are_trained_without_the_runs_of_tests_that_are_left_out(campaign: Campaign) -> None:
+    """All runs at their conditions go, none else; the others are the same library however it came about."""
+    cae, conditions = campaign.cae, [test.condition for test in campaign.tests[:2]]
+    paired = cae.paired_ids(conditions)
+    assert paired == {cae.ids[not_none(cae.paired_run(condition))] for condition in conditions}
+    others, marked = cae.without(paired), replace(cae, untrained=paired)
+    assert [others.paired_run(condition) for condition in conditions] == [None, None]
+    assert (len(others), others.accel_mps2.shape[0]) == (len(cae) - 2, len(cae) - 2)
+    assert marked.for_networks.fingerprint == others.fingerprint
+    assert len({cae.fingerprint, marked.fingerprint, others.fingerprint}) == 3
+    assert cae.for_networks is cae

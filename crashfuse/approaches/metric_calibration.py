@@ -7,6 +7,7 @@ be, for each metric by itself, as the same draws can be too wide in one metric a
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -37,6 +38,7 @@ _LEVEL = 0.95
 _MOST_CUT = 1 - 1e-9
 _LATEST_MS = dict.fromkeys(("peak_time", "step_time", "centroid_time"), float(GRID_S[-1]) * 1e3)
 _MOST_DRAWS = 1000  # computed at once
+_HALVINGS = 40  # of the range in which a quantile lies
 
 MATCHED = ("peak", "sm25", "olc", "max_crush")
 """Metrics of a representative pulse that are at the middle of their distributions."""
@@ -121,6 +123,28 @@ class Distribution:
         tail = (1 - _LEVEL) / 2
         lower, upper = self.quantile(tail), self.quantile(1 - tail)
         return (None if upper is None and self._cut > tail else lower), upper
+
+
+@lru_cache(maxsize=4096)
+def mean_quantiles(parts: tuple[Distribution, ...]) -> tuple[float | None, float | None, float | None]:
+    """Median and :attr:`Distribution.interval` of the mean of distributions."""
+    median, lower, upper = (_mean_quantile(parts, share) for share in (0.5, (1 - _LEVEL) / 2, (1 + _LEVEL) / 2))
+    is_open = upper is None and any(part.interval[0] is None for part in parts)
+    return median, None if is_open else lower, upper
+
+
+def _mean_quantile(parts: tuple[Distribution, ...], share: float) -> float | None:
+    lowest, highest = (float(np.mean([getattr(part, end) for part in parts])) for end in ("lowest", "highest"))
+    ends = [end for part in parts if (end := part.quantile(share)) is not None]
+    if not ends or not lowest < share < 1 - highest:
+        return None
+    low, high = min(ends), max(ends)  # equal if there is but one part
+    if len(ends) < len(parts):  # some records end too early for it
+        low, high = 0.0, min(2 * high, parts[0].most)
+    for _ in range(_HALVINGS if high > low else 0):
+        middle = (low + high) / 2
+        low, high = (middle, high) if np.mean([part.cdf(middle) for part in parts]) < share else (low, middle)
+    return high
 
 
 def standardised_error(values: FloatArray, measured: float, metric: str = "") -> float:

@@ -8,16 +8,16 @@ from typing import Any, Literal, NamedTuple, Self
 
 from crashfuse.approaches.base import holds_whole
 from crashfuse.approaches.mixture import AboutFused
-from crashfuse.approaches.registry import BASELINE
+from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria, varied
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import Earlier, RemovedTest
-from crashfuse.certification.forecasts import Asked, Forecast, Forecasts, quantity
+from crashfuse.certification.forecasts import Asked, Forecasts, MeanForecast, paired_runs, quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
-from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
+from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, is_clear, judge, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
@@ -30,7 +30,7 @@ from crashfuse.wording import Sentence, joined, probability_text, read_out
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
-_LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
+_LEARN, _JUDGE, _WITH_RUNS = "Left-out tests", "Conditions of the matrix", "Left-out tests with their CAE runs"  # steps
 Rows = tuple[tuple[Verdict, ...], ...]
 Answer = Literal["was run", "skip", "run", "would miss", "cannot say"]
 """The first that is true: a test was made for it; it would meet all criteria at once, and skipping pays; it would miss
@@ -69,6 +69,8 @@ class Certification:
     since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it
     variants: tuple[Variant, ...] = ()  # other limits and confidences, and without each test if asked for
     key: str = ""  # that seals its files, if one does
+    # by the first seed, its error not counted, each test with its paired CAE run; None where the record has these, too
+    record_with_runs: TrackRecord | None = None
 
     def __repr__(self) -> str:
         size = f"{len(self.criteria.items)} × {len(self.matrix.ids)} verdicts"
@@ -185,7 +187,7 @@ def certify_matrix(
 ) -> Certification:
     """Judge every criterion at every condition by the first approach, and keep the record of tests, left out in turn.
 
-    Forecasts are cached: other limits take no time. Raises a UsageError without tests, a DataError if a record is
+    Forecasts are cached: other limits take time only near probabilities of the confidence. Raises a UsageError without tests, a DataError if a record is
     shorter than the window of a rating.
     """
     if not campaign.tests:
@@ -196,25 +198,31 @@ def certify_matrix(
     for window in criteria.windows_ms:
         for test in campaign.tests:
             check_window(test, window)
-    splits, trials, cells = _asked(campaign, matrix, config.approaches[0])
-    forecasts = Forecasts(campaign, criteria.windows_ms, config, cache or Cache(), watch)
+    asked = _Plan.of(campaign, criteria, matrix, config.approaches[0])
+    forecasts = asked.forecasts(config, cache or Cache(), watch)
     with workers_at(scheduler, workers) as place:
         start = time.perf_counter()
-        at_trials = forecasts.all(trials, place, _LEARN, learn_for=cells)
+        at_trials = forecasts.averaged(asked.trials, place, _LEARN, asked.is_clear, learn_for=asked.cells)
+        with_runs = forecasts.all([trial._replace(with_runs=True) for trial in asked.with_runs], place, _WITH_RUNS)
         learned = time.perf_counter()
-        at_cells = forecasts.all(cells, place, _JUDGE)
+        at_cells = forecasts.averaged(asked.cells, place, _JUDGE, asked.is_clear)
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
-    domain, run = Domain.of(campaign), matrix.run((test.id, test.condition) for test in campaign.tests)
+    domain, cells, splits = asked.domain, asked.cells, asked.splits
+    run = matrix.run((test.id, test.condition) for test in campaign.tests)
     left_out = [*_left_out(campaign, criteria, splits, config.approaches[0], at_trials)]
+    restored = {trial._replace(with_runs=False): MeanForecast((own,)) for trial, own in with_runs.items()}
+    left_out_with_runs = [*_left_out(campaign, criteria, splits, config.approaches[0], at_trials | restored)]
 
     def by(criteria: Criteria) -> Certification:
         record = _record(criteria, left_out)
+        flattered = _record(criteria, left_out_with_runs) if restored else None
         judged = tuple(
             judge(at_cells[cell], at, criteria, domain.outside(at), tests, domain.unshown(at))
             for cell, at, tests in zip(cells, matrix.conditions, run, strict=True)
         )
         verdicts = hold(judged, campaign, criteria, record)
-        return Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
+        made = campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds
+        return Certification(*made, record_with_runs=flattered)
 
     found = by(criteria)
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
@@ -238,33 +246,73 @@ def without_each_test(certification: Certification, **computing: Any) -> Certifi
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, cache: Cache) -> bool:
     """Whether the cache has every forecast that a certification takes."""
     config = replace(config, approaches=config.approaches[:1])
-    forecasts = Forecasts(campaign, criteria.windows_ms, config, cache, SILENT)
-    _, trials, cells = _asked(campaign, matrix, config.approaches[0])
-    return all(forecasts.is_known(asked) for asked in (*cells, *trials))
+    asked = _Plan.of(campaign, criteria, matrix, config.approaches[0])
+    forecasts = asked.forecasts(config, cache, SILENT)
+    restored = all(forecasts.is_known(trial._replace(with_runs=True)) for trial in asked.with_runs)
+    return restored and forecasts.are_known((*asked.cells, *asked.trials), asked.is_clear)
 
 
 _Split = tuple[CrashTest, LeftOut, tuple[str, ...]]  # a test, what is left out with it, the ids of all left out
 
 
-def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Split], list[Asked], list[Asked]]:
-    splits: list[_Split] = []
-    if len(campaign.tests) > 1:
-        groups = [(test, campaign.speed_group(test.id)) for test in campaign.tests]
-        splits += [(test, "test", (test.id,)) for test in campaign.tests]
-        splits += [(test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)]
-    trials = [
-        Asked(held_out, name, test.condition)
-        for test, _, held_out in splits
-        for name in dict.fromkeys((approach, BASELINE))
-    ]
-    return splits, trials, [Asked((), approach, condition) for condition in matrix.conditions]
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """What is to be predicted: left-out tests as the conditions of the matrix are, so mostly without a paired run."""
+
+    campaign: Campaign
+    criteria: Criteria
+    splits: Sequence[_Split]
+    trials: Sequence[Asked]
+    cells: Sequence[Asked]
+    with_runs: Sequence[Asked]  # trials that differ if a CAE run at the test's condition stays
+
+    @classmethod
+    def of(cls, campaign: Campaign, criteria: Criteria, matrix: Matrix, approach: str) -> Self:
+        splits: list[_Split] = []
+        if len(campaign.tests) > 1:
+            groups = [(test, campaign.speed_group(test.id)) for test in campaign.tests]
+            splits += [(test, "test", (test.id,)) for test in campaign.tests]
+            splits += [(test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)]
+        all_have_runs = all(campaign.cae.paired_run(condition) is not None for condition in matrix.conditions)
+        trials = [
+            Asked(held_out, name, test.condition, with_runs=all_have_runs or not paired_runs(campaign, held_out))
+            for test, _, held_out in splits
+            for name in dict.fromkeys((approach, BASELINE))
+        ]
+        without = [trial for trial in trials if not trial.with_runs]
+        cells = [Asked((), approach, condition, with_runs=True) for condition in matrix.conditions]
+        return cls(campaign, criteria, splits, trials, cells, without)
+
+    def forecasts(self, config: StudyConfig, cache: Cache, watch: Watch) -> Forecasts:
+        # networks, which all trials share, are trained on none of the runs that one of these lacks
+        tests = {test for trial in self.with_runs for test in trial.held_out}
+        trains = CLASSES[config.approaches[0]].trains_networks
+        untrained = paired_runs(self.campaign, sorted(tests)) if trains else frozenset()
+        cae = replace(self.campaign.cae, untrained=untrained) if untrained else self.campaign.cae
+        return Forecasts(replace(self.campaign, cae=cae), self.criteria.windows_ms, config, cache, watch)
+
+    def is_clear(self, asked: Asked, forecast: MeanForecast) -> bool:
+        if self._outside[asked.held_out, asked.condition]:
+            return True
+        return is_clear(judge(forecast, asked.condition, self.criteria), self.criteria.confidence)
+
+    @cached_property
+    def domain(self) -> Domain:
+        return Domain.of(self.campaign)
+
+    @cached_property
+    def _outside(self) -> dict[tuple[tuple[str, ...], Condition], bool]:
+        left = {cell[2] for cell in self.splits}
+        domains = {out: Domain.of(self.campaign.without(out), for_record=True) for out in left}
+        trials = {(out, test.condition): bool(domains[out].exceeded_by(test.condition)) for test, _, out in self.splits}
+        return trials | {((), c.condition): bool(self.domain.outside(c.condition)) for c in self.cells}
 
 
 class _LeftOut(NamedTuple):
     test: CrashTest
     way: LeftOut
-    forecast: Forecast
-    cae: Forecast
+    forecast: MeanForecast
+    cae: MeanForecast
     outside: tuple[str, ...]
     unshown: tuple[str, ...]
     measured: dict[str, float | None]  # by :func:`quantity`
@@ -272,12 +320,17 @@ class _LeftOut(NamedTuple):
 
 
 def _left_out(
-    campaign: Campaign, criteria: Criteria, splits: list[_Split], approach: str, forecasts: dict[Asked, Forecast]
+    campaign: Campaign,
+    criteria: Criteria,
+    splits: Sequence[_Split],
+    approach: str,
+    forecasts: Mapping[Asked, MeanForecast],
 ) -> Iterator[_LeftOut]:
+    by_key = {(asked.held_out, asked.approach, asked.condition): own for asked, own in forecasts.items()}
     for test, way, held_out in splits:
         domain = Domain.of(campaign.without(held_out), for_record=True)
         outside = domain.exceeded_by(test.condition), domain.unshown(test.condition)
-        own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
+        own, cae = (by_key[held_out, name, test.condition] for name in (approach, BASELINE))
         measured = {quantity(limit): own.measured(limit, test, campaign.occupant) for limit in criteria.items}
         whole = None
         if len(own.whole_mps2) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
@@ -290,8 +343,7 @@ def _record(criteria: Criteria, left_out: Sequence[_LeftOut]) -> TrackRecord:
     for test, way, forecast, cae, outside, unshown, measured, _ in left_out:
         for verdict in judge(forecast, test.condition, criteria, outside, unshown=unshown):
             criterion = verdict.criterion
-            baseline = cae.distributions[quantity(criterion)] if criterion.window_ms is None else None
-            raw = None if baseline is None else baseline.probability(criterion.at_least, criterion.at_most)
+            (raw,) = (cae.chances(criterion) if criterion.window_ms is None else ()) or (None,)
             if (value := measured[quantity(criterion)]) is not None:
                 (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, value, raw))
     whole = tuple((own.way, own.whole) for own in left_out if own.whole is not None)

@@ -1,7 +1,7 @@
 """Forecasts of many conditions by approaches that learned from parts of the tests: computed side by side, and kept."""
 
-from collections.abc import Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing, suppress
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import lru_cache, partial
 from typing import NamedTuple, Self
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.approaches.fit_cache import is_cached, settings
-from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
+from crashfuse.approaches.metric_calibration import Distribution, mean_quantiles, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
@@ -58,6 +58,13 @@ class Forecast:
         limits = criterion.at_least, criterion.at_most
         return alike.probability(*limits), apart.probability(*limits)
 
+    def chance(self, criterion: Criterion) -> float | None:
+        """Probability of meeting a criterion; None if the record is too short to tell."""
+        if folds := self.by_fold(criterion):
+            return float(np.average(folds, weights=(1 - self.apart_share, self.apart_share)))
+        distribution = self.distributions[quantity(criterion)]
+        return None if distribution is None else distribution.probability(criterion.at_least, criterion.at_most)
+
     def drawn(self, criterion: Criterion) -> npt.NDArray[np.bool_]:
         """Which draws meet a criterion by their ranks; none of a rating, or without draws."""
         ranks = dict(zip(self.distributions, self.ranks, strict=False)).get(quantity(criterion))
@@ -97,6 +104,52 @@ class Forecast:
         ranks, whole = finite(entry, "ranks", None, None), finite(entry, "whole_mps2", None, N_SAMPLES)
         folds, share = numbers(entry, "folds", 2, None, len(_UNKNOWN)), float(finite(entry, "apart_share"))
         return cls(finite(entry, "accel_mps2", N_SAMPLES), values, distributions, ranks, whole, folds, share)
+
+
+@dataclass(frozen=True, eq=False)
+class MeanForecast:
+    """The mean of forecasts by several seeds, of networks, fits and draws alike."""
+
+    by_seed: tuple[Forecast, ...]
+
+    def chances(self, criterion: Criterion) -> tuple[float, ...]:
+        """Probability of meeting a criterion, by seed; empty if a record is too short to tell."""
+        chances = [forecast.chance(criterion) for forecast in self.by_seed]
+        return () if None in chances else tuple(chance for chance in chances if chance is not None)
+
+    def numbers(self, criterion: Criterion) -> tuple[float | None, float | None, float | None]:
+        """What a single test shows in the middle, and the central 95 %."""
+        of, n = quantity(criterion), len(self.by_seed)
+        parts = [part for forecast in self.by_seed if (part := forecast.distributions[of]) is not None]
+        values = [value for forecast in self.by_seed if (value := forecast.values[of]) is not None]
+        value = float(np.mean(values)) if len(values) == n else None
+        if len(parts) < n:
+            return value, None, None
+        median, lower, upper = mean_quantiles(tuple(parts))
+        return value if n == 1 else median, lower, upper
+
+    def by_fold(self, criterion: Criterion) -> tuple[float, float] | None:
+        """As :meth:`Forecast.by_fold`."""
+        folds = [own for forecast in self.by_seed if (own := forecast.by_fold(criterion)) is not None]
+        if len(folds) < len(self.by_seed):
+            return None
+        alike, apart = np.mean(folds, axis=0).tolist()
+        return alike, apart
+
+    def drawn(self, criterion: Criterion) -> npt.NDArray[np.bool_]:
+        """As :meth:`Forecast.drawn`, shape (n_seeds, n_draws)."""
+        rows = [forecast.drawn(criterion) for forecast in self.by_seed]
+        return np.array(rows) if all(row.size for row in rows) else np.empty(0, dtype=bool)
+
+    def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
+        """As :meth:`Forecast.measured`: of ratings the mean."""
+        measured = [own for f in self.by_seed if (own := f.measured(criterion, test, occupant)) is not None]
+        return float(np.mean(measured)) if measured else None
+
+    @property
+    def whole_mps2(self) -> FloatArray:
+        """As :attr:`Forecast.whole_mps2`."""
+        return np.asarray(np.mean([forecast.whole_mps2 for forecast in self.by_seed], axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +217,9 @@ def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> floa
 
 
 _KIND = "forecasts"  # kind of cache entry
+_SEEDS = (0, 1), (2, 3), (4, 5, 6, 7)
+"""Averaged over, the later ones where the first leave it unclear. Nobody can choose others."""
+_LEAST_RUNS = 2  # that are left to learn from
 _CHUNK = 16  # conditions predicted by one task, a usual matrix as a whole: each task has to restore the fit
 
 
@@ -173,6 +229,26 @@ class Asked(NamedTuple):
     held_out: tuple[str, ...]
     approach: str
     condition: Condition
+    with_runs: bool = False  # from the CAE runs paired with the tests held out, too
+    seed: int = 0
+
+
+def training(campaign: Campaign, asked: Asked) -> Campaign:
+    """What a forecast is learned from."""
+    others = campaign.without(asked.held_out)
+    if asked.with_runs:
+        return others
+    return replace(others, cae=campaign.cae.without(paired_runs(campaign, asked.held_out)))
+
+
+def paired_runs(campaign: Campaign, tests: Sequence[str]) -> frozenset[str]:
+    """Ids of the CAE runs paired with tests; none if no other runs are left."""
+    runs = campaign.cae.paired_ids(campaign.test(test).condition for test in tests)
+    return runs if len(runs) + _LEAST_RUNS <= len(campaign.cae) else frozenset()
+
+
+IsClear = Callable[[Asked, MeanForecast], bool]
+"""Whether no further seed could turn what a forecast is asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +260,47 @@ class Forecasts:
     config: StudyConfig
     cache: Cache
     watch: Watch
+    _known: dict[tuple[tuple[str, ...], bool], Campaign] = field(default_factory=dict)
+
+    def averaged(
+        self, asked: Sequence[Asked], workers: Workers, step: str, is_clear: IsClear, learn_for: Sequence[Asked] = ()
+    ) -> dict[Asked, MeanForecast]:
+        """Forecasts by the first seeds, and by twice as many again as long as their mean is not clear."""
+        ahead = [each._replace(seed=seed) for each in learn_for for seed in _SEEDS[0]]
+        return self._averaged(asked, is_clear, lambda wanted: self.all(wanted, workers, step, ahead))
+
+    def are_known(self, asked: Sequence[Asked], is_clear: IsClear) -> bool:
+        """Whether the cache has all that :meth:`averaged` takes."""
+        with suppress(KeyError):
+            self._averaged(asked, is_clear, self._found)
+            return True
+        return False
+
+    def _found(self, wanted: Sequence[Asked]) -> dict[Asked, Forecast]:
+        found = {each: own for each in wanted if (own := self.find(each)) is not None}
+        return {each: found[each] for each in wanted}
+
+    def _averaged(
+        self, asked: Sequence[Asked], is_clear: IsClear, get: Callable[[Sequence[Asked]], Mapping[Asked, Forecast]]
+    ) -> dict[Asked, MeanForecast]:
+        by_seed: dict[Asked, list[Forecast]] = {each: [] for each in asked}
+        missing = [*by_seed]
+        for seeds in _SEEDS:
+            wanted = [
+                each._replace(seed=seed) for each in missing for seed in seeds if not seed or self._is_random(each)
+            ]
+            forecasts = get(wanted) if wanted else {}
+            for each in wanted:
+                by_seed[each._replace(seed=0)].append(forecasts[each])
+            missing = [
+                each
+                for each in missing
+                if self._is_random(each) and not is_clear(each, MeanForecast(tuple(by_seed[each])))
+            ]
+        return {each: MeanForecast(tuple(own)) for each, own in by_seed.items()}
+
+    def _is_random(self, asked: Asked) -> bool:
+        return hasattr(self.config.create(asked.approach), "seed")
 
     def all(
         self, asked: Sequence[Asked], workers: Workers, step: str, learn_for: Sequence[Asked] = ()
@@ -191,12 +308,16 @@ class Forecasts:
         """All forecasts asked for, and one of ``learn_for``, so that the fit to all tests is made beside the others."""
         found = {each: own for each in asked if (own := self.find(each)) is not None}
         missing = [each for each in dict.fromkeys(asked) if each not in found]
-        tasks: dict[tuple[str, ...], list[Asked]] = {}
+        tasks: dict[tuple[object, ...], list[Asked]] = {}
         for each in missing:
-            tasks.setdefault(each.held_out, []).append(each)
+            tasks.setdefault((each.held_out, each.with_runs, each.seed), []).append(each)
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
-        chunks[:0] = [[each] for each in learn_for if not self._is_fitted(each) and not self.is_known(each)][:1]
-        shared = prepare(self.campaign, {each.approach for each in missing}, self.config, self.cache, self.watch)
+        to_learn = {each.seed: [each] for each in learn_for if not self._is_fitted(each) and not self.is_known(each)}
+        chunks[:0] = to_learn.values()
+        shared = Cache(self.cache.folder)
+        for seed in sorted({each.seed for each in missing}):
+            approaches = {each.approach for each in missing if each.seed == seed}
+            shared.used |= prepare(self.campaign, approaches, _by(self.config, seed), shared, self.watch).used
         work = partial(_forecast, config=self.config.on_this_device, windows_ms=self.windows_ms)
         done, total = len(found), len(found) + len(missing)
         self.watch.report(step, done, total)
@@ -207,18 +328,23 @@ class Forecasts:
         return found
 
     def _is_fitted(self, asked: Asked) -> bool:
-        approach = self.config.on_this_device.create(asked.approach, self.cache)
-        return is_cached(approach, self.campaign.without(asked.held_out), self.cache)
+        approach = _by(self.config, asked.seed).on_this_device.create(asked.approach, self.cache)
+        return is_cached(approach, self._training(asked), self.cache)
 
     def is_known(self, asked: Asked) -> bool:
         """Whether the cache has a forecast."""
-        training = self.campaign.without(asked.held_out)
-        return self.cache.is_cached(_KIND, _key(training, asked, self.config, self.windows_ms))
+        return self.cache.is_cached(_KIND, _key(self._training(asked), asked, self.config, self.windows_ms))
 
     def find(self, asked: Asked) -> Forecast | None:
         """The forecast in the cache, if there is one."""
-        training = self.campaign.without(asked.held_out)
-        return self.cache.find(_KIND, _key(training, asked, self.config, self.windows_ms), Forecast.restored)
+        key = _key(self._training(asked), asked, self.config, self.windows_ms)
+        return self.cache.find(_KIND, key, Forecast.restored)
+
+    def _training(self, asked: Asked) -> Campaign:
+        key = asked.held_out, asked.with_runs
+        if key not in self._known:
+            self._known[key] = training(self.campaign, asked)
+        return self._known[key]
 
 
 def _forecast(
@@ -230,20 +356,24 @@ def _forecast(
     config: StudyConfig,
     windows_ms: tuple[float, ...],
 ) -> list[tuple[Asked, Forecast]]:
-    training, made = campaign.without(asked[0].held_out), []
+    learned_from, made = training(campaign, asked[0]), []
     with one_thread_throughout():
         for name in dict.fromkeys(each.approach for each in asked):
-            fit = Fit.of(training, name, config, cache=cache, watch=watch)
-            forecaster = Forecaster.of(fit, training, windows_ms)
+            fit = Fit.of(learned_from, name, _by(config, asked[0].seed), cache=cache, watch=watch)
+            forecaster = Forecaster.of(fit, learned_from, windows_ms)
             for each in asked:
                 if each.approach == name:
                     forecast = forecaster.at(each.condition)
-                    cache.put(_KIND, _key(training, each, config, windows_ms), forecast.entry)
+                    cache.put(_KIND, _key(learned_from, each, config, windows_ms), forecast.entry)
                     made.append((each, forecast))
     return made
 
 
+def _by(config: StudyConfig, seed: int) -> StudyConfig:
+    return replace(config, seed=seed)
+
+
 def _key(training: Campaign, asked: Asked, config: StudyConfig, windows_ms: tuple[float, ...]) -> dict[str, object]:
-    fit = settings(config.create(asked.approach))
+    fit = settings(_by(config, asked.seed).create(asked.approach))
     own = {"campaign": training.fingerprint, "condition": asked.condition, "windows_ms": windows_ms}
     return {**fit, **own, "code": code_digest(__name__)}

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.certification.criteria import RATING, Criteria, Criterion
 from crashfuse.certification.domain import REST_ON_PEAK
-from crashfuse.certification.forecasts import Forecast, quantity
+from crashfuse.certification.forecasts import MeanForecast
 from crashfuse.condition import Condition
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.wording import Sentence, joined, probability_text
@@ -35,7 +35,8 @@ class Verdict:
     reason: str
     # what tests there measured, by id: the metric, or the rating of the prediction made without the test
     run: Mapping[str, float | None] = field(default_factory=dict)
-    # which draws of the prediction meet it; empty where it has none, and of a rating
+    chances: tuple[float, ...] = field(default=(), repr=False)  # the probability by each of several seeds
+    # which draws of the prediction meet it, by seed; empty where it has none, and of a rating
     drawn: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool), compare=False, repr=False)
     folds: tuple[float, float] | None = None  # the probability if a test folds as most do, and as one that stands apart
 
@@ -46,6 +47,11 @@ class Verdict:
     def expected(self) -> Sentence:
         """What is expected, and the limit, in words."""
         return self.criterion.compared(self.value, self.lower, self.upper)
+
+    @property
+    def error(self) -> float:
+        """:func:`monte_carlo_error` of the probability."""
+        return monte_carlo_error(self.chances)
 
     @property
     def decided(self) -> bool:
@@ -68,6 +74,25 @@ class AllMet(NamedTuple):
     at_least: float  # Boole's inequality
     probability: float
     at_most: float
+    error: float = 0.0  # of the probability, by :func:`monte_carlo_error`
+
+
+_PRIOR_SEEDS, _SPREAD = 4, 0.5  # seeds that scatter by this times p (1 - p), as fused does on finite elements
+_CLEAR, COUNTED = 3.0, 2.0  # standard errors: from the confidence if more seeds cannot turn it; against a verdict
+
+
+def monte_carlo_error(chances: Sequence[float]) -> float:
+    """Standard error of the mean of probabilities by several seeds; 0 of one alone, which no seed changes.
+
+    How these scatter is shrunk as if four more seeds had come out as usual.
+    """
+    n = len(chances)
+    if n < 2:
+        return 0.0
+    mean = float(np.mean(chances))
+    usual = _SPREAD * mean * (1 - mean)
+    squares = _PRIOR_SEEDS * usual**2 + float(np.square(np.subtract(chances, mean)).sum())
+    return float(np.sqrt(squares / (_PRIOR_SEEDS + n - 1) / n))
 
 
 _PRIOR_DRAWS = 20  # that meet the criteria independently of each other: few draws say little of how these hang together
@@ -82,12 +107,15 @@ def all_met(verdicts: Sequence[Verdict]) -> AllMet:
     chances = np.array([verdict.probability or 0.0 for verdict in verdicts])
     least, most = max(1 - float((1 - chances).sum()), 0.0), float(chances.min())
     has_draws = np.array([verdict.drawn.size > 0 for verdict in verdicts])
-    probability = 1 - float((1 - chances[~has_draws]).sum())
+    own = (v.chances if len(v.chances) > 1 else v.probability or 0.0 for v in verdicts)
+    by_seed = np.array(np.broadcast_arrays(*own))
+    probability = 1 - (1 - by_seed[~has_draws]).sum(axis=0)
     if has_draws.any():
         met = np.all([verdict.drawn for verdict in verdicts if verdict.drawn.size], axis=0)
-        independent = chances[has_draws].prod()
-        probability -= 1 - float(met.sum() + _PRIOR_DRAWS * independent) / (met.size + _PRIOR_DRAWS)
-    return AllMet(least, min(max(probability, least), most), most)
+        independent, n = by_seed[has_draws].prod(axis=0), met.shape[-1]
+        probability = probability - 1 + (met.sum(axis=-1) + _PRIOR_DRAWS * independent) / (n + _PRIOR_DRAWS)
+    error = monte_carlo_error(np.atleast_1d(probability).tolist())
+    return AllMet(least, min(max(float(np.mean(probability)), least), most), most, error)
 
 
 def reaches(probability: float, confidence: float) -> bool:
@@ -97,11 +125,27 @@ def reaches(probability: float, confidence: float) -> bool:
 
 def needs_no_test(verdicts: Sequence[Verdict], confidence: float) -> bool:
     """Whether every criterion is met at a condition, and all of them at once (:func:`all_met`) with the confidence."""
-    return all(verdict.word == "met" for verdict in verdicts) and reaches(all_met(verdicts).probability, confidence)
+    if any(verdict.word != "met" for verdict in verdicts):
+        return False
+    at_once = all_met(verdicts)
+    return reaches(at_once.probability - COUNTED * at_once.error, confidence)
+
+
+def is_clear(verdicts: Sequence[Verdict], confidence: float) -> bool:
+    """Whether the Monte Carlo error of no probability could turn a verdict, or whether a test need not be run."""
+    known = [(verdict.probability, verdict.error) for verdict in verdicts if verdict.word != "outside"]
+    met = all(verdict.probability is not None and verdict.probability >= confidence for verdict in verdicts)
+    at_once = [(own.probability, own.error) for own in [all_met(verdicts)] if known and met]
+    return all(
+        abs(probability - end) >= _CLEAR * error
+        for probability, error in (*known, *at_once)
+        if probability is not None
+        for end in (confidence, 1 - confidence)
+    )
 
 
 def judge(
-    forecast: Forecast,
+    forecast: MeanForecast,
     condition: Condition,
     criteria: Criteria,
     outside: tuple[str, ...] = (),
@@ -115,25 +159,20 @@ def judge(
     """
     verdicts = []
     for criterion in criteria.items:
-        value = forecast.values[quantity(criterion)]
-        distribution = forecast.distributions[quantity(criterion)]
-        lower, upper, probability = None, None, None
-        if distribution is not None:
-            lower, upper = distribution.interval
-            probability = distribution.probability(criterion.at_least, criterion.at_most)
-        if folds := forecast.by_fold(criterion):
-            probability = float(np.average(folds, weights=(1 - forecast.apart_share, forecast.apart_share)))
+        chances, folds = forecast.chances(criterion), forecast.by_fold(criterion)
+        probability = float(np.mean(chances)) if chances else None
+        error = monte_carlo_error(chances)
         why = outside or (unshown if criterion.metric in REST_ON_PEAK else ())
-        word: Word = "outside" if why else _word(probability, criteria.confidence)
+        word: Word = "outside" if why else _word(probability, criteria.confidence, COUNTED * error)
         run, drawn = dict.fromkeys(tests), forecast.drawn(criterion)
-        numbers = value, lower, upper, probability
-        verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, drawn, folds)
+        numbers = *forecast.numbers(criterion), probability
+        verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, chances, drawn, folds)
         verdicts.append(verdict if why else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
 
 
-def _word(probability: float | None, confidence: float) -> Word:
-    if probability is None or 1 - confidence < probability < confidence:
+def _word(probability: float | None, confidence: float, error: float = 0.0) -> Word:
+    if probability is None or 1 - confidence - error < probability < confidence + error:
         return "open"
     return "met" if probability >= confidence else "not met"
 
@@ -146,6 +185,9 @@ def _reason(verdict: Verdict, confidence: float) -> str:
     met, missed = (probability_text(p, confidence).replace(">", "over ") for p in chances)
     came = {"met": f"met with probability {met}.", "not met": f"missed with probability {missed}."}
     told = came.get(verdict.word, f"met{' by another test' * bool(verdict.run)} with probability {met} only.")
+    if verdict.word == "open" and _word(verdict.probability, confidence) != "open":
+        error, n = COUNTED * verdict.error, len(verdict.chances)
+        told = f"met with probability {met}, which {n} seeds tell to ± {error:.3f}."
     return joined([verdict.expected, told], ", ")
 
 

@@ -62,6 +62,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
     brier, (tests, saved, wrong) = record.brier or (None, None), record.waived(criteria)
     saved_with_since, missed_with_since = saved_and_missed(certification)
     (inside, intervals), (inside_outside, outside) = record.intervals, record.intervals_outside
+    with_runs = certification.record_with_runs
     return {
         **provenance(campaign, campaign.test_ids, config),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -84,6 +85,13 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "matrix": matrix_table(certification.matrix).to_dict("records"),
         "cells": {
             i: {own.criterion.name: (own.word, own.probability, own.lower, own.upper) for own in row}
+            for i, row in certification.rows.items()
+        },
+        "monte_carlo": {
+            i: {
+                "seeds": max(len(own.chances) for own in row),
+                "error": {own.criterion.name: round(own.error, 4) for own in row},
+            }
             for i, row in certification.rows.items()
         },
         "run": {
@@ -120,6 +128,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "intervals_outside": {"n": outside, "inside": inside_outside},
             "tuned": {unit: share_columns(share) for unit, share in trial_bounds(record.tuned).items()},
             "whole_pulses": {way: {"n": n, "inside": inside} for way, (inside, n) in record.whole_pulses.items()},
+            **({} if with_runs is None else {"with_paired_runs": record_counts(with_runs)}),
             "brier": brier[0],
             "brier_raw_cae": brier[1],
             "reliability": [{**asdict(own), "holds": own.holds} for own in record.reliability],

@@ -61,6 +61,11 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
         f"one. By the criteria {saved or 'none'} would have been skipped{outcome}.",
         tests=tests, n=saved, wrong=missed,
     )  # fmt: skip
+    if (with_runs := certification.record_with_runs) is not None:
+        (n, wrong), (_, saved_too, _) = with_runs.decided, with_runs.waived(criteria)
+        told = f"With them {counted(n, 'verdict')} would be met or not met, {wrong} wrong; {saved_too} tests not run."
+        without = "Left-out tests are predicted without their CAE runs, as planned conditions have none."
+        yield fact("record.with_runs", f"{without} {told}", n=n, wrong=wrong, saved=saved_too)
     n, missed = saved_and_missed(certification)
     if n > saved:
         told = "With tests run since that earlier certifications waived"

@@ -191,7 +191,7 @@ def test_what_does_not_belong_is_not_read_and_named(
         (campaign_folder / "tests" / name).write_bytes(b"x")
     assert OPENED[way](campaign_folder, tmp_path).fingerprint == load_campaign(campaign_on_disk).fingerprint
     packed = tmp_path / "auto.zip"
-    packed.write_bytes(archive.zipped({f"auto/{name}": data for name, data in content_of(campaign_folder).items()}))
+    packed.write_bytes(zipped({f"auto/{name}": data for name, data in content_of(campaign_folder).items()}))
     laid_out = lay_out([("upload.zip", packed.read_bytes())], tmp_path)
     told = "Not read, as no file of a campaign is called so: T9.csv, notes.docx, tests/T1.jpg, tests/deep/."
     assert [unread_files(path) for path in (campaign_folder, packed, laid_out)] == [told] * 3

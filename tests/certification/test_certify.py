@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import estimate_at
+from crashfuse.study.estimate import Estimate, estimate_at
 from crashfuse.study.facts import campaign_facts
 from crashfuse.units import KPH, MPH, G
 
@@ -51,13 +52,21 @@ def run_already(certification: Certification) -> dict[str, str]:
     return {own.id: own.why for own in planned(certification) if own.word == "was run"}
 
 
+def estimates(campaign: Campaign, verdict: Verdict) -> list[Estimate]:
+    """The prediction there by each seed that the verdict is averaged over."""
+    seeds = [replace(CONFIG, seed=seed) for seed in range(len(verdict.chances) or 2)]
+    return [estimate_at(campaign, verdict.condition, "displacement_domain", seed) for seed in seeds]
+
+
 def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) -> None:
-    """A verdict rests on the numbers that predict shows at the same condition."""
+    """A verdict rests on the numbers that predict shows at the same condition, averaged over seeds."""
     found = certified(campaign)
     assert [cell for cell, _ in found.cells] == [name for name in ("M20", "M30", "M70") for _ in range(3)]
-    said = {m.name: m for m in estimate_at(campaign, found.matrix.conditions[0], "displacement_domain").metrics}
-    for verdict, metric in zip(found.verdicts[0][:2], (said["max_crush"], said["peak"]), strict=True):
-        assert (verdict.value, verdict.lower, verdict.upper) == (metric.value, metric.lower, metric.upper)
+    for verdict in found.verdicts[0][:2]:
+        metrics = (m for estimate in estimates(campaign, verdict) for m in estimate.metrics)
+        said = [(m.value, m.lower, m.upper) for m in metrics if m.name == verdict.criterion.metric]
+        by_seed, shown = np.array(said, float), np.array([verdict.value, verdict.lower, verdict.upper], float)
+        assert ((by_seed.min(axis=0) <= shown) & (shown <= by_seed.max(axis=0))).all()
         assert verdict.drawn.mean() == pytest.approx(verdict.probability, abs=1 / verdict.drawn.size)
     assert {own.word for own in found.verdicts[2]} == {"outside"}
     for each in (found, found.matrix, found.criteria, found.record, found.verdicts[0][0]):
@@ -75,12 +84,16 @@ def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> Non
         test, criterion = campaign.test(trial.held_out), trial.verdict.criterion
         if criterion.metric == "rating":
             held_out = campaign.speed_group(test.id) if trial.left_out == "speed group" else [test.id]
-            said = estimate_at(campaign.without(held_out), test.condition, "displacement_domain").prediction
-            rated = rate_windows(test.pulse, Pulse(GRID_S, said.accel_mps2), [60.0])[60.0].overall
-            assert trial.measured == pytest.approx(rated)
+            paired = campaign.cae.paired_ids(campaign.test(own).condition for own in held_out)
+            others = replace(campaign.without(held_out), cae=campaign.cae.without(paired))
+            said = [estimate.prediction for estimate in estimates(others, trial.verdict)]
+            rated = [rate_windows(test.pulse, Pulse(GRID_S, own.accel_mps2), [60.0])[60.0].overall for own in said]
+            assert len(paired) == len(held_out)
+            assert trial.measured == pytest.approx(np.mean(rated))
             assert trial.cae_probability is None
-            band = said.whole_band()
-            if band is not None and (trial.left_out == "test" or len(held_out) > 1):
+            bands = [band for own in said if (band := own.whole_band()) is not None]
+            if bands and (trial.left_out == "test" or len(held_out) > 1):
+                band = np.mean(bands, axis=0)
                 is_inside = (band[0] <= test.pulse.accel_mps2) & (test.pulse.accel_mps2 <= band[1])
                 whole.append((trial.left_out, bool(is_inside[GRID_S < 0.06].all())))
         else:
@@ -110,8 +123,8 @@ def test_a_test_that_the_cae_model_was_tuned_to_teaches_and_supports_nothing(cam
     assert len(of) == len(key)
     for trial in before.record.trials:
         same = of[trial.held_out, trial.left_out, trial.verdict.criterion.name]
-        assert (same.verdict.probability, same.measured) == (trial.verdict.probability, trial.measured)
-    assert [v.probability for _, v in found.cells] == [v.probability for _, v in before.cells]
+        assert same.verdict.chances[:2] == trial.verdict.chances[:2]  # outside, no further seeds are taken
+    assert [v.chances[:2] for _, v in found.cells] == [v.chances[:2] for _, v in before.cells]
     assert (before.domain.n_tests, found.domain.n_tests) == (4, 3)
     assert {verdict.word for _, verdict in found.cells} == {"outside"}  # three tests check nothing
     assert found.record.waived(CRITERIA)[0] == 3
@@ -147,10 +160,13 @@ def test_a_test_that_was_tuned_to_still_stands_at_its_condition(campaign: Campai
 
 
 def test_a_held_out_test_has_no_say_in_its_own_verdict(campaign: Campaign) -> None:
-    """With another pulse it gets the same verdict to the bit; that of the others changes."""
-    test = campaign.test("T3")
+    """With another pulse, and another CAE run, it gets the same verdict to the bit; that of the others changes."""
+    test, cae = campaign.test("T3"), campaign.cae
     tests = tuple(replace(t, pulse=Pulse(GRID_S, 1.3 * t.pulse.accel_mps2)) if t is test else t for t in campaign.tests)
-    before, after = certified(campaign).record, certified(replace(campaign, tests=tests)).record
+    accel = cae.accel_mps2.copy()
+    accel[cae.paired_run(test.condition)] *= 1.2
+    other = replace(campaign, tests=tests, cae=replace(cae, accel_mps2=accel))
+    before, after = certified(campaign).record, certified(other).record
     for one, two in zip(before.trials, after.trials, strict=True):
         if one.held_out == "T3" or (one.held_out == "T2" and one.left_out == "speed group"):
             assert one.verdict == two.verdict
@@ -160,14 +176,40 @@ def test_a_held_out_test_has_no_say_in_its_own_verdict(campaign: Campaign) -> No
             assert one.verdict.probability != two.verdict.probability
 
 
+def test_nobody_can_choose_the_seed(campaign: Campaign) -> None:
+    """Whatever the seed of the config, verdicts are the same to the bit; what the first seed alone would say is not."""
+    few = replace(campaign, tests=campaign.tests[:2])
+    found, other = (
+        certify_matrix(few, CRITERIA, matrix(few, 20.0), replace(CONFIG, seed=seed), workers=1) for seed in (0, 5)
+    )
+    assert (found.verdicts, found.record.trials) == (other.verdicts, other.record.trials)
+    assert len({*found.verdicts[0][0].chances}) > 1
+
+
+@pytest.mark.parametrize("all_have_runs", [False, True])
+def test_left_out_tests_have_a_cae_run_where_all_planned_conditions_have_one(
+    campaign: Campaign, *, all_have_runs: bool
+) -> None:
+    """Else the record is made without, and that with these runs stands beside it."""
+    planned = Matrix(("P",), (campaign.tests[1].condition,)) if all_have_runs else matrix(campaign, 20.0)
+    found = certify_matrix(campaign, CRITERIA, planned, CONFIG, workers=1)
+    assert (found.record_with_runs is None) == all_have_runs
+    told: Any = certification_record(found)["track_record"]
+    assert ("with_paired_runs" in told) != all_have_runs
+    if found.record_with_runs is not None:
+        assert told["with_paired_runs"]["decided"]["n"] == found.record_with_runs.decided[0]
+        pairs = zip(found.record.trials, found.record_with_runs.trials, strict=True)
+        assert any(one.verdict.probability != other.verdict.probability for one, other in pairs)
+
+
 def test_other_limits_take_no_new_prediction(
     campaign: Campaign, fitting_is_an_error: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Forecasts are kept; only the window of a rating is part of them."""
+    """Forecasts are kept; only the window of a rating is part of them. Limits near what is predicted take more seeds."""
     certified(campaign)
     fitting_is_an_error()
     monkeypatch.setattr("crashfuse.certification.forecasts.Forecaster.at", None)
-    other = Criteria((replace(CRUSH, at_most=300.0), replace(PEAK, at_least=5.0), replace(RATING, at_least=0.9)), 0.8)
+    other = Criteria((replace(CRUSH, at_most=3e3), replace(PEAK, at_most=300.0), replace(RATING, at_least=0.01)), 0.8)
     assert certified(campaign, other).criteria == other
 
 

@@ -5,20 +5,22 @@ from dataclasses import astuple, replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.special import ndtr, ndtri
 
 from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import beside_tests
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.forecasts import Forecast
-from crashfuse.certification.verdict import Verdict, all_met, judge, with_decided
+from crashfuse.certification.forecasts import Forecast, MeanForecast
+from crashfuse.certification.verdict import Verdict, all_met, is_clear, judge, with_decided
 from crashfuse.condition import Condition
 from crashfuse.reporting.result_tables import curve_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import sentences, summary
 from crashfuse.wording import MPH_LB, UnitSystem, said
+from tests.conftest import not_none
 
 FREE = 1e9  # degrees of freedom: as good as the normal
 
@@ -31,7 +33,9 @@ def verdict(campaign: Campaign, criterion: Criterion, *, outside: bool = False, 
     here = campaign.tests[1].condition
     if outside:
         here = Condition.of_vector([3 * here.speed_mps, here.front_weight_kg, here.rear_weight_kg])
-    [found] = judge(forecast, here, Criteria((criterion,), 0.95), Domain.of(campaign).exceeded_by(here), tests)
+    [found] = judge(
+        MeanForecast((forecast,)), here, Criteria((criterion,), 0.95), Domain.of(campaign).exceeded_by(here), tests
+    )
     return found
 
 
@@ -44,13 +48,34 @@ def test_the_word_changes_where_probability_crosses_confidence(campaign: Campaig
 def test_what_rests_on_the_peak_is_outside_where_no_test_shows_it(campaign: Campaign) -> None:
     """What is integrated over the crash is judged as ever."""
     names = ("peak", "rating 60", "max_crush", "sm25")
-    forecast = Forecast(np.zeros(1250), dict.fromkeys(names, 1.0), dict.fromkeys(names, Distribution(1.0, 0.1, FREE)))
+    distributions = dict.fromkeys(names, Distribution(1.0, 0.1, FREE))
+    forecast = MeanForecast((Forecast(np.zeros(1250), dict.fromkeys(names, 1.0), distributions),))
     limits = [
         Criterion(name, name.split()[0], at_most=2.0, window_ms=60 * ("rating" in name) or None) for name in names
     ]
     verdicts = judge(forecast, campaign.tests[1].condition, Criteria(tuple(limits), 0.95), unshown=("Faster.",))
     assert [verdict.word for verdict in verdicts] == ["outside", "outside", "met", "met"]
     assert verdicts[0].reason == "Faster."
+
+
+@pytest.mark.parametrize(("off", "word"), [(0.0, "met"), (0.02, "met"), (0.05, "open")])
+def test_the_error_by_the_seed_counts_against_a_verdict(campaign: Campaign, off: float, word: str) -> None:
+    """Four seeds scatter as eight would of which four had the usual spread; two standard errors count."""
+    limit, parts, centres = Criterion("crush", "max_crush", at_most=500.0), [], []
+    for chance in (0.975 - off, 0.975, 0.975, 0.975 + off * 0.4):
+        centre = 500.0 - 10 * float(ndtri(chance))
+        centres.append(centre)
+        parts.append(Forecast(np.zeros(1250), {"max_crush": centre}, {"max_crush": Distribution(centre, 10.0, FREE)}))
+    [found] = judge(MeanForecast(tuple(parts)), campaign.tests[1].condition, Criteria((limit,), 0.95))
+    chances = np.array(found.chances)
+    usual = 0.5 * chances.mean() * (1 - chances.mean())
+    assert found.probability == pytest.approx(chances.mean())
+    assert found.error == pytest.approx(np.sqrt((4 * usual**2 + 3 * chances.var(ddof=1)) / 7 / 4))
+    assert found.word == word
+    mean, lower = not_none(found.value), not_none(found.lower)
+    below = [np.mean([ndtr((x - centre) / 10) for centre in centres]) for x in (mean, lower)]
+    assert below == pytest.approx([0.5, 0.025], abs=1e-6)
+    assert is_clear([found], 0.95) == (chances.mean() - 0.95 >= 3 * found.error)
 
 
 def test_where_tests_fold_in_two_ways_the_probability_weighs_both(campaign: Campaign) -> None:
@@ -60,7 +85,7 @@ def test_where_tests_fold_in_two_ways_the_probability_weighs_both(campaign: Camp
     forecast = Forecast(np.zeros(1250), {"max_crush": 505.0}, crush, folds=ways, apart_share=0.3)
     limit = Criterion("crush", "max_crush", at_most=520.0)
     for own in (forecast, Forecast.restored(forecast.entry)):
-        [found] = judge(own, campaign.tests[1].condition, Criteria((limit,), 0.95), ())
+        [found] = judge(MeanForecast((own,)), campaign.tests[1].condition, Criteria((limit,), 0.95), ())
         assert found.folds == pytest.approx((1.0, 0.0))
         assert found.probability == pytest.approx(0.7)
         assert found.word == "open"
@@ -95,7 +120,7 @@ def test_the_probability_that_all_are_met_lies_between_its_bounds(
     missed = [(chance < 0.05), (chance >= second[0]) & (chance < second[1])]
     found = verdict(campaign, Criterion("crush", "max_crush", at_most=510.0))
     met = [replace(found, probability=1 - float(own.mean()), drawn=~own) for own in missed]
-    low, probability, high = all_met(met)
+    low, probability, high, _ = all_met(met)
     assert (low, high) == pytest.approx((0.93, 0.95))
     both = 1 - float((missed[0] | missed[1]).mean())
     assert probability == pytest.approx(both, abs=1e-4)
@@ -105,7 +130,7 @@ def test_the_probability_that_all_are_met_lies_between_its_bounds(
     assert all_met([met[0], replace(met[1], drawn=met[1].drawn[:0])]).probability == pytest.approx(low), "no draws"
     few = all_met([replace(own, drawn=own.drawn[5000:5020]) for own in met]).probability
     assert few == pytest.approx(min((20 + 20 * 0.95 * 0.98) / 40, high)), "few draws say little"
-    assert all_met([replace(found, probability=0.2)] * 3) == (0.0, 0.0, 0.2)
+    assert all_met([replace(found, probability=0.2)] * 3)[:3] == (0.0, 0.0, 0.2)
 
 
 def test_the_reason_gives_value_interval_limit_and_probability(campaign: Campaign) -> None:
@@ -167,7 +192,9 @@ def test_a_rating_is_at_most_one(campaign: Campaign) -> None:
 def test_a_record_too_short_leaves_it_open(campaign: Campaign, value: float | None) -> None:
     """For the value itself, or for that of many draws."""
     forecast = Forecast(np.zeros(1250), {"olc": value}, {"olc": None})
-    [found] = judge(forecast, campaign.tests[1].condition, Criteria((Criterion("OLC", "olc", at_most=20.0),)))
+    [found] = judge(
+        MeanForecast((forecast,)), campaign.tests[1].condition, Criteria((Criterion("OLC", "olc", at_most=20.0),))
+    )
     assert (found.word, found.value, found.probability) == ("open", value, None)
     assert "OLC" in found.reason
 

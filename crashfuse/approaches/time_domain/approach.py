@@ -125,7 +125,8 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         self._delta_v_misfit = float(np.abs(np.array(ends) - self._band.end_shares).mean())
 
     def _blocks(self, lf: LfTcn, campaign: Campaign) -> KernelBlocks:
-        return KernelBlocks(lf.network_, self.config, lf.scaling_.inputs, campaign.cae.fingerprint, self.cache)
+        library = campaign.cae.for_networks.fingerprint
+        return KernelBlocks(lf.network_, self.config, lf.scaling_.inputs, library, self.cache)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
         """Correlation of increments at the tests' speeds and at others, shape (n_tests, n)."""

@@ -65,7 +65,7 @@ class LfTcn(AboutLfTcn, TcnApproach):
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Train on the CAE runs of the campaign, or load networks from the cache."""
-        cae, config = campaign.cae, self.config
+        cae, config = campaign.cae.for_networks, self.config
         if len(cae) < 2:
             raise UsageError("The LF TCN needs at least 2 CAE runs: it checks itself on some.")
         settings = {"config": config.lf_settings, "seed": self.seed, "device": self.device}
@@ -102,7 +102,7 @@ class LfTcn(AboutLfTcn, TcnApproach):
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore weights; the scaling is computed from the library."""
-        self._begin(campaign.cae)
+        self._begin(campaign.cae.for_networks)
         weights = dict(learned.arrays)
         self.losses_ = weights.pop("losses")
         self.network_ = Tcn(self.config, torch.Generator()).to(self.device).eval()
