@@ -174,9 +174,9 @@ def _sound(real: Path | None) -> dict[str, Files]:
     import openpyxl
     import pandas as pd
 
-    from tests.readers.test_contract import EVERY, GOOD, IDS
+    from tests.readers.test_contract import EVERY, GOOD
 
-    kinds = {name: files for name, (_, files) in zip(IDS, EVERY, strict=True)}
+    kinds = {f"{fmt}, {next(iter(files))}": files for fmt, files in EVERY}
     kinds |= {f"{fmt}, zip": {"t.zip": zipped(files)} for fmt, files in GOOD.items()}
     text = GOOD["csv"]["T1.csv"].decode("cp1252", "replace")
     rows = [[_cell(cell) for cell in line.split(";")] for line in text.splitlines() if ";" in line]

@@ -187,8 +187,8 @@ def certify_matrix(
 ) -> Certification:
     """Judge every criterion at every condition by the first approach, and keep the record of tests, left out in turn.
 
-    Forecasts are cached: other limits take time only near probabilities of the confidence. Raises a UsageError without tests, a DataError if a record is
-    shorter than the window of a rating.
+    Forecasts are cached: other limits take time only near probabilities of the confidence. Raises a UsageError without
+    tests, a DataError if a record is shorter than the window of a rating.
     """
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")

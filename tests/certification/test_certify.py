@@ -205,7 +205,7 @@ def test_left_out_tests_have_a_cae_run_where_all_planned_conditions_have_one(
 def test_other_limits_take_no_new_prediction(
     campaign: Campaign, fitting_is_an_error: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Forecasts are kept; only the window of a rating is part of them. Limits near what is predicted take more seeds."""
+    """Forecasts are kept; only a rating's window is part of them. Limits near what is predicted take more seeds."""
     certified(campaign)
     fitting_is_an_error()
     monkeypatch.setattr("crashfuse.certification.forecasts.Forecaster.at", None)

@@ -48,7 +48,7 @@ def test_the_word_changes_where_probability_crosses_confidence(campaign: Campaig
 def test_what_rests_on_the_peak_is_outside_where_no_test_shows_it(campaign: Campaign) -> None:
     """What is integrated over the crash is judged as ever."""
     names = ("peak", "rating 60", "max_crush", "sm25")
-    distributions = dict.fromkeys(names, Distribution(1.0, 0.1, FREE))
+    distributions: dict[str, Distribution | None] = dict.fromkeys(names, Distribution(1.0, 0.1, FREE))
     forecast = MeanForecast((Forecast(np.zeros(1250), dict.fromkeys(names, 1.0), distributions),))
     limits = [
         Criterion(name, name.split()[0], at_most=2.0, window_ms=60 * ("rating" in name) or None) for name in names
