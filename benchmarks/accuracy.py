@@ -27,7 +27,7 @@ from crashfuse.study.recommendation import crps_g, recommend_for
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 from crashfuse.synthetic.sample import sample_campaign
-from crashfuse.wording import signed
+from crashfuse.units import signed
 
 _YARDSTICK = 0.975
 _WINDOW_MS = 60.0

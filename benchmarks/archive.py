@@ -27,7 +27,7 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.study.archive_learning import SIZES, learn_archive
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import learning_curve
-from crashfuse.wording import number, signed
+from crashfuse.units import number, signed
 
 _WINDOW_MS = 60.0
 _CONFIG = StudyConfig(approaches=("fused",), windows_ms=(_WINDOW_MS,))

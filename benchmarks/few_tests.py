@@ -26,7 +26,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.study.learning_curve import subsets
 from crashfuse.study.study import Fold
-from crashfuse.wording import signed
+from crashfuse.units import signed
 
 _SIZES = (1, 2, 3, 4, 6)
 _WINDOW_MS = 60.0

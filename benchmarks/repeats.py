@@ -18,7 +18,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.signals.rating import rate_many
 from crashfuse.study.repeatability import repeatability
-from crashfuse.wording import number, signed
+from crashfuse.units import number, signed
 
 _SIZES = (2, 3, 4, 8, 11)
 _WINDOW_MS = 60.0

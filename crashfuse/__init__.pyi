@@ -66,9 +66,9 @@ from .study.estimate import Fit as Fit
 from .study.expected_rating import ExpectedRating as ExpectedRating
 from .study.learning_curve import LearningCurve as LearningCurve
 from .study.learning_curve import learning_curve as learning_curve
-from .study.left_out_account import worst_test as worst_test
 from .study.recommendation import Recommendation as Recommendation
 from .study.recommendation import recommend as recommend
+from .study.recommendation import worst_test as worst_test
 from .study.running import run_study as run_study
 from .study.saved_models import load_model as load_model
 from .study.saved_models import save_model as save_model

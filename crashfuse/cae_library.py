@@ -12,8 +12,7 @@ import numpy.typing as npt
 from crashfuse.condition import SAME_CONDITION, STEP_KG, STEP_MPS, About, Condition
 from crashfuse.errors import UsageError, require_a, require_number
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import LB
-from crashfuse.wording import Sentence, speed, weight
+from crashfuse.units import LB, Sentence, speed, weight
 
 QUALITIES: Mapping[str, str] = {
     "energy_change": "energy change",

@@ -17,8 +17,8 @@ from crashfuse.signals.metrics import Metric, checked_metrics, metric_bases, met
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.signals.rating import filter_class_text, rating_basis
+from crashfuse.units import MPH_LB, UnitSystem
 from crashfuse.vehicle_archive import Prior, VehicleArchive
-from crashfuse.wording import MPH_LB, UnitSystem
 
 if TYPE_CHECKING:
     from typing import Unpack

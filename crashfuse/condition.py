@@ -12,8 +12,7 @@ import numpy as np
 
 from crashfuse.errors import UsageError, printable, require_number
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH, LB, MASS, MPH, SPEED
-from crashfuse.wording import UnitSystem, speed, weight
+from crashfuse.units import KPH, LB, MASS, MPH, SPEED, UnitSystem, speed, weight
 
 ABOUT = "about_"
 """How columns begin that say where a row comes from (laboratory, solver); they are no factors."""

@@ -18,7 +18,7 @@ from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, as_path
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.tensors import Arrays, read_tensors, tensor_bytes
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.wording import read_out, signed
+from crashfuse.units import read_out, signed
 
 LEAST_VEHICLES = 3
 _FEW = 4  # tests: with more, archives change little

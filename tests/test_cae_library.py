@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.units import KPH, LB, MPH
-from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem, said
+from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, UnitSystem, said
 from tests.conftest import not_none
 
 

@@ -44,7 +44,7 @@ with contextlib.redirect_stdout(io.StringIO()) as said:
 import crashfuse
 from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES, create
-from crashfuse.approaches.settings import Settings
+from crashfuse.approaches.base import Settings
 from crashfuse.readers.formats import FORMATS
 
 shown = {"tested": said.getvalue()}

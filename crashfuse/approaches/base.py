@@ -3,21 +3,54 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.approaches.settings import Settings
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import NotFittedError, UsageError, require_number
-from crashfuse.execution.cache import Entry
+from crashfuse.errors import NotFittedError, UsageError, one_of, require_number
+from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
 from crashfuse.signals.rating import WEIGHTS, corridor_score, slope_score
 from crashfuse.units import G
 from crashfuse.vehicle_archive import Prior
+
+Preset = Literal["fast", "paper"]
+PRESETS: tuple[Preset, ...] = get_args(Preset)
+
+Device = Literal["auto", "cpu", "cuda"]
+DEVICES: tuple[Device, ...] = get_args(Device)
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Settings that approaches are created from; each uses those that apply to it.
+
+    Parameters
+    ----------
+    preset : {"fast", "paper"}
+        ``paper`` uses the settings of Tables 2 and 4, ``fast`` ours. ``fused`` uses the fast forms either way.
+    seed : int
+        Of networks, draws and the starts of optimisers.
+    device : {"auto", "cpu", "cuda"}
+        For training networks; ``auto`` uses CUDA if available. Everything else runs on the CPU. Results of different
+        devices differ in their last bits.
+    cache : Cache, optional
+        Storage for results that do not depend on the tests (LF training, emulator).
+    """
+
+    preset: Preset = "fast"
+    seed: int = 0
+    device: Device = "auto"
+    cache: Cache | None = None
+
+    def __post_init__(self) -> None:
+        one_of("preset", self.preset, dict.fromkeys(PRESETS))
+        one_of("device", self.device, dict.fromkeys(DEVICES))
+
 
 WHOLE_SHARE, WHOLE_S = 0.9, 0.06  # of tests that lie inside the band of whole pulses, and until when
 _COMPARED_DRAWS = 100  # about how many, for their agreement

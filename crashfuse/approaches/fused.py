@@ -7,22 +7,21 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches import calibration as bands
-from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
+from crashfuse.approaches.base import MOST_TESTS, Approach, Device, FittedState, Prediction, Settings
 from crashfuse.approaches.calibration import JUDGED, STRIDE, WIDENINGS, Calibration, Coverage
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.mixture import COMPONENTS, AboutFused, Component, HeldOut, Pool, Scores, Tests, mixed, spread
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.pretrained import Pretrained
-from crashfuse.approaches.settings import Device, Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import Sentence, speed
 from crashfuse.vehicle_archive import Prior
-from crashfuse.wording import Sentence, speed
 
 _N_DRAWS = 400
 _PAST_COUNT = 2  # a vehicle of an archive, given by two errors, counts as four left-out tests

@@ -9,8 +9,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import MPH
-from crashfuse.wording import Sentence, joined, speed, weight
+from crashfuse.units import MPH, Sentence, joined, speed, weight
 
 _REACH_MPS = 3 * MPH  # speed difference at which a test is neither near nor far
 

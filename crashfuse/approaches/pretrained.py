@@ -20,10 +20,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from crashfuse.approaches import calibration as bands
-from crashfuse.approaches.base import FittedState, Prediction
+from crashfuse.approaches.base import FittedState, Prediction, Settings
 from crashfuse.approaches.calibration import BandedApproach, Calibration, HeldOutPredictor, LeftOut
 from crashfuse.approaches.neighbours import nearness
-from crashfuse.approaches.settings import Settings
 from crashfuse.approaches.threads import single_thread
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign

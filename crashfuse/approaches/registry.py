@@ -10,12 +10,11 @@ from inspect import isabstract
 from math import inf
 from typing import cast
 
-from crashfuse.approaches.base import Approach
+from crashfuse.approaches.base import PRESETS, Approach, Settings
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import settings as settings_of
 from crashfuse.approaches.mixture import AboutFused
-from crashfuse.approaches.settings import PRESETS, Settings
 from crashfuse.approaches.time_domain.config import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
 from crashfuse.extensions import NO_FAULTS, Extended, Names, said

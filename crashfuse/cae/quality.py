@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from crashfuse.cae_library import QUALITIES, CaeLibrary, QualityLimits, RunQuality
-from crashfuse.wording import number
+from crashfuse.units import number
 
 _NAMED = 5  # runs in a sentence
 

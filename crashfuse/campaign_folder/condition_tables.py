@@ -20,8 +20,7 @@ from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
 from crashfuse.files.parquet import EMPTY
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import MASS, SPEED
-from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem
+from crashfuse.units import KPH_KG, MASS, MPH_LB, SPEED, UnitSystem
 
 Role = Literal["tests", "cae"]  # either of the two condition tables of a campaign, with its pulses
 TABLES = ("tests.csv", "cae.csv")

@@ -35,7 +35,7 @@ from crashfuse.files.csv_text import csv_text, original
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.wall import Wall
-from crashfuse.wording import counted
+from crashfuse.units import counted
 
 WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}  # one, several
 _NAMED = 5  # ids

@@ -17,8 +17,7 @@ from crashfuse.errors import Problem
 from crashfuse.signals.filters import CFC60_NOISE, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.signals.sensor_faults import SensorFault, confirmed
-from crashfuse.units import KPH, LB, MPH, MS, G
-from crashfuse.wording import number, signed, time_text
+from crashfuse.units import KPH, LB, MPH, MS, G, number, signed, time_text
 
 Pulses = npt.NDArray[np.float32]  # on the study grid
 Faults = Mapping[str, tuple[SensorFault, ...]]  # what looks like a fault of a test's sensor, by the test's id

@@ -20,8 +20,7 @@ from crashfuse.files.parquet import opened_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault, sensor_faults
-from crashfuse.units import ACCELERATION, MS, TIME
-from crashfuse.wording import number, time_text
+from crashfuse.units import ACCELERATION, MS, TIME, number, time_text
 
 UNEVEN = 0.02  # allowed unevenness as a share of a time step: what rounding the times to a few digits can cause
 SLOWEST_S = 1e-3 * (1 + UNEVEN)  # longest time step of a record

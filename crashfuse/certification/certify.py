@@ -26,7 +26,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig, check_window
 from crashfuse.study.outliers import departures_near
 from crashfuse.study.running import workers_at
-from crashfuse.wording import Sentence, joined, probability_text, read_out
+from crashfuse.units import Sentence, joined, probability_text, read_out
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""

@@ -17,7 +17,7 @@ from crashfuse.files.toml_text import read_toml, shown, toml_text
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, metric_values
 from crashfuse.signals.rating import STANDARD
 from crashfuse.study.config import WINDOWS_MS
-from crashfuse.wording import Quantity, Sentence, UnitSystem, joined
+from crashfuse.units import Quantity, Sentence, UnitSystem, joined
 
 RATING = "rating"
 CONFIDENCE = 0.95

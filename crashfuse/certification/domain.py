@@ -12,8 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING
 from crashfuse.condition import STEP_KG, STEP_MPS, Condition
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
-from crashfuse.units import KPH, MPH
-from crashfuse.wording import Sentence, joined, speed, weight
+from crashfuse.units import KPH, MPH, Sentence, joined, speed, weight
 
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
 _FARTHEST_BEYOND_MPS = 5 * MPH  # the slowest or fastest test

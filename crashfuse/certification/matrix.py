@@ -16,8 +16,7 @@ from crashfuse.errors import DataError, Problem, UsageError, require_a, several,
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.estimate import BOUNDS, is_beyond
-from crashfuse.units import KPH
-from crashfuse.wording import Sentence
+from crashfuse.units import KPH, Sentence
 
 _MOST = 10_000  # each costs a prediction
 SAME_SPEED_MPS, SAME_WEIGHT = 1 * KPH, 0.02

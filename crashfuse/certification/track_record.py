@@ -12,7 +12,7 @@ from scipy.special import betainc, betaincinv
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import WORDS, Verdict, needs_no_test, reaches
-from crashfuse.wording import counted, probability_text
+from crashfuse.units import counted, probability_text
 
 _LEVEL = 0.95
 MOST_OF_A_TEST = 5

@@ -13,7 +13,7 @@ from crashfuse.certification.domain import REST_ON_PEAK
 from crashfuse.certification.forecasts import MeanForecast
 from crashfuse.condition import Condition
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.wording import Sentence, joined, probability_text
+from crashfuse.units import Sentence, joined, probability_text
 
 Word = Literal["met", "not met", "open", "outside"]
 WORDS: tuple[Word, ...] = get_args(Word)

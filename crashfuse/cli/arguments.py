@@ -8,9 +8,8 @@ from typing import TypeVar
 from crashfuse.cli.conditions import ACCELERATION_UNITS, AXES, add_axes, filter_class, in_si, number, whole
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.vocabulary import TRAVELS
-from crashfuse.units import LB, MS
+from crashfuse.units import LB, MS, SYSTEMS
 from crashfuse.version import __version__
-from crashfuse.wording import SYSTEMS
 
 T = TypeVar("T")
 _SEVERAL = "; several separated by commas"

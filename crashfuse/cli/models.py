@@ -25,7 +25,7 @@ from crashfuse.study.estimate import Fit
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.planning import ConditionRange, speeds_between, sweep_speed, usual_speeds, weights_sentence
 from crashfuse.study.saved_models import load_model, model_file, save_model
-from crashfuse.wording import speed
+from crashfuse.units import speed
 
 
 def train(arguments: argparse.Namespace) -> None:

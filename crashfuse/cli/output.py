@@ -21,8 +21,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.results import RESULT_FILES
 from crashfuse.reporting.solver_curves import SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.facts import campaign_facts
-from crashfuse.units import MS
-from crashfuse.wording import SYSTEMS
+from crashfuse.units import MS, SYSTEMS
 
 _OF_CURVES = ("unit_system", "deceleration_sign", "start_ms", "scale", "curve_id")
 

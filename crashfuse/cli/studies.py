@@ -32,8 +32,8 @@ from crashfuse.study import learning_curve as curves
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.history import PastResult, keep, past_results
-from crashfuse.study.left_out_account import study_facts
 from crashfuse.study.one_more_test import Cost, sentences
+from crashfuse.study.recommendation import study_facts
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 

@@ -26,8 +26,7 @@ from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import Travel, names_a_simulation, plain, speed, words
 from crashfuse.signals.pulse import GRID_S
-from crashfuse.units import MS
-from crashfuse.wording import Sentence
+from crashfuse.units import MS, Sentence
 
 _CAE, _TEST = words("run"), words("test")
 _MANY = 20  # records in one file; nobody crashes as many vehicles

@@ -17,8 +17,7 @@ from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, speed
 from crashfuse.signals.filters import smoothed
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.sensor_faults import confirmed, sensor_faults
-from crashfuse.units import G
-from crashfuse.wording import Sentence, joined, number, time_text
+from crashfuse.units import G, Sentence, joined, number, time_text
 
 _LATEST_S = 1e9  # no clock counts farther
 _STRONGEST = 1e12  # in any unit; squares of more overflow in the end

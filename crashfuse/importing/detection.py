@@ -12,8 +12,7 @@ from crashfuse.readers.record import AxleWeights, Channels, PartialCondition, Re
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, USUAL_UNITS, acceleration_unit, speed
 from crashfuse.signals.filters import CFC60_NOISE, CLASSES, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
-from crashfuse.units import MS, G
-from crashfuse.wording import Sentence, number, signed, time_text
+from crashfuse.units import MS, G, Sentence, number, signed, time_text
 
 _GIVEN = "given by the user"
 NEAR_SPEED = "a change of velocity near the impact speed of {}"

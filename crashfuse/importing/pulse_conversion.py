@@ -23,8 +23,7 @@ from crashfuse.readers.vocabulary import ACCELERATION_UNITS, speed, weight
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, Pulse, kinematics
 from crashfuse.signals.wall import Wall
-from crashfuse.units import MS, G
-from crashfuse.wording import Sentence, number, time_text
+from crashfuse.units import MS, G, Sentence, number, time_text
 
 _FASTEST_MPS = 100.0
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0

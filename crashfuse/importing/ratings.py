@@ -44,8 +44,7 @@ from crashfuse.signals.metrics import FURTHER_METRICS, further_metrics
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import WEIGHTS, filter_class_text, rate_windows, rated_curves, rating_basis
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
-from crashfuse.units import ACCELERATION, TIME
-from crashfuse.wording import time_text
+from crashfuse.units import ACCELERATION, TIME, time_text
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
 COLUMNS = (*("reference", "comparison", "channel", "window_ms"), *("overall", *WEIGHTS, "grade", "basis", "note"))

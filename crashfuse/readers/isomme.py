@@ -25,7 +25,7 @@ from crashfuse.readers.members import ONE_TEST, as_text, is_numbered, opened_mem
 from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
 from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, Doubt
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.wording import Sentence
+from crashfuse.units import Sentence
 
 NO_VALUE = "NOVALUE"  # the format's marker for an unknown value
 

@@ -25,8 +25,7 @@ from crashfuse.readers.members import ONE_TEST, is_numbered, opened_members
 from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
 from crashfuse.readers.vocabulary import Doubt, doubt_in, doubt_of, iso_date, speed, sums_of, weight
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH, MS
-from crashfuse.wording import Sentence
+from crashfuse.units import KPH, MS, Sentence
 
 _LONGEST_S = 100 * MS
 _STATUS = {"AM": "as measured", "CF": "channel failed", "CM": "computed", "QD": "questionable data"}

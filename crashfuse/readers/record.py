@@ -15,7 +15,7 @@ from crashfuse.errors import DataError, Problem, UsageError, printable, require_
 from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_in, doubt_of, is_computed, is_simulated, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
-from crashfuse.wording import Sentence, joined
+from crashfuse.units import Sentence, joined
 
 _UNEQUAL = 0.01  # of the mass: allowed for rounding and scale errors
 _UNLIKE = 0.03  # share of a force by which a sum may differ from its parts

@@ -19,8 +19,7 @@ from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, Travel, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
-from crashfuse.units import KPH, MS, G
-from crashfuse.wording import Sentence, number
+from crashfuse.units import KPH, MS, G, Sentence, number
 
 CUT = "The last state is cut short and left out."
 KEEP_APART = "keep each run in a folder of its own"

@@ -37,7 +37,7 @@ from crashfuse.readers.table_headers import (
 from crashfuse.readers.table_sheet import SAMPLE, Sheet, numbers_rows
 from crashfuse.readers.vocabulary import UNITS, Travel, is_simulated, unit_named
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.wording import read_out
+from crashfuse.units import read_out
 
 QUANTITIES = {name: name for name in ("time", "acceleration", "speed", "mass")}
 QUANTITIES |= {"front_weight": "mass", "rear_weight": "mass", "front_share": "share"}  # by role

@@ -30,7 +30,7 @@ from crashfuse.readers.table_mapping import propose
 from crashfuse.readers.table_sheet import SAMPLE, SHEET_LIMITS, Header, Sheet
 from crashfuse.readers.vocabulary import UNITS, plain, unit_named, words
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.wording import time_text
+from crashfuse.units import time_text
 
 _TIME = "X_Value"
 _GAP = re.compile(r"[\t,;]")

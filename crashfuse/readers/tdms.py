@@ -29,8 +29,7 @@ from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnU
 from crashfuse.readers.tdms_container import Properties, TdmsChannel, TdmsFile, parse_tdms
 from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH
-from crashfuse.wording import time_text
+from crashfuse.units import KPH, time_text
 
 _OF_NHTSA = {"laboratory": "tstprf", "test_number": "tstno", "reference": "tstref", "date": "tstdat"}
 _ABOUT = {  # words in the names of properties

@@ -29,8 +29,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from crashfuse.errors import UsageError, printable
-from crashfuse.units import KPH, LB, MPH, MS, G
-from crashfuse.wording import KPH_KG, MPH_LB, Quantity
+from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, MS, G, Quantity
 
 _LETTERS = str.maketrans({"ł": "l", "ø": "o", "đ": "d", "ı": "i", "æ": "ae"})  # that have no accent to drop
 _ACCENTS = re.compile("[\u0300-\u036f]")

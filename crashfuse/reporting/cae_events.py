@@ -8,8 +8,7 @@ from crashfuse.approaches.displacement_domain.events import CaeEvent, CaeEvents,
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.study import Study
-from crashfuse.units import MS
-from crashfuse.wording import number, probability_text
+from crashfuse.units import MS, number, probability_text
 
 _MM, _KN = 1e-3, 1e3
 _SHOWN = {"_m": ("_mm", _MM), "_s": ("_ms", MS), "_n": ("_kn", _KN)}

@@ -18,7 +18,7 @@ from crashfuse.reporting.evidence_facts import fact, listed
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import Sentence, counted, joined, number, read_out
+from crashfuse.units import Sentence, counted, joined, number, read_out
 
 Place = Literal["answer", "costs", "summary", "matrix", "record", "domain", "since"]
 SUBJECTS = {

@@ -18,7 +18,7 @@ from crashfuse.reporting.evidence_facts import measured_text, support_text
 from crashfuse.reporting.plots.canvas import tick_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import MPH_LB, Sentence, UnitSystem, joined, probability_text, read_out, said, unbroken
+from crashfuse.units import MPH_LB, Sentence, UnitSystem, joined, probability_text, read_out, said, unbroken
 
 ANSWER = "A test there"
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")

@@ -19,8 +19,8 @@ from crashfuse.reporting.certification_tables import changed_text
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.facts import campaign_facts
 from crashfuse.study.repeatability import repeatability, repeats_of
+from crashfuse.units import Sentence, joined, number, read_out, speed, weight
 from crashfuse.version import __version__
-from crashfuse.wording import Sentence, joined, number, read_out, speed, weight
 
 _MOST = 3  # sentences of a code
 _PLACE = re.compile(r"\{(\w+)\}")

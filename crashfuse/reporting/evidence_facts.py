@@ -22,7 +22,7 @@ from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
 from crashfuse.study.facts import Fact
-from crashfuse.wording import Quantity, Sentence, counted, joined, probability_text, speed, weight
+from crashfuse.units import Quantity, Sentence, counted, joined, probability_text, speed, weight
 
 _NAMED = 20  # in a sentence
 _DIGEST = 12  # characters of it in a sentence

@@ -10,7 +10,7 @@ from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
-from crashfuse.wording import MPH_LB, Quantity, Sentence, UnitSystem
+from crashfuse.units import MPH_LB, Quantity, Sentence, UnitSystem
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration", "whole": "Whole pulse, 0–60 ms"}

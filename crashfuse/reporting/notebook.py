@@ -12,7 +12,7 @@ from crashfuse.reporting.rating_tables import mean_ratings
 from crashfuse.study.facts import campaign_facts, distinct
 from crashfuse.study.recommendation import SPEED_GROUPS, recommend
 from crashfuse.study.study import Study
-from crashfuse.wording import speed
+from crashfuse.units import speed
 
 _MOST_ROWS = 30
 _NUMBER = re.compile(r"[<>≤≥+−-]?[\d.]+(e[+-]\d+)?|–|")

@@ -14,7 +14,7 @@ from crashfuse.files.csv_text import read_csv_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult, Ratings, parsed
-from crashfuse.wording import difference
+from crashfuse.units import difference
 
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
 

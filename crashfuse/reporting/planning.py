@@ -24,8 +24,7 @@ from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study import planning
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import FASTEST_MPS, Fit
-from crashfuse.units import MPH
-from crashfuse.wording import speed
+from crashfuse.units import MPH, speed
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -30,8 +30,7 @@ from crashfuse.study.estimate import Estimate, Fit, estimate_at, estimates_at
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
 from crashfuse.study.facts import Fact, campaign_facts, condition_facts, distinct
 from crashfuse.study.recommendation import Recommendation, recommend_for
-from crashfuse.units import KPH
-from crashfuse.wording import Sentence, difference
+from crashfuse.units import KPH, Sentence, difference
 
 _MM = 1e-3
 _WITH_WHOLE_PULSES = ("motion", "acceleration")

@@ -18,12 +18,11 @@ from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.left_out_account import study_facts
 from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
-from crashfuse.study.recommendation import Recommendation, recommend, recommend_for, recommend_without
+from crashfuse.study.recommendation import Recommendation, recommend, recommend_for, recommend_without, study_facts
 from crashfuse.study.study import Study
+from crashfuse.units import MPH_LB, SYSTEMS, UnitSystem, read_out
 from crashfuse.version import COMPUTING, __version__
-from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem, read_out
 
 _PACKAGES = (*COMPUTING, "pandas", "plotly")
 

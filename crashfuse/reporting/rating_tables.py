@@ -12,8 +12,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.rating import graded
 from crashfuse.signals.rating_explanation import RatingExplanation, rating_sentences
 from crashfuse.study.study import Fold, Study
-from crashfuse.units import MS, G
-from crashfuse.wording import difference, number, signed
+from crashfuse.units import MS, G, difference, number, signed
 
 
 def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> pd.DataFrame:

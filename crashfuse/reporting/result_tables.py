@@ -21,8 +21,7 @@ from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, gains, plus_minus, summary
 from crashfuse.study.planning import NextTest, Sweep
 from crashfuse.study.study import Study
-from crashfuse.units import KN, MPH, MS, G
-from crashfuse.wording import MPH_LB, UnitSystem, number, signed
+from crashfuse.units import KN, MPH, MPH_LB, MS, G, UnitSystem, number, signed
 
 _FOLDS = ("others", "apart")  # in names of columns: as most tests at about the speed fold, and as one that stands apart
 _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]

@@ -16,8 +16,7 @@ from crashfuse.errors import require_a
 from crashfuse.signals import pulse_shape
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel, occupant_load_criterion, vehicle_pulse_index
 from crashfuse.signals.pulse import DT_S, TAIL, FloatArray, Kinematics, checked_pulse, kinematics, with_late_stops
-from crashfuse.units import KPH, MS, G
-from crashfuse.wording import Sentence, joined
+from crashfuse.units import KPH, MS, G, Sentence, joined
 
 _WINDOW_S = 0.025  # of SM25
 

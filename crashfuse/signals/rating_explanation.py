@@ -14,8 +14,7 @@ from crashfuse.errors import require_a
 from crashfuse.signals import rating as iso18571
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import RATING_DT_S, WEIGHTS, Rating
-from crashfuse.units import MS
-from crashfuse.wording import Sentence, acceleration
+from crashfuse.units import MS, Sentence, acceleration
 
 _PROMINENCE = 0.1  # of the largest |a|: what rises less above its valleys is a ripple
 _FARTHEST = 0.2  # of the samples: as far apart as the rating looks for a shift

@@ -15,8 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from crashfuse.signals.filters import cfc_filter, cfc_gain
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import MS, G
-from crashfuse.wording import Sentence, acceleration, number
+from crashfuse.units import MS, G, Sentence, acceleration, number
 
 Kind = Literal["saturated", "held", "lost", "spike", "noise"]
 _Fall = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]  # of the means of stretches, and of both sides

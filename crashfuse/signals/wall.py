@@ -11,8 +11,7 @@ import numpy as np
 from crashfuse.errors import DataError, Problem
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
-from crashfuse.units import MS
-from crashfuse.wording import number
+from crashfuse.units import MS, number
 
 BEGIN_S, END_S = -0.02, 0.15
 """What is kept of a force, from contact."""

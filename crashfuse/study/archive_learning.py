@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 import pandas as pd
 
-from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.base import Prediction, Settings
 from crashfuse.approaches.calibration import JUDGED, STRIDE, predicted
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
@@ -25,7 +25,6 @@ from crashfuse.approaches.metric_calibration import (
 from crashfuse.approaches.mixture import PRIOR, STRENGTH, Component, Pool, Scores, Tests
 from crashfuse.approaches.pretrained import Pretrained
 from crashfuse.approaches.pretrained_tuning import Vehicle, tuned
-from crashfuse.approaches.settings import Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
@@ -41,8 +40,8 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.learning_curve import subsets
 from crashfuse.study.running import workers_at
+from crashfuse.units import read_out
 from crashfuse.vehicle_archive import LEAST_VEHICLES, PastVehicle, Prior, VehicleArchive
-from crashfuse.wording import read_out
 
 SIZES = (1, 2, 3, 4, 6)
 """Numbers of tests that a vehicle of the archive is predicted from."""

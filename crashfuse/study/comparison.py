@@ -11,7 +11,7 @@ from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.errors import UsageError
 from crashfuse.study.history import PastResult, Ratings
-from crashfuse.wording import difference
+from crashfuse.units import difference
 
 _CLEARLY = 2.0  # standard errors
 _SAME = 1e-6  # records are rounded to six digits

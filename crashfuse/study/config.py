@@ -8,9 +8,8 @@ from typing import Any, Literal, Self, cast, get_args
 
 import numpy as np
 
-from crashfuse.approaches.base import Approach
+from crashfuse.approaches.base import DEVICES, PRESETS, Approach, Device, Preset, Settings
 from crashfuse.approaches.registry import APPROACHES, create, require_approach, uses_preset
-from crashfuse.approaches.settings import DEVICES, PRESETS, Device, Preset, Settings
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, several
@@ -32,7 +31,7 @@ class StudyConfig:
     Parameters
     ----------
     preset, device
-        As in :class:`crashfuse.approaches.settings.Settings`.
+        As in :class:`crashfuse.approaches.base.Settings`.
     windows_ms : tuple of float
         Ratings are computed over [0, w) for each w, in ms. Of ``ttzv`` among them comes ``to_ttzv``.
     leave_out : {"test", "speed group", "both"}

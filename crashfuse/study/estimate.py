@@ -33,7 +33,7 @@ from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures, departures_near, folds_sentence, with_both_folds
-from crashfuse.wording import Sentence, packed, speed, unpacked, weight
+from crashfuse.units import Sentence, packed, speed, unpacked, weight
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
 """Upper limits of the conditions predicted, far beyond any barrier test; below in words."""

@@ -15,8 +15,7 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.signals.rating_explanation import rating_range
 from crashfuse.study.estimate import Estimate
-from crashfuse.units import MPH
-from crashfuse.wording import Sentence, speed
+from crashfuse.units import MPH, Sentence, speed
 
 _REACH_MPS = 5 * MPH
 _LEAST = 3  # minimum number of tests, at any distance

@@ -11,8 +11,7 @@ from crashfuse.condition import ABOUT, Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
-from crashfuse.units import G
-from crashfuse.wording import Sentence, acceleration, joined, read_out
+from crashfuse.units import G, Sentence, acceleration, joined, read_out
 
 IMPORTANCE = (
     *("test.stands_apart", "test.in_doubt", "test.beyond_window"),

@@ -21,7 +21,7 @@ from scipy.special import stdtrit
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.errors import UsageError
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.wording import Quantity, Sentence, signed
+from crashfuse.units import Quantity, Sentence, signed
 
 _WHOLE = r"[1-9]\d{0,2}(?P<mark>[,. \xa0\u202f'’])\d{3}(?:(?P=mark)\d{3})*|\d+"  # in groups of three, or in none
 _DECIMALS = r"(?!(?P=mark))(?(mark)[.,]|\.)(?P<decimals>\d+)"

@@ -28,8 +28,7 @@ from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.rating_explanation import rating_range
-from crashfuse.units import G
-from crashfuse.wording import Sentence, acceleration, read_out, speed
+from crashfuse.units import G, Sentence, acceleration, read_out, speed
 
 WINDOW_MS = 60.0
 LEAST = 3  # neighbours: of three tests one is always farther from both others than these from each other

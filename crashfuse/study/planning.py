@@ -25,8 +25,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import Metric, missing_sentences
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
-from crashfuse.units import MPH
-from crashfuse.wording import Sentence, speed, weight
+from crashfuse.units import MPH, Sentence, speed, weight
 
 _SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and 100 ms are too short for its occupant metrics
 _STEP = "Sweep over speed"

@@ -11,9 +11,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from crashfuse.approaches.base import Approach, FittedState, Prediction
+from crashfuse.approaches.base import Approach, FittedState, Prediction, Settings
 from crashfuse.approaches.registry import CLASSES
-from crashfuse.approaches.settings import Settings
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition

@@ -19,8 +19,7 @@ from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import window_facts
-from crashfuse.study.left_out_account import Account, account
-from crashfuse.study.recommendation import Recommendation
+from crashfuse.study.recommendation import Account, Recommendation, account
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import results
@@ -35,7 +34,7 @@ from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plain
-from crashfuse.wording import difference
+from crashfuse.units import difference
 
 _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"

@@ -25,7 +25,7 @@ from crashfuse.ui.kit.navigation import open_page, show_link
 from crashfuse.ui.kit.results import show_problems, show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import Source, begin_import, leave_import, open_uploads, running_import, source_at
-from crashfuse.wording import speed
+from crashfuse.units import speed
 
 _ROUND = "uploads so far"
 _CLASSES = (60, 180, 600)

@@ -22,8 +22,7 @@ from crashfuse.readers.vocabulary import ACCELERATION_UNITS, TRAVELS, UNITS, Tra
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.text import chosen_units, plain
 from crashfuse.ui.kit.uploads import Source, forms_of
-from crashfuse.units import MS
-from crashfuse.wording import KPH_KG, UnitSystem
+from crashfuse.units import KPH_KG, MS, UnitSystem
 
 _WEIGHTS = ("front weight", "rear weight", "mass")
 _OF_PULSES: dict[ColumnRole, str] = {"time": "Time", "acceleration": "Acceleration along X", "id": "Ids"}

@@ -34,8 +34,7 @@ from crashfuse.ui.kit.results import refused_into, show_problems
 from crashfuse.ui.kit.text import advice_on_page, plain, without_options
 from crashfuse.ui.kit.uploads import Source
 from crashfuse.ui.kit.visitors import note_in_log, visitor
-from crashfuse.units import MS
-from crashfuse.wording import counted, said
+from crashfuse.units import MS, counted, said
 
 _FOLDER, _INTO = "import folder", "import into"  # session keys
 _FACTOR_PX, _FOLDER_PX = 170, 380

@@ -18,7 +18,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_tables import csv_as_given
-from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.planning import NextTests
 from crashfuse.reporting.plots.conditions import BEST
@@ -32,6 +31,7 @@ from crashfuse.reporting.predicted import (
     side_by_side,
 )
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
+from crashfuse.reporting.results import parquet_bytes
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -64,7 +64,7 @@ from crashfuse.ui.kit.frame import by_itself
 from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import TTZV, plain
-from crashfuse.wording import IN_SI, joined
+from crashfuse.units import IN_SI, joined
 
 _DECIMALS = 9  # of speeds and weights in the session: 56 km/h come back as 56
 

@@ -17,9 +17,8 @@ from crashfuse.reporting.report.study import study_report
 from crashfuse.reporting.result_tables import gains_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
-from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.one_more_test import Cost, sentences
-from crashfuse.study.recommendation import SPEED_GROUPS, recommend
+from crashfuse.study.recommendation import SPEED_GROUPS, recommend, worst_test
 from crashfuse.study.study import Study
 from crashfuse.ui import past_results
 from crashfuse.ui.kit import results

@@ -2,8 +2,8 @@
 
 import pytest
 
+from crashfuse.approaches.base import Settings
 from crashfuse.approaches.registry import CLASSES, create
-from crashfuse.approaches.settings import Settings
 from crashfuse.testing import ApproachContract
 
 pytestmark = pytest.mark.usefixtures("quick_networks")

@@ -2,8 +2,8 @@
 
 import pytest
 
+from crashfuse.approaches.base import Settings
 from crashfuse.approaches.registry import create
-from crashfuse.approaches.settings import Settings
 from crashfuse.errors import UsageError
 
 

@@ -13,8 +13,7 @@ from crashfuse.certification.domain import Domain
 from crashfuse.condition import Condition
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.testing import small_campaign
-from crashfuse.units import LB, MPH
-from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem, said
+from crashfuse.units import KPH_KG, LB, MPH, MPH_LB, UnitSystem, said
 
 
 def at(speed_mph: float, mass_lb: float = 3600.0, drive: str = "FWD") -> Condition:

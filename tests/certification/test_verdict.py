@@ -19,7 +19,7 @@ from crashfuse.reporting.result_tables import curve_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import sentences, summary
-from crashfuse.wording import MPH_LB, UnitSystem, said
+from crashfuse.units import MPH_LB, UnitSystem, said
 from tests.conftest import not_none
 
 FREE = 1e9  # degrees of freedom: as good as the normal

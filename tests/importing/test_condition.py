@@ -10,8 +10,7 @@ from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices
 from crashfuse.importing.pulse_conversion import complete_condition
 from crashfuse.readers.record import PartialCondition, Record
-from crashfuse.units import KPH, LB, MPH
-from crashfuse.wording import KPH_KG, MPH_LB, Sentence
+from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, Sentence
 from tests.conftest import problems_of
 from tests.importing.crashes import CONDITION, SPEED_MPS, channel, record
 

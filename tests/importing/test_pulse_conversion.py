@@ -15,8 +15,7 @@ from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.filters import CFC60_NOISE, cfc_filter, noise_share
 from crashfuse.signals.pulse import FloatArray, Kinematics
-from crashfuse.units import KPH, MS, G
-from crashfuse.wording import signed
+from crashfuse.units import KPH, MS, G, signed
 from tests.conftest import SHARED, needs_shared, problems_of
 from tests.importing.crashes import (
     CONDITION,

@@ -14,8 +14,7 @@ from crashfuse.cli.arguments import parser
 from crashfuse.errors import DataError
 from crashfuse.importing import Reading, format_of, import_source, read_records, settle
 from crashfuse.importing.sources import tables_of
-from crashfuse.readers.format import Format
-from crashfuse.readers.formats import FORMATS, TABLES, all_formats
+from crashfuse.readers.formats import FORMATS, TABLES, Format, all_formats
 from crashfuse.readers.members import files_below
 from crashfuse.testing import ReaderContract
 from crashfuse.testing.readers import refusal, written

@@ -37,8 +37,7 @@ from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
-from crashfuse.units import KPH, MPH
-from crashfuse.wording import KPH_KG
+from crashfuse.units import KPH, KPH_KG, MPH
 from tests.certification.test_tested_since import values
 from tests.golden import assert_golden
 

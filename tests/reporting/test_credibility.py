@@ -15,8 +15,7 @@ from crashfuse.reporting.credibility import credibility_table, factors
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import IMPORTANCE
-from crashfuse.units import MPH
-from crashfuse.wording import KPH_KG
+from crashfuse.units import KPH_KG, MPH
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 

@@ -12,7 +12,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold
-from crashfuse.wording import KPH_KG
+from crashfuse.units import KPH_KG
 
 CONFIG = StudyConfig(approaches=("cae",))
 AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="FWD")

@@ -15,8 +15,7 @@ from crashfuse.cli import parser
 from crashfuse.condition import Condition
 from crashfuse.reporting import provenance
 from crashfuse.study.config import StudyConfig
-from crashfuse.units import KPH, LB, MPH
-from crashfuse.wording import KPH_KG, SYSTEMS
+from crashfuse.units import KPH, KPH_KG, LB, MPH, SYSTEMS
 
 
 def parsed(command: str) -> argparse.Namespace:

@@ -21,7 +21,7 @@ from crashfuse.reporting.report.prediction import prediction_report
 from crashfuse.reporting.report.study import study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.left_out_account import worst_test
+from crashfuse.study.recommendation import worst_test
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 

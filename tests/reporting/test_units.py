@@ -34,8 +34,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.planning import ConditionRange, NextTest, Sweep
 from crashfuse.study.study import Fold, Study
-from crashfuse.units import KPH, LB, MPH
-from crashfuse.wording import KPH_KG, MPH_LB, Sentence, UnitSystem, speed
+from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, Sentence, UnitSystem, speed
 
 CONFIG = StudyConfig(approaches=("cae",))
 OF_ONE = {MPH_LB: r"\bmph\b|[_-]mph|\blb\b|[_-]lb\b", KPH_KG: r"km/h|kph|\bkg\b"}

@@ -6,8 +6,7 @@ import pytest
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import MAX_SHIFT, RATING_DT_S, corridor_values, rate_windows
 from crashfuse.signals.rating_explanation import counterparts, explain_rating, humps, rating_sentences
-from crashfuse.units import G
-from crashfuse.wording import UnitSystem
+from crashfuse.units import G, UnitSystem
 from tests.golden import assert_golden
 from tests.signals.test_rating import random_pairs
 

@@ -12,7 +12,7 @@ from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import store_estimate
 from crashfuse.study.expected_rating import expected_rating
-from crashfuse.study.left_out_account import account, worst_test
+from crashfuse.study.recommendation import account, worst_test
 from crashfuse.study.study import Fold, Study
 from tests.conftest import not_none
 from tests.study.test_recommendation import estimate

@@ -7,11 +7,10 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.comparison import StudyComparison
-from crashfuse.study.left_out_account import account, worst_test
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.outliers import Departure
 from crashfuse.study.planning import weights_sentence
-from crashfuse.study.recommendation import recommend, recommend_for
+from crashfuse.study.recommendation import account, recommend, recommend_for, worst_test
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.units import G

@@ -22,7 +22,7 @@ from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.certify.entry import Field
 from crashfuse.ui.certify.results import Judgement, last_verdicts
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.wording import IN_SI
+from crashfuse.units import IN_SI
 from tests.ui.conftest import Session, Visit
 
 APPROACH = "displacement_domain"

@@ -15,7 +15,7 @@ from crashfuse.reporting.figures import Further
 from crashfuse.reporting.plots.canvas import add_band, new_figure, share_y_range
 from crashfuse.ui.kit.figures import SentFigure
 from crashfuse.ui.predict import _ends
-from crashfuse.wording import KPH_KG
+from crashfuse.units import KPH_KG
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.ui.conftest import Session, Visit
 from tests.ui.test_certify import CRITERIA, MATRIX

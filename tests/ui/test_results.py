@@ -22,8 +22,7 @@ from crashfuse.study.planning import NextTest
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.results import aligned
 from crashfuse.ui.kit.text import as_read
-from crashfuse.units import LB, MPH, G
-from crashfuse.wording import KPH_KG, AccelerationUnit
+from crashfuse.units import KPH_KG, LB, MPH, AccelerationUnit, G
 
 UNBROKEN = "\N{NO-BREAK SPACE}"
 

@@ -10,7 +10,7 @@ from typing import Literal, Self, cast
 import numpy as np
 
 from crashfuse.approaches import calibration as bands
-from crashfuse.approaches.base import WHOLE_S, FittedState, Prediction
+from crashfuse.approaches.base import WHOLE_S, FittedState, Prediction, Settings
 from crashfuse.approaches.calibration import BandedApproach, Calibration, LeftOut
 from crashfuse.approaches.displacement_domain.bias import (
     BiasDraws,
@@ -26,7 +26,6 @@ from crashfuse.approaches.displacement_domain.hierarchical_bias import PAST_CRUS
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
 from crashfuse.approaches.neighbours import nearness
-from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition

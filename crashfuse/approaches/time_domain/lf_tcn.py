@@ -6,8 +6,7 @@ from typing import Self
 import numpy as np
 import torch
 
-from crashfuse.approaches.base import Approach, FittedState, Prediction
-from crashfuse.approaches.settings import Device, Settings
+from crashfuse.approaches.base import Approach, Device, FittedState, Prediction, Settings
 from crashfuse.approaches.time_domain.config import AboutLfTcn, TcnConfig
 from crashfuse.approaches.time_domain.network import Scaling, Tcn
 from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, predict, train, weights_of

@@ -18,7 +18,7 @@ from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.wording import probability_text, unbroken
+from crashfuse.units import probability_text, unbroken
 
 MOST_WORDS = 400  # of more conditions only colours are drawn: a browser would take many seconds for the words
 

@@ -12,8 +12,7 @@ from crashfuse.errors import one_of, require_a
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import WINDOWS_MS, require_window
-from crashfuse.units import G
-from crashfuse.wording import MPH_LB, SYSTEMS, AccelerationUnit, UnitSystem, said, speed, weight
+from crashfuse.units import MPH_LB, SYSTEMS, AccelerationUnit, G, UnitSystem, said, speed, weight
 
 Number = TypeVar("Number", float, FloatArray)
 
@@ -48,7 +47,7 @@ class Display:
     deceleration : bool
         Show braking as positive; the data stay signed.
     system : UnitSystem, or {"mph-lb", "kph-kg"}
-        Units of speeds and weights, such as :data:`crashfuse.wording.KPH_KG`.
+        Units of speeds and weights, such as :data:`crashfuse.units.KPH_KG`.
     """
 
     window_ms: float = WINDOWS_MS[-1]

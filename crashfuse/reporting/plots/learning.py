@@ -12,7 +12,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import one_more, summary
-from crashfuse.wording import signed
+from crashfuse.units import signed
 
 _SPARE = 0.05  # decades beside the curves
 _NAMES = {"train loss": "Training error", "validation loss": "Error on held-back CAE runs"}

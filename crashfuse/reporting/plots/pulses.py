@@ -20,8 +20,7 @@ from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import INNER_CORRIDOR, OUTER_CORRIDOR
-from crashfuse.units import KN, MS
-from crashfuse.wording import number
+from crashfuse.units import KN, MS, number
 
 _GRID_MS = GRID_S / MS
 _MM = 1e-3

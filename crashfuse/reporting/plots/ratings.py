@@ -18,8 +18,7 @@ from crashfuse.signals.rating import GRADES, WEIGHTS, Rating, graded
 from crashfuse.signals.rating_explanation import Compared, RatingExplanation
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.repeatability import Repeatability
-from crashfuse.units import MS
-from crashfuse.wording import difference
+from crashfuse.units import MS, difference
 
 _FEW = 3  # approaches with room for their scores
 _ROW_PX, _NAMES_PX, _BELOW_PX = 29, 52, 8  # of a heat map: a row, the names of its columns above, the margin below

@@ -23,11 +23,10 @@ from crashfuse.reporting.report.page import ReportOptions, details, render, rend
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.facts import window_facts
-from crashfuse.study.left_out_account import worst_test
-from crashfuse.study.recommendation import Recommendation, recommend, recommend_without
+from crashfuse.study.recommendation import Recommendation, recommend, recommend_without, worst_test
 from crashfuse.study.study import Fold, Study
+from crashfuse.units import speed
 from crashfuse.version import __version__
-from crashfuse.wording import speed
 
 _CAPTIONS = (
     (rating_tables.TABLE_3, "Table 3: the network before (LF) and after (MF) learning from the other tests"),

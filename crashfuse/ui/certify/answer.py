@@ -26,7 +26,7 @@ from crashfuse.ui.kit.progress import show_end, show_job
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.predict import fill_in
-from crashfuse.wording import joined
+from crashfuse.units import joined
 
 _CELL, _CRITERION = "cell", "criterion of the cell"  # session keys
 _MANY_PX = 560  # of a list that scrolls: the reason stays beside it

@@ -14,7 +14,7 @@ import streamlit as st
 from crashfuse.certification import file_store
 from crashfuse.errors import CrashfuseError, DataError, UsageError, shortened
 from crashfuse.ui.kit.text import plain
-from crashfuse.wording import UnitSystem
+from crashfuse.units import UnitSystem
 
 T = TypeVar("T")
 SEPARATOR = "~"  # between the fields of a row, kept as a text

@@ -31,7 +31,7 @@ from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.text import plain
-from crashfuse.wording import IN_SI, SYSTEMS, UnitSystem, counted, speed
+from crashfuse.units import IN_SI, SYSTEMS, UnitSystem, counted, speed
 
 JUDGED = "judged"  # session key: what is chosen, in a line, if it has verdicts
 _FILE = "matrix.csv"

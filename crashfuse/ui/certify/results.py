@@ -33,7 +33,7 @@ from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
-from crashfuse.wording import counted
+from crashfuse.units import counted
 
 _CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
 _MANY, _MANY_PX = 3, 620  # criteria whose record scrolls

@@ -14,15 +14,15 @@ from typing import Any
 import streamlit as st
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
+from crashfuse.approaches.base import DEVICES, PRESETS
 from crashfuse.approaches.registry import APPROACHES
-from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, require_window
-from crashfuse.wording import SYSTEMS
+from crashfuse.units import SYSTEMS
 
 MOST_PINS = 6  # each takes ten megabytes, and a column of the table
 Value = str | float | bool | tuple[str, ...] | None

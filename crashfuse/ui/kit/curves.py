@@ -28,7 +28,7 @@ from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.computation import Request, answers, fit_request, jobs, study_request
 from crashfuse.ui.kit.progress import patience, result_or_none
 from crashfuse.ui.kit.text import plain
-from crashfuse.wording import read_out
+from crashfuse.units import read_out
 
 REPRESENTATIVE = "representative"  # stands among the curves for a pulse that looks like a test
 _NEAREST = 3

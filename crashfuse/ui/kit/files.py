@@ -27,8 +27,7 @@ from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import plain
-from crashfuse.units import MS
-from crashfuse.wording import SYSTEMS
+from crashfuse.units import MS, SYSTEMS
 
 _EXPORTED = "view whose files are shown"  # session key
 _LONGEST_NAME, _DIGEST = 130, 6

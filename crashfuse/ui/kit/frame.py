@@ -11,8 +11,8 @@ from streamlit.delta_generator import DeltaGenerator
 from streamlit.navigation.page import Page
 from streamlit.runtime.scriptrunner import StopException
 
+from crashfuse.approaches.base import DEVICES, PRESETS
 from crashfuse.approaches.registry import APPROACHES, LABELS, uses_preset
-from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
@@ -29,7 +29,7 @@ from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
 from crashfuse.ui.kit.text import LF, TIME_DOMAIN, TO_TTZV_HELP, chosen_units, plain
-from crashfuse.wording import SYSTEMS, counted, read_out, said, speed
+from crashfuse.units import SYSTEMS, counted, read_out, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it

@@ -7,7 +7,7 @@ from dataclasses import replace
 import streamlit as st
 
 from crashfuse.errors import Problem
-from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem, said, unbroken
+from crashfuse.units import MPH_LB, SYSTEMS, UnitSystem, said, unbroken
 
 _MARKS = {ord(char): f"\\{char}" for char in string.punctuation}
 _ADDRESS = re.compile(r"(https?:(?=//)|www(?=\.)|@(?=[-\w]))", re.IGNORECASE)

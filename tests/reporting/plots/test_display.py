@@ -5,8 +5,7 @@ import numpy as np
 from crashfuse.condition import Condition
 from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.metrics import Metric
-from crashfuse.units import KPH, LB, MPH
-from crashfuse.wording import KPH_KG
+from crashfuse.units import KPH, KPH_KG, LB, MPH
 
 METRIC, USUAL = Display(system=KPH_KG, unit="m/s²"), Display()
 

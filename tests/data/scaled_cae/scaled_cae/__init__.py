@@ -4,8 +4,7 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import Approach, FittedState, Prediction
-from crashfuse.approaches.settings import Settings
+from crashfuse.approaches.base import Approach, FittedState, Prediction, Settings
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition

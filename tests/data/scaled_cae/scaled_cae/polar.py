@@ -6,7 +6,7 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import DEFAULT_LIMITS
-from crashfuse.readers.format import Format
+from crashfuse.readers.formats import Format
 from crashfuse.readers.members import opened_members
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 
