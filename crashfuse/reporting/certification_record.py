@@ -10,8 +10,8 @@ from crashfuse.certification.track_record import TrackRecord, WrongShare, trial_
 from crashfuse.reporting.certification_facts import exceptions, sentences, shown
 from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, share_columns
 from crashfuse.reporting.evidence_facts import outcomes, saved_and_missed
+from crashfuse.reporting.exports import json_bytes
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
-from crashfuse.reporting.results import json_bytes
 from crashfuse.units import LB, MPH
 
 

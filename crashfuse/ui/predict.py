@@ -18,6 +18,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_tables import csv_as_given
+from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.planning import NextTests
 from crashfuse.reporting.plots.conditions import BEST
@@ -31,7 +32,6 @@ from crashfuse.reporting.predicted import (
     side_by_side,
 )
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
-from crashfuse.reporting.results import parquet_bytes
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate

@@ -15,16 +15,16 @@ from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.units import G
 from tests.golden import assert_golden
-from tests.study import test_comparison, test_left_out_account, test_one_more_test, test_recommendation
+from tests.study import test_comparison, test_one_more_test, test_recommendation
 
 
 def accounts(campaign: Campaign) -> Iterator[str]:
     """Of a test that disappoints, one with a failed sensor, one with and without its neighbours, one unasked."""
-    sound = test_left_out_account.fold(campaign, "T3", 0.5, 0.99)
+    sound = test_recommendation.fold(campaign, "T3", 0.5, 0.99)
     faults = (SensorFault("spike", 0.03, 0.03, 60 * G, 2.0),)
     failed = replace(sound, test=replace(sound.test, faults=faults))
     unasked = replace(sound, estimates=tuple(replace(own, left_out_mps2={}) for own in sound.estimates))
-    config = test_left_out_account.CONFIG
+    config = test_recommendation.CONFIG
     yield from account(campaign, config, sound).sentences
     yield from account(campaign, config, failed, without_neighbours=0.91).sentences
     yield account(campaign, config, unasked, approach="cae").sentences[0]

@@ -20,12 +20,12 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, several
 from crashfuse.reporting import fit_explanations
+from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.result_tables import about_table, archive_table, metric_texts, quality_table, wall_table
-from crashfuse.reporting.results import spreadsheet_text
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate

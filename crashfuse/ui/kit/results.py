@@ -14,12 +14,12 @@ from crashfuse.approaches.registry import LABELS, label_of
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
+from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
 from crashfuse.reporting.rating_tables import REPEAT, TTZV_COLUMN
 from crashfuse.reporting.result_tables import metric_texts, next_tests_table
-from crashfuse.reporting.results import spreadsheet_text
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows

@@ -10,8 +10,8 @@ from markupsafe import Markup
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.condition import Condition
+from crashfuse.reporting.exports import parquet_bytes, spreadsheet_text
 from crashfuse.reporting.result_tables import pulses_table
-from crashfuse.reporting.results import parquet_bytes, spreadsheet_text
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.estimate import Estimate
 
