@@ -194,6 +194,6 @@ class CaeLibrary:
             if x < lo - tolerance or x > hi + tolerance:
                 outside = quantity(x), quantity(lo, hi, between=" to ")
                 mistaken = quantity is weight and any(lo <= x * factor <= hi for factor in (LB, 1 / LB))
-                advice = " lb and kg may be exchanged." * mistaken
+                advice = " Its unit may be the other one." * mistaken
                 notes.append(Sentence("Extrapolation: {} {} lies outside the CAE runs' {}.{}", name, *outside, advice))
         return tuple(notes)

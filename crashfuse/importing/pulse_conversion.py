@@ -211,20 +211,28 @@ def _pulse_problems(record: Record, choices: Choices, role: Role, *, raw: bool) 
     if not record.chosen(choices.channels):
         return []
     speed_mps = record.condition.overruled(choices.condition).speed_mps
-    if speed_mps is None or _speed_problems(record, speed_mps, role):
-        speed_mps = math.nan
+    if speed_mps is not None and _speed_problems(record, speed_mps, role):
+        speed_mps = None
     problems: list[Problem] = []
+    condition = Condition.of_vector([speed_mps or 0.0, 1.0, 1.0])
     with collecting(problems):
-        settled_at(record, choices, Condition.of_vector([speed_mps, 1.0, 1.0]), role, [], raw=raw)
+        settled_at(record, choices, condition, role, [], raw=raw, has_speed=speed_mps is not None)
     # the unit that a speed may tell is asked for along with the speed
-    return [problem for problem in problems if not (math.isnan(speed_mps) and isinstance(problem, UnknownUnit))]
+    return [problem for problem in problems if not (speed_mps is None and isinstance(problem, UnknownUnit))]
 
 
 def settled_at(
-    record: Record, choices: Choices, condition: Condition, role: Role, steps: list[str], *, raw: bool
+    record: Record,
+    choices: Choices,
+    condition: Condition,
+    role: Role,
+    steps: list[str],
+    *,
+    raw: bool,
+    has_speed: bool = True,
 ) -> Settled:
-    """As :func:`settle`, of a known condition; without a speed (NaN) a pulse is checked as far as that is possible."""
-    case = Case(record, choices, role, condition.speed_mps, steps)
+    """As :func:`settle`, of a known condition; without a speed a pulse is checked as far as that is possible."""
+    case = Case(record, choices, role, condition.speed_mps if has_speed else math.nan, steps)
     channels = agreeing_channels(case)
     time_s, values = average(case, channels)
     if slow := rate_trouble(detection.step_of(time_s), float(time_s[-1] - time_s[0])):

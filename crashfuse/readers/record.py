@@ -11,7 +11,7 @@ import numpy as np
 
 from crashfuse.cae_library import RunQuality
 from crashfuse.condition import ABOUT, About
-from crashfuse.errors import DataError, Problem, UsageError, printable, require_number
+from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_in, doubt_of, is_computed, is_simulated, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
@@ -107,11 +107,6 @@ class PartialCondition:
     front_weight_kg: float | None = None
     rear_weight_kg: float | None = None
     factors: tuple[tuple[str, str], ...] = ()  # what else is worth keeping (make, model, barrier)
-
-    def __post_init__(self) -> None:
-        for name in ("speed_mps", "mass_kg", "front_weight_kg", "rear_weight_kg"):
-            if (value := getattr(self, name)) is not None:
-                require_number(name, value)
 
     def overruled(self, by: "PartialCondition") -> "PartialCondition":
         """Return the condition with the values of ``by`` taking precedence; for weights see :class:`AxleWeights`."""

@@ -63,7 +63,8 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
     )  # fmt: skip
     if (with_runs := certification.record_with_runs) is not None:
         (n, wrong), (_, saved_too, _) = with_runs.decided, with_runs.waived(criteria)
-        told = f"With them {counted(n, 'verdict')} would be met or not met, {wrong} wrong; {saved_too} tests not run."
+        counts = f"{counted(n, 'verdict')} would be met or not met, {wrong or 'none'} wrong"
+        told = f"With them {counts}; {saved_too or 'no'} tests would have been skipped."
         without = "Left-out tests are predicted without their CAE runs, as planned conditions have none."
         yield fact("record.with_runs", f"{without} {told}", n=n, wrong=wrong, saved=saved_too)
     n, missed = saved_and_missed(certification)

@@ -9,9 +9,10 @@ import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
+
+from markupsafe import Markup
 
 from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
@@ -22,10 +23,8 @@ FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 
 _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido", "pptx")}  # modules, by format
-_CALL = re.compile(r'Plotly\.newPlot\(\s*"figure-\d+",\s*')
-_ANSWER = "matrix"  # id of the section whose figures are the answer of a certification
-_HEADINGS = ("h1", "h2", "h3")
-_WIDTH_PX, _HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
+_BEGIN, _END = '<script type="application/json" id="report">', "</script>"
+_WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
     "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
@@ -65,67 +64,28 @@ def read_figures(path: Path) -> FiguresOfReport:
         raise problem(f"{path.stat().st_size >> 20} MB")
     try:
         report = figures_of(path.read_text(encoding="utf-8"))
-    except (ValueError, TypeError, RecursionError) as error:
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
         raise problem(f"text that cannot be read as one ({error})") from error
     if not report.figures:
         raise problem("no figure")
     return report
 
 
+def embedded(report: FiguresOfReport) -> Markup:
+    """The data of a report as a part of its page, which no text within them can end."""
+    values = report._asdict() | {"figures": [figure._asdict() for figure in report.figures]}
+    return Markup(_BEGIN + json.dumps(values, separators=(",", ":")).replace("<", "\\u003c") + _END)  # noqa: S704 - escaped
+
+
 def figures_of(report: str) -> FiguresOfReport:
-    """The figures in the text of a report; a ValueError or TypeError says that it is damaged."""
-    reader = _Reader()
-    reader.feed(report)
-    notices, answers = (tuple(" ".join(text.split()) for text in own) for own in reader.paragraphs.values())
-    return FiguresOfReport(reader.text("h1"), notices, tuple(reader.labels), tuple(reader.figures), answers)
-
-
-class _Reader(HTMLParser):
-    def __init__(self) -> None:
-        super().__init__()
-        self.texts = dict.fromkeys(_HEADINGS, "")
-        self.paragraphs: dict[str, list[str]] = {"notice": [], "answer": []}  # by class
-        self.labels: list[str] = []
-        self.figures: list[ReportFigure] = []
-        self._within, self._section = "", ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = dict(attrs)
-        if (kind := given.get("class") or "") in self.paragraphs:
-            self._within = kind
-            self.paragraphs[kind].append("")
-        if kind == "notice":
-            self.labels.append(given.get("data-label") or "")
-        if tag == "section":
-            self._section = given.get("id") or ""
-        if tag in (*self.texts, "script"):
-            self._within = tag
-        if tag in self.texts:
-            self.texts[tag] = ""
-        if tag in _HEADINGS:  # what stood below the one before
-            self.texts |= dict.fromkeys(_HEADINGS[_HEADINGS.index(tag) + 1 :], "")
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag in (*_HEADINGS, "script", "p"):
-            self._within = ""
-
-    def handle_data(self, data: str) -> None:
-        if self._within in self.texts:
-            self.texts[self._within] += data
-        elif self._within in self.paragraphs:
-            self.paragraphs[self._within][-1] += data
-        elif self._within == "script" and (call := _CALL.search(data)):
-            decode = json.JSONDecoder().raw_decode
-            traces, end = decode(data, call.end())
-            layout, _ = decode(data, data.index("{", end))
-            traces, layout = json.loads(without_links(json.dumps([traces, layout])))
-            title = ": ".join(text for text in (self.text("h2"), self.text("h3")) if text)
-            self.figures.append(
-                ReportFigure(title or self.text("h1"), {"data": traces, "layout": layout}, self._section == _ANSWER)
-            )
-
-    def text(self, name: str) -> str:
-        return " ".join(self.texts[name].split())
+    """The data in the text of a report; a ValueError, TypeError or LookupError says that they are damaged."""
+    _, begin, rest = report.rpartition(_BEGIN)
+    if not begin:
+        return FiguresOfReport("", (), (), ())
+    values = json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))
+    figures = tuple(ReportFigure(**figure) for figure in values["figures"])
+    notices, labels, answers = (tuple(map(str, values[name])) for name in ("notices", "labels", "answers"))
+    return FiguresOfReport(str(values["title"]), notices, labels, figures, answers)
 
 
 def missing_for(formats: Sequence[FigureFormat]) -> str:
@@ -195,7 +155,7 @@ def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str
 
     def options(figure: dict[str, Any], kind: str) -> dict[str, Any]:
         layout, scale = figure["layout"], _DENSITY if kind == "png" else 1
-        width, height = layout.get("width") or _WIDTH_PX, layout.get("height") or _HEIGHT_PX
+        width, height = layout.get("width") or _WIDTH_PX, layout.get("height") or HEIGHT_PX
         return {"format": kind, "width": width, "height": height, "scale": scale}
 
     async def drawn() -> dict[str, list[bytes]]:

@@ -57,7 +57,7 @@ def test_notes_travel_with_a_campaign_that_is_uploaded(campaign_folder: Path, tm
         (("T1", "x", 30.0, 20.0), "its start before its end"),
         (("T1", "x", -1.0), "between 0 and 100 ms"),
         (("T1", "x", 20.0, 101.0), "between 0 and 100 ms"),
-        (("T1", "x", float("nan")), "between 0 and 100 ms"),
+        (("T1", "x", float("nan")), "a number, not nan"),
     ],
 )
 def test_what_is_no_note_is_one_sentence(given: tuple[object, ...], said: str) -> None:

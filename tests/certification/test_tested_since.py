@@ -21,7 +21,7 @@ from crashfuse.certification.verdict import EarlierVerdict, Word
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.certification_facts import exceptions, facts, sentences
+from crashfuse.reporting.certification_facts import exceptions, facts, planned, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import SHOWN, track_record_table
 from crashfuse.reporting.evidence_facts import outcomes, saved_and_missed
@@ -345,7 +345,7 @@ def test_a_test_left_out_of_use_is_told_at_its_condition_with_the_reason(later: 
     told = " ".join(map(str, exceptions(found)["Tests that are not used"]))
     assert str(off) in told
     assert "bracket {left} loose" in told
-    assert f"run as {second}, not used" in " ".join(map(str, sentences(found, "summary")))
+    assert f"run as {second}, not used" in " ".join(row.why for row in planned(found))
     odd = replace(CRUSH, name="crush {A}")
     run = {f"at {second}": {second: {odd.name: 1e4}}}
     before = earlier(later, MET, *later.campaign.test_ids, criteria=Criteria((odd,), 0.8), run=run)

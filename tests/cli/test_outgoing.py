@@ -1,5 +1,6 @@
 """Pulses for an occupant model, as the commands predict and sweep write them."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -92,10 +93,9 @@ def test_draws_of_a_sweep_need_a_format(campaign_on_disk: Path, tmp_path: Path, 
 @pytest.fixture
 def report(tmp_path: Path) -> Path:
     """A report with one figure."""
-    figure = go.Figure(go.Scatter(x=[0, 1], y=[0, 1]))
-    drawn = figure.to_html(full_html=False, include_plotlyjs=False, div_id="figure-1")
+    figure = figure_files.ReportFigure("Result", json.loads(go.Figure(go.Scatter(x=[0, 1], y=[0, 1])).to_json()))
     path = tmp_path / "report.html"
-    path.write_text(f"<h1>Tiny</h1><h2>Result</h2>{drawn}", encoding="utf-8")
+    path.write_text(figure_files.embedded(figure_files.FiguresOfReport("Tiny", (), (), (figure,))), encoding="utf-8")
     return path
 
 

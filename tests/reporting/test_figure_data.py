@@ -1,6 +1,7 @@
 """What a figure shows comes out as numbers: exactly the visible curves and bands, in the figure's units."""
 
 import io
+import json
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
-from crashfuse.reporting.figure_files import figures_of
+from crashfuse.reporting.figure_files import FiguresOfReport, ReportFigure, embedded, figures_of
 from crashfuse.reporting.plots.curves import WHOLE
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
@@ -63,8 +64,8 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
     prediction = Prediction(test.condition, drawn.mean(axis=0), drawn)
     figure = motion(test.pulse, {"fused": prediction}, test.condition.speed_mps)
     if in_a_report:
-        html = figure.to_html(full_html=False, include_plotlyjs=False, div_id="figure-1")
-        shown = figure_table(figures_of(f"<h1>Tiny</h1>{html}").figures[0].drawn)
+        content = ReportFigure("Tiny", json.loads(figure.to_json()))
+        shown = figure_table(figures_of(embedded(FiguresOfReport("Tiny", (), (), (content,)))).figures[0].drawn)
     else:
         shown = figure_table(figure)
     names = [f"Fused: Acceleration{end} (g)" for end in ("", ", lower", ", upper")]

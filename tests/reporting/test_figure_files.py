@@ -1,9 +1,11 @@
 """The figures of a report come out as files that other programs read."""
 
 import io
+import json
 import re
 import struct
 import threading
+from collections.abc import Sequence
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,7 +15,15 @@ import pytest
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.reporting import figure_files as module
-from crashfuse.reporting.figure_files import figure_files, figures_of, missing_for, read_figures
+from crashfuse.reporting.figure_files import (
+    FiguresOfReport,
+    ReportFigure,
+    embedded,
+    figure_files,
+    figures_of,
+    missing_for,
+    read_figures,
+)
 
 needs_browser = pytest.mark.skipif(bool(missing_for(("pptx",))), reason=missing_for(("pptx",)))
 
@@ -23,32 +33,24 @@ def drawn(name: str, height: int) -> go.Figure:
     return go.Figure(go.Scatter(x=[0, 1], y=[0, 1], name=name), {"height": height, "showlegend": True})
 
 
-def page(*parts: str) -> str:
-    notices = "<p class=notice data-label='T9 stands apart'>It is odd.</p>"
-    notices += "<p class=notice data-label='Made up'>Made <b>up</b> &amp; small.</p>"
-    return f"<h1>Tiny: a study</h1>{notices}{''.join(parts)}"
+def report_of(*figures: go.Figure, titles: Sequence[str] = ("Result", "Result: By test", "Limits")) -> FiguresOfReport:
+    drawn = zip(titles, figures, strict=False)
+    content = [ReportFigure(t, json.loads(f.to_json()), t == "Limits") for t, f in drawn]
+    notices, labels = ("It is odd.", "Made up & small."), ("T9 stands apart", "Made up")
+    return FiguresOfReport("Tiny: a study", notices, labels, tuple(content), ("Skip one.",))
 
 
-def div(figure: go.Figure, number: int) -> str:
-    """A figure as a report holds it."""
-    return str(figure.to_html(full_html=False, include_plotlyjs=False, div_id=f"figure-{number}"))
+REPORT = report_of(drawn("a </script> <b", 300), drawn("c", 500), drawn("d", 400))
 
 
-REPORT = page(
-    "<script>function other() { Plotly.newPlot(a, b) }</script>",
-    "<h2>Result</h2>", div(drawn("a </script> b", 300), 1), "<h3>By <i>test</i></h3>", div(drawn("c", 500), 2),
-    "<p class=answer>Skip one.</p>", "<section id=matrix><h2>Limits</h2>", div(drawn("d", 400), 3), "</section>",
-)  # fmt: skip
+def test_figures_are_read_from_the_data_of_a_report() -> None:
+    """As they were, whatever they say; of what the page says or runs nothing."""
+    text = f"<h1>x</h1><script>figures</script>{embedded(REPORT)}<script>run()</script>"
+    assert figures_of(text) == REPORT
+    assert text.count("</script>") == 3
 
 
-def test_figures_are_read_from_a_report_with_their_headings() -> None:
-    report = figures_of(REPORT)
-    assert (report.title, report.labels) == ("Tiny: a study", ("T9 stands apart", "Made up"))
-    assert report.notices == ("It is odd.", "Made up & small.")
-    assert (report.answers, [figure.is_answer for figure in report.figures]) == (("Skip one.",), [False, False, True])
-    assert [figure.title for figure in report.figures] == ["Result", "Result: By test", "Limits"]
-    assert [figure.drawn["layout"]["height"] for figure in report.figures] == [300, 500, 400]
-    assert [figure.drawn["data"][0]["name"] for figure in report.figures] == ["a </script> b", "c", "d"]
+BEGIN = b'<script type="application/json" id="report">'
 
 
 @pytest.mark.parametrize(
@@ -57,12 +59,15 @@ def test_figures_are_read_from_a_report_with_their_headings() -> None:
         (b"", "no figure"),
         (b"<h1>Nothing here</h1>", "no figure"),
         (b"\xff\xfe\x00", "cannot be read as one"),
-        (b'<script>Plotly.newPlot("figure-1", [{"x": 1</script>', "cannot be read as one"),
-        (b'<script>Plotly.newPlot("figure-1", ' + b"[" * 100_000 + b"</script>", "cannot be read as one"),
+        (BEGIN + b'{"figures": [{"x": 1', "cannot be read as one"),
+        (BEGIN + b'{"figures": [{"x": 1}]}</script>', "cannot be read as one"),
+        (BEGIN + b'{"title": "x"}</script>', "cannot be read as one"),
+        (BEGIN + b"[" * 100_000 + b"</script>", "cannot be read as one"),
         (None, "no such file"),
     ],
 )
 def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes | None, found: str) -> None:
+    """Empty, another page, not text, damaged, other data, nested without end, not there."""
     if content is not None:
         (tmp_path / "report.html").write_bytes(content)
     with pytest.raises(DataError, match=found):
@@ -74,7 +79,7 @@ def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes | None
 def test_figures_become_files_in_every_format() -> None:
     import pptx
 
-    files = figure_files(figures_of(REPORT), ("svg", "png", "pptx"))
+    files = figure_files(REPORT, ("svg", "png", "pptx"))
     names = ["01-result", "02-result-by-test", "03-limits"]
     assert set(files) == {f"{name}.{kind}" for name in names for kind in ("svg", "png")} | {"figures.pptx"}
     svg = ElementTree.fromstring(files["02-result-by-test.svg"])  # noqa: S314 - our own
@@ -126,12 +131,10 @@ def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
             go.Figure([linked], {"images": images, "showlegend": True}),
             go.Figure([{"type": "image", "source": f"http://{here}/mine.jpg"}]),
         ]
-        report = figures_of(page(*(div(figure, number) for number, figure in enumerate(figures, 1))))
+        report = figures_of(embedded(report_of(*figures)))
         files = figure_files(report, ("svg",))
         with pytest.raises(CrashfuseError, match="did not draw"):  # a map, which would be fetched
-            figure_files(
-                figures_of(page(div(go.Figure([{"type": "scattergeo", "lon": [0], "lat": [0]}]), 1))), ("svg",)
-            )
+            figure_files(report_of(go.Figure([{"type": "scattergeo", "lon": [0], "lat": [0]}])), ("svg",))
         server.shutdown()
         thread.join()
     assert not [path for path in asked if "mine" in path or "json" in path]
@@ -140,7 +143,7 @@ def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    report = figures_of(REPORT)
+    report = REPORT
     with pytest.raises(UsageError, match="svg, png, csv, pptx, not as pdf"):
         figure_files(report, ("pdf",))  # type: ignore[arg-type]
     monkeypatch.setattr(module, "_browser", lambda: None)

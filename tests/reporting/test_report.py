@@ -82,7 +82,7 @@ def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None
 
 
 def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst(text: str, study: Study) -> None:
-    assert text.count("Why it is rated as it is") == 2
+    assert text.count("<h3>Why it is rated as it is") == 2
     assert text.count("over 0–60 ms: nothing is lost.") == 2
     worst = text.partition("<h3>The worst test</h3>")[2].partition("</section>")[0]
     assert re.search(f"<p>{worst_test(study).test.id}, .* mph, over 0–60 ms: ", worst)

@@ -46,6 +46,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         key=certification.key,
         words=WORDS,
+        answers=sentences(certification, "answer"),
         said={place: sentences(certification, place) for place in PLACES},
         exceptions=exceptions(certification),
         table_of=tables,

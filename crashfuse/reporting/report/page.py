@@ -1,16 +1,15 @@
 """Rendering of a report's template with its own values and those common to all reports, and common sections."""
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import count
 from typing import Literal, get_args
 
 import pandas as pd
 import plotly.graph_objects as go
-from jinja2 import Environment, PackageLoader, StrictUndefined, pass_context
-from jinja2.runtime import Context
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
@@ -21,6 +20,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, several
 from crashfuse.reporting import fit_explanations
 from crashfuse.reporting.exports import spreadsheet_text
+from crashfuse.reporting.figure_files import HEIGHT_PX, FiguresOfReport, ReportFigure, embedded
 from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
@@ -37,15 +37,6 @@ from crashfuse.vehicle_archive import record_sentence
 _INTERVAL = re.compile(r" ?\[[^]]*\]")
 
 
-@pass_context
-def _figure(context: Context, drawn: go.Figure) -> Markup:
-    """A zoomable figure; Plotly itself is embedded once per page. Ids are numbered: equal results give equal files."""
-    name = f"figure-{next(context['numbers'])}"
-    config = {"displaylogo": False, "showSendToCloud": False, "responsive": True}  # the data go nowhere
-    html = drawn.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=config)
-    return Markup(without_links(html))  # noqa: S704
-
-
 @cache
 def _templates(display: Display) -> Environment:
     templates = Environment(
@@ -56,7 +47,6 @@ def _templates(display: Display) -> Environment:
         lstrip_blocks=True,
         finalize=lambda value: display.words(value) if hasattr(value, "in_units") else value,
     )
-    templates.filters["figure"] = _figure
     templates.filters["tabbed"] = spreadsheet_text
     return templates
 
@@ -69,6 +59,7 @@ def render(
     command: str,
     display: Display,
     held_out: Sequence[str] = (),
+    answers: Sequence[str] = (),
     **own: object,
 ) -> str:
     """The complete file, from a report's template and values; the command is the one that reproduces it."""
@@ -81,6 +72,8 @@ def render(
         f"{campaign.name}: {title}",
         display,
         facts=campaign_facts(campaign),
+        cautions=(),
+        answers=answers,
         campaign=campaign,
         config=config,
         tests=tests_table(campaign, display),
@@ -110,10 +103,38 @@ def render(
     )
 
 
-def render_in_frame(template: str, title: str, display: Display, *, facts: Sequence[Fact] = (), **own: object) -> str:
+def render_in_frame(
+    template: str,
+    title: str,
+    display: Display,
+    *,
+    facts: Sequence[Fact] = (),
+    cautions: Sequence[str] = (),
+    answers: Sequence[str] = (),
+    **own: object,
+) -> str:
     """The complete file of a report that has nothing but its frame in common with the others."""
-    plotly = Markup(get_plotlyjs())  # noqa: S704
-    common = {"title": title, "facts": facts, "verdict_colours": VERDICT_COLOURS, "plotly": plotly, "numbers": count(1)}
+    figures, notices = list[ReportFigure](), [*(fact.sentence for fact in facts), *cautions]
+
+    def words(heading: str | Sequence[str]) -> str:
+        return display.words(heading) if isinstance(heading, str) else " ".join(map(display.words, heading))
+
+    labels = [*(fact.label for fact in facts), *("" for _ in cautions)]
+
+    def figure(drawn: go.Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
+        """Its place, in which the page draws it; ids are numbered: equal results give equal files."""
+        content = json.loads(without_links(drawn.to_json()))
+        figures.append(ReportFigure(": ".join(map(words, headings)) or title, content, is_answer))
+        style = f"height: {content['layout'].get('height', HEIGHT_PX)}px; width: 100%"
+        place = Markup('<div><div id="figure-{}" class="plotly-graph-div" style="{}"></div></div>')
+        return place.format(len(figures), style)
+
+    def data() -> Markup:
+        told, answered = (tuple(map(display.words, texts)) for texts in (notices, answers))
+        return embedded(FiguresOfReport(title, told, tuple(labels), tuple(figures), answered))
+
+    common = {"title": title, "notices": notices, "answers": answers, "figure": figure, "data": data}
+    common |= {"verdict_colours": VERDICT_COLOURS, "plotly": Markup(get_plotlyjs())}  # noqa: S704
     return _templates(display).get_template(f"{template}.html.j2").render(own | common)
 
 

@@ -73,6 +73,7 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
             _fold(study, study.fold(test), options, display)
             for test in options.tests or (held_out if whole else [worst.test.id])
         ],
+        answers=(),
         **(_whole(study, display) if whole else {}),
     )
 
