@@ -155,7 +155,6 @@ CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which
     **dict.fromkeys(("figure_table", "darkened"), ("figure",)),
     "rate_pairs": ("table", "windows_ms"),
     "pulse_metrics": ("accel_mps2", "speed_mps", "dt_s", "draws_mps2", "occupant"),
-    "energy_crush": ("accel_mps2", "speed_mps"),
     "load_campaign": ("path",),
     "load_archive": ("path",),
     "load_model": ("path", "campaign"),

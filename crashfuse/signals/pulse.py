@@ -208,7 +208,8 @@ def checked_pulse(
         stated += f", of which the pulse takes away {100 * change:.0f} %"
         sizes = {"mph": MPH, "km/h": KPH}
         likely |= {unit: size for unit, size in sizes.items() if _CHANGE[0] < change / size < _CHANGE[1]}
-    for unit, size in sorted(likely.items(), key=lambda item: abs(np.log(change / item[1] / _USUAL_CHANGE))):
+    if likely:
+        unit, size = min(likely.items(), key=lambda item: abs(change / item[1] - _USUAL_CHANGE))
         advice = f"convert it: {speed_mps:g} {unit} are {speed_mps * size:.4g} m/s"
         raise DataError(Problem("speed_mps", expected, stated, advice))
     if is_unstopped:
