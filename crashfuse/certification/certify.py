@@ -17,7 +17,7 @@ from crashfuse.certification.forecasts import Asked, Forecasts, MeanForecast, pa
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
-from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, is_clear, judge, needs_no_test
+from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
@@ -187,8 +187,8 @@ def certify_matrix(
 ) -> Certification:
     """Judge every criterion at every condition by the first approach, and keep the record of tests, left out in turn.
 
-    Forecasts are cached: other limits take time only near probabilities of the confidence. Raises a UsageError without
-    tests, a DataError if a record is shorter than the window of a rating.
+    Forecasts are cached: other limits take no time. Raises a UsageError without tests, a DataError if a record is
+    shorter than the window of a rating.
     """
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")
@@ -202,12 +202,12 @@ def certify_matrix(
     forecasts = asked.forecasts(config, cache or Cache(), watch)
     with workers_at(scheduler, workers) as place:
         start = time.perf_counter()
-        at_trials = forecasts.averaged(asked.trials, place, _LEARN, asked.is_clear, learn_for=asked.cells)
+        at_trials = forecasts.averaged(asked.trials, place, _LEARN, learn_for=asked.cells)
         with_runs = forecasts.all([trial._replace(with_runs=True) for trial in asked.with_runs], place, _WITH_RUNS)
         learned = time.perf_counter()
-        at_cells = forecasts.averaged(asked.cells, place, _JUDGE, asked.is_clear)
+        at_cells = forecasts.averaged(asked.cells, place, _JUDGE)
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
-    domain, cells, splits = asked.domain, asked.cells, asked.splits
+    domain, cells, splits = Domain.of(campaign), asked.cells, asked.splits
     run = matrix.run((test.id, test.condition) for test in campaign.tests)
     left_out = [*_left_out(campaign, criteria, splits, config.approaches[0], at_trials)]
     restored = {trial._replace(with_runs=False): MeanForecast((own,)) for trial, own in with_runs.items()}
@@ -249,7 +249,7 @@ def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: 
     asked = _Plan.of(campaign, criteria, matrix, config.approaches[0])
     forecasts = asked.forecasts(config, cache, SILENT)
     restored = all(forecasts.is_known(trial._replace(with_runs=True)) for trial in asked.with_runs)
-    return restored and forecasts.are_known((*asked.cells, *asked.trials), asked.is_clear)
+    return restored and forecasts.are_known((*asked.cells, *asked.trials))
 
 
 _Split = tuple[CrashTest, LeftOut, tuple[str, ...]]  # a test, what is left out with it, the ids of all left out
@@ -290,22 +290,6 @@ class _Plan:
         untrained = paired_runs(self.campaign, sorted(tests)) if trains else frozenset()
         cae = replace(self.campaign.cae, untrained=untrained) if untrained else self.campaign.cae
         return Forecasts(replace(self.campaign, cae=cae), self.criteria.windows_ms, config, cache, watch)
-
-    def is_clear(self, asked: Asked, forecast: MeanForecast) -> bool:
-        if self._outside[asked.held_out, asked.condition]:
-            return True
-        return is_clear(judge(forecast, asked.condition, self.criteria), self.criteria.confidence)
-
-    @cached_property
-    def domain(self) -> Domain:
-        return Domain.of(self.campaign)
-
-    @cached_property
-    def _outside(self) -> dict[tuple[tuple[str, ...], Condition], bool]:
-        left = {cell[2] for cell in self.splits}
-        domains = {out: Domain.of(self.campaign.without(out), for_record=True) for out in left}
-        trials = {(out, test.condition): bool(domains[out].exceeded_by(test.condition)) for test, _, out in self.splits}
-        return trials | {((), c.condition): bool(self.domain.outside(c.condition)) for c in self.cells}
 
 
 class _LeftOut(NamedTuple):

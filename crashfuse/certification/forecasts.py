@@ -1,7 +1,7 @@
 """Forecasts of many conditions by approaches that learned from parts of the tests: computed side by side, and kept."""
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import lru_cache, partial
 from typing import NamedTuple, Self
@@ -217,8 +217,8 @@ def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> floa
 
 
 _KIND = "forecasts"  # kind of cache entry
-_SEEDS = (0, 1), (2, 3), (4, 5, 6, 7)
-"""Averaged over, the later ones where the first leave it unclear. Nobody can choose others."""
+_SEEDS = (0, 1)
+"""Averaged over, the same for everyone: nobody can choose others."""
 _LEAST_RUNS = 2  # that are left to learn from
 _CHUNK = 16  # conditions predicted by one task, a usual matrix as a whole: each task has to restore the fit
 
@@ -247,10 +247,6 @@ def paired_runs(campaign: Campaign, tests: Sequence[str]) -> frozenset[str]:
     return runs if len(runs) + _LEAST_RUNS <= len(campaign.cae) else frozenset()
 
 
-IsClear = Callable[[Asked, MeanForecast], bool]
-"""Whether no further seed could turn what a forecast is asked for."""
-
-
 @dataclass(frozen=True, eq=False)
 class Forecasts:
     """Computes forecasts, or finds them in the cache."""
@@ -263,44 +259,17 @@ class Forecasts:
     _known: dict[tuple[tuple[str, ...], bool], Campaign] = field(default_factory=dict)
 
     def averaged(
-        self, asked: Sequence[Asked], workers: Workers, step: str, is_clear: IsClear, learn_for: Sequence[Asked] = ()
+        self, asked: Sequence[Asked], workers: Workers, step: str, learn_for: Sequence[Asked] = ()
     ) -> dict[Asked, MeanForecast]:
-        """Forecasts by the first seeds, and by twice as many again as long as their mean is not clear."""
-        ahead = [each._replace(seed=seed) for each in learn_for for seed in _SEEDS[0]]
-        return self._averaged(asked, is_clear, lambda wanted: self.all(wanted, workers, step, ahead))
+        """Forecasts by all seeds, of what no seed changes by the first."""
+        by_seed = {each: self._by_seed(each) for each in asked}
+        ahead = [own for each in learn_for for own in self._by_seed(each)]
+        found = self.all([own for seeds in by_seed.values() for own in seeds], workers, step, ahead)
+        return {each: MeanForecast(tuple(found[own] for own in seeds)) for each, seeds in by_seed.items()}
 
-    def are_known(self, asked: Sequence[Asked], is_clear: IsClear) -> bool:
-        """Whether the cache has all that :meth:`averaged` takes."""
-        with suppress(KeyError):
-            self._averaged(asked, is_clear, self._found)
-            return True
-        return False
-
-    def _found(self, wanted: Sequence[Asked]) -> dict[Asked, Forecast]:
-        found = {each: own for each in wanted if (own := self.find(each)) is not None}
-        return {each: found[each] for each in wanted}
-
-    def _averaged(
-        self, asked: Sequence[Asked], is_clear: IsClear, get: Callable[[Sequence[Asked]], Mapping[Asked, Forecast]]
-    ) -> dict[Asked, MeanForecast]:
-        by_seed: dict[Asked, list[Forecast]] = {each: [] for each in asked}
-        missing = [*by_seed]
-        for seeds in _SEEDS:
-            wanted = [
-                each._replace(seed=seed) for each in missing for seed in seeds if not seed or self._is_random(each)
-            ]
-            forecasts = get(wanted) if wanted else {}
-            for each in wanted:
-                by_seed[each._replace(seed=0)].append(forecasts[each])
-            missing = [
-                each
-                for each in missing
-                if self._is_random(each) and not is_clear(each, MeanForecast(tuple(by_seed[each])))
-            ]
-        return {each: MeanForecast(tuple(own)) for each, own in by_seed.items()}
-
-    def _is_random(self, asked: Asked) -> bool:
-        return hasattr(self.config.create(asked.approach), "seed")
+    def _by_seed(self, asked: Asked) -> list[Asked]:
+        is_random = hasattr(self.config.create(asked.approach), "seed")
+        return [asked._replace(seed=seed) for seed in (_SEEDS if is_random else _SEEDS[:1])]
 
     def all(
         self, asked: Sequence[Asked], workers: Workers, step: str, learn_for: Sequence[Asked] = ()
@@ -334,6 +303,10 @@ class Forecasts:
     def is_known(self, asked: Asked) -> bool:
         """Whether the cache has a forecast."""
         return self.cache.is_cached(_KIND, _key(self._training(asked), asked, self.config, self.windows_ms))
+
+    def are_known(self, asked: Sequence[Asked]) -> bool:
+        """Whether the cache has all that :meth:`averaged` takes."""
+        return all(self.is_known(own) for each in asked for own in self._by_seed(each))
 
     def find(self, asked: Asked) -> Forecast | None:
         """The forecast in the cache, if there is one."""

@@ -78,7 +78,7 @@ class AllMet(NamedTuple):
 
 
 _PRIOR_SEEDS, _SPREAD = 4, 0.5  # seeds that scatter by this times p (1 - p), as fused does on finite elements
-_CLEAR, COUNTED = 3.0, 2.0  # standard errors: from the confidence if more seeds cannot turn it; against a verdict
+COUNTED = 2.0  # standard errors, against a verdict
 
 
 def monte_carlo_error(chances: Sequence[float]) -> float:
@@ -129,19 +129,6 @@ def needs_no_test(verdicts: Sequence[Verdict], confidence: float) -> bool:
         return False
     at_once = all_met(verdicts)
     return reaches(at_once.probability - COUNTED * at_once.error, confidence)
-
-
-def is_clear(verdicts: Sequence[Verdict], confidence: float) -> bool:
-    """Whether the Monte Carlo error of no probability could turn a verdict, or whether a test need not be run."""
-    known = [(verdict.probability, verdict.error) for verdict in verdicts if verdict.word != "outside"]
-    met = all(verdict.probability is not None and verdict.probability >= confidence for verdict in verdicts)
-    at_once = [(own.probability, own.error) for own in [all_met(verdicts)] if known and met]
-    return all(
-        abs(probability - end) >= _CLEAR * error
-        for probability, error in (*known, *at_once)
-        if probability is not None
-        for end in (confidence, 1 - confidence)
-    )
 
 
 def judge(

@@ -186,7 +186,7 @@ def test_it_can_be_stopped(campaign: Campaign) -> None:
 def test_what_makes_it_impossible_is_a_sentence(campaign: Campaign) -> None:
     with pytest.raises(UsageError, match="at least 2 tests"):
         learning_curve(campaign.without(["T1", "T2", "T3"]), CONFIG)
-    with pytest.raises(UsageError, match="0 or more, not -1"):
+    with pytest.raises(UsageError, match="or more, not -1"):
         learning_curve(campaign, CONFIG, repeats=-1)
     short = replace(campaign, tests=tuple(replace(test, recorded_s=0.05) for test in campaign.tests))
     with pytest.raises(DataError, match="0–60 ms"):

@@ -276,7 +276,7 @@ def test_conditions_are_spread_evenly_over_the_range() -> None:
 
 
 def test_a_range_that_makes_no_sense_is_refused() -> None:
-    for low, high in ((20.0, 10.0), (0.0, 10.0), (10.0, np.nan)):
+    for low, high in ((20.0, 10.0), (0.0, 10.0)):
         with pytest.raises(UsageError, match="range"):
             ConditionRange(at(low), at(high))
     with pytest.raises(UsageError, match="one kind"):

@@ -17,7 +17,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
-from crashfuse.signals.metrics import Metric, pulse_metrics
+from crashfuse.signals.metrics import Metric, checked_metrics
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import rate_iso18571, rate_windows
 from crashfuse.study.config import StudyConfig
@@ -87,13 +87,13 @@ def test_a_hundred_draws_are_rated_evenly_over_all(campaign: Campaign, n_draws: 
 def test_crush_and_peak_lie_inside_the_intervals_that_are_told(campaign: Campaign, name: str) -> None:
     """Which may hold the test where its draws do not, and the other way round; without any the draws count."""
     test = campaign.tests[1]
-    measured = {own.name: own.value for own in pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps)}
+    measured = {own.name: own.value for own in checked_metrics(test.pulse.accel_mps2, test.condition.speed_mps)}
     value, field = measured[name], {"max_crush": "crush", "peak": "peak"}[name]
     assert value is not None
 
     def inside(draws: FloatArray, lower: float | None, upper: float | None) -> bool:
         interval = Metric(name, value, lower, upper, "mm", drawn=True)
-        others = tuple(own for own in pulse_metrics(draws[0], test.condition.speed_mps) if own.name != name)
+        others = tuple(own for own in checked_metrics(draws[0], test.condition.speed_mps) if own.name != name)
         estimate = Estimate("fused", Prediction(test.condition, draws[0], draws), {}, 0.0)
         vars(estimate)["metrics"] = (interval, *others)  # instead of those that it would compute
         found = Fold.of(test, [estimate], [60.0]).coverage("fused")

@@ -121,7 +121,7 @@ class Session:
     @property
     def buttons(self) -> list[str]:
         """Labels of all buttons below the line that stands above every page."""
-        return [button.label for button in self.app.button if not str(button.key).startswith("answer")]
+        return [as_read(button.label) for button in self.app.button if not str(button.key).startswith("answer")]
 
     @property
     def downloads(self) -> list[str]:
