@@ -15,7 +15,7 @@ import pandas as pd
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.condition import ABOUT, FILE_UNITS, About, Condition
 from crashfuse.crash_test import TUNED
-from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, shortened
+from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, refusal, shortened
 from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
 from crashfuse.files.parquet import EMPTY
@@ -131,7 +131,7 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
     conditions = read_conditions(path, by_hand=True).conditions
     if (count := len(conditions)) > _MOST_CANDIDATES:
-        raise DataError(Problem(path.name, f"at most {_MOST_CANDIDATES} candidates", f"{count}", "leave some out"))
+        raise refusal(path.name, f"at most {_MOST_CANDIDATES} candidates", f"{count}", "leave some out")
     return conditions
 
 
@@ -272,8 +272,7 @@ def _read_tuned(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tup
     meanings = {text: meaning for meaning, text in TUNED.items()} | {"true": True, "false": False}
     cells = frame["cae_tuned"].str.strip().str.lower()
     for row, text in frame["cae_tuned"][~cells.isin(meanings)].items():
-        found = repr(printable(text, 60))
-        problems.append(Problem(where, "yes, no or nothing", found, CORRECT_CELL, "cae_tuned", row))
+        problems.append(Problem(where, "yes, no or nothing", repr(printable(text, 60)), CORRECT_CELL, "cae_tuned", row))
     return tuple(map(meanings.get, cells))
 
 

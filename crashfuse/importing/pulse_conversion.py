@@ -14,7 +14,7 @@ from crashfuse.campaign_folder.condition_tables import Role, listed
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVING, STOPS, WHICH_AXLE
 from crashfuse.campaign_folder.pulse_files import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.condition import About, Condition
-from crashfuse.errors import DataError, Problem, UsageError, collecting
+from crashfuse.errors import DataError, Problem, UsageError, collecting, refusal
 from crashfuse.importing import detection
 from crashfuse.importing.channels import agreeing_channels, average, measurement_problems, missing_choices
 from crashfuse.importing.detection import Case, Choices, UnknownUnit
@@ -63,7 +63,7 @@ def complete_condition(
     weights = record.condition.weights.overruled(choices.weights)
     if contradiction := weights.contradiction():
         expected = f"weights of {record.id} that add up"
-        raise DataError(Problem(record.source, expected, contradiction, f"correct the file, or {_GIVE_WEIGHTS}"))
+        raise refusal(record.source, expected, contradiction, f"correct the file, or {_GIVE_WEIGHTS}")
     overruled = record.condition.overruled(given)
     front, rear = weights.axles()
     speed_mps, share, mass_kg = overruled.speed_mps, weights.front_share, weights.mass_kg
@@ -138,7 +138,7 @@ def _refuse_short(case: Case, time_s: FloatArray) -> None:
 
 def _too_short(case: Case, end_s: float, advice: str) -> DataError:
     expected = "at least 60 ms from contact (100 ms is best)"
-    return DataError(Problem(case.record.source, expected, time_text(end_s), advice))
+    return refusal(case.record.source, expected, time_text(end_s), advice)
 
 
 def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
@@ -150,7 +150,7 @@ def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
     if end_s < GRID_S[-1] - motion.dt_s:
         if first > CREEP_MPS and last > MOVING * first:
             found = Sentence(f"{{}} left at its end, {end}", speed(last))
-            raise DataError(Problem(case.record.source, LONG_ENOUGH, found, _LONGER[case.role]))
+            raise refusal(case.record.source, LONG_ENOUGH, found, _LONGER[case.role])
         last_g, better = number(motion.accel_mps2[-1] / G, "+.2g"), _LONGER[case.role].partition(";")[0]
         ends = f"Careful: the record ends {end} after contact at {last_g} g; it goes on with no acceleration, which"
         sentences.append(f"{ends} nobody measured. Better {better}.")
@@ -236,7 +236,7 @@ def settled_at(
     channels = agreeing_channels(case)
     time_s, values = average(case, channels)
     if slow := rate_trouble(detection.step_of(time_s), float(time_s[-1] - time_s[0])):
-        raise DataError(Problem(record.source, *slow))
+        raise refusal(record.source, *slow)
     _refuse_short(case, time_s)
     unit, sign = detection.unit_and_sign(case, channels, time_s, values)
     accel = values * ACCELERATION_UNITS[unit] * (1 if sign == "negative" else -1)
@@ -292,5 +292,5 @@ def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
     if case.is_moving and not low <= taken <= high:
         expected = Sentence(f"{detection.NEAR_SPEED} from contact on", speed(speed_mps))
         advice = detection.crash_advice(record, "time zero, unit and channels")
-        raise DataError(Problem(record.source, expected, f"{100 * taken:.0f} % of it", advice))
+        raise refusal(record.source, expected, f"{100 * taken:.0f} % of it", advice)
     case.steps.extend(sentences)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-from crashfuse.errors import CrashfuseError, DataError, Problem
+from crashfuse.errors import CrashfuseError, refusal
 from crashfuse.extensions import NO_FAULTS, Extended, said
 from crashfuse.readers.vocabulary import Travel
 
@@ -53,7 +53,7 @@ class Format:
             if not self.package or isinstance(error, (CrashfuseError, OSError, *NO_FAULTS)):
                 raise
             found = f"the reader of the package {self.package} failed: {said(error)}"
-            raise DataError(Problem(path.name, self.label, found.rstrip("."), "use another format")) from error
+            raise refusal(path.name, self.label, found.rstrip("."), "use another format") from error
         return records
 
 

@@ -18,8 +18,8 @@ from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, collecting, printable
-from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.errors import DataError, Problem, collecting, printable, refusal, refuse_all, refuse_if
+from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import vocabulary
 from crashfuse.readers.members import ONE_TEST, as_text, is_numbered, opened_members
 from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
@@ -105,9 +105,7 @@ def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
 
 def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
     headers = [member for member in members if member.path.suffix.lower() == ".mme"]
-    if len(headers) != 1:
-        found = f"{len(headers)} of them" if headers else "none"
-        raise DataError(Problem(name, "one .mme file", found, ONE_TEST))
+    refuse_if(len(headers) != 1, name, "one .mme file", f"{len(headers)} of them" if headers else "none", ONE_TEST)
     home = headers[0].path.parent
     folders = {folder for member in members if (folder := member.path.parent).name.lower() == "channel"}
     homes = {home, *(folder for folder in folders if folder.parent == home)}
@@ -122,9 +120,8 @@ def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
             channel, clock = _channel(member, listed, budget)
             channels.append((channel, clock))
             clocks |= {name: channel for name in (member.path.suffix[1:], channel.name, channel.code) if name}
-    refuse(problems, name)
-    if not channels:
-        raise DataError(Problem(name, "channel files .001, .002 … in Channel/", "none", "export them too"))
+    refuse_all(problems, name)
+    refuse_if(not channels, name, "channel files .001, .002 … in Channel/", "none", "export them too")
     timed = tuple(_timed(channel, clocks.get(reference or "")) for channel, reference in channels)
     descriptors = _descriptors(_lines_in(headers[0], budget), headers[0].where)
     return IsommeTest(headers[0].path.stem, tuple(descriptors), timed)
@@ -141,11 +138,11 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     with suppress(DataError) if Doubt.FAILED in doubts else nullcontext():
         samples, count = _numbers(lines[end:], where), _number_in(header, "Number of samples", where)
         if count not in (None, samples.size):
-            raise DataError(Problem(where, f"{count:g} samples, as its header says", f"{samples.size}", _AGAIN))
+            raise refusal(where, f"{count:g} samples, as its header says", f"{samples.size}", _AGAIN)
         values = samples
     interval = _seconds_in(header, _STEP, where)
-    if interval is not None and interval <= 0:
-        raise DataError(Problem(where, "a number above 0", f"{interval:g}", _CORRECT, _STEP))
+    if interval is not None:
+        refuse_if(interval <= 0, where, "a number above 0", f"{interval:g}", _CORRECT, _STEP)
     code, _, name = (_first_of(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
     channel = Channel(
         code=_first_of(header, "Channel code") or code.strip(),
@@ -178,16 +175,14 @@ def _timed(channel: Channel, clock: Channel | None) -> Channel:
 def _lines_in(member: Member, budget: Budget) -> list[str]:
     text = as_text(member.content(budget)).replace("\r\n", "\n").replace("\r", "\n")
     if text.count("\n") > _MOST_LINES:
-        raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", "more", "export a shorter record"))
+        raise refusal(member.where, f"at most {_MOST_LINES} lines", "more", "export a shorter record")
     return text.split("\n")  # splitlines() would also split at the … of Windows-1252 read as Latin-1
 
 
 def _descriptors(lines: list[str], where: str) -> list[tuple[str, str]]:
-    if len(lines) > _MOST_DESCRIPTORS:
-        raise DataError(Problem(where, f"at most {_MOST_DESCRIPTORS} descriptors", "more", _AGAIN))
+    refuse_if(len(lines) > _MOST_DESCRIPTORS, where, f"at most {_MOST_DESCRIPTORS} descriptors", "more", _AGAIN)
     parts = [line.partition(":") for line in lines if ":" in line]
-    if not parts:
-        raise DataError(Problem(where, "lines of the form Name :value", "none", _AGAIN))
+    refuse_if(not parts, where, "lines of the form Name :value", "none", _AGAIN)
     pairs = [(name.strip(), value.strip()) for name, _, value in parts]
     return [(name, value) for name, value in pairs if value.upper() not in ("", NO_VALUE)]
 
@@ -199,8 +194,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
         found = "an infinite one" if np.isinf(values).any() else ""
     except ValueError as error:
         found = printable(str(error).rpartition(":")[2].strip())
-    if found:
-        raise DataError(Problem(where, "one number a line after the header", found, _AGAIN))
+    refuse_if(found, where, "one number a line after the header", found, _AGAIN)
     return values
 
 
@@ -211,8 +205,7 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
         value = float(text.split()[0])  # "0.0001 s" occurs in practice
     except ValueError:
         value = np.nan
-    if not np.isfinite(value):
-        raise DataError(Problem(where, "a number", printable(text), _CORRECT, name))
+    refuse_if(not np.isfinite(value), where, "a number", printable(text), _CORRECT, name)
     return value
 
 
@@ -222,7 +215,7 @@ def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
     if value is None or not unit:
         return value
     if (named := vocabulary.unit_named(unit[0], "time")) is None:
-        raise DataError(Problem(where, "a time in s or ms", printable(unit[0]), _CORRECT, name))
+        raise refusal(where, "a time in s or ms", printable(unit[0]), _CORRECT, name)
     return value * UNITS["time"][named]
 
 
@@ -242,7 +235,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
     on_vehicles = [pair for pair in along_x if pair[0].text[0].isdigit() and not pair[0].is_of_a_dummy]
     if not on_vehicles:
         expected = "an X acceleration of the vehicle (as 10VEHC000000ACXD)"
-        raise DataError(Problem(source, expected, f"none in {len(test.channels)} channels", "export it too"))
+        raise refusal(source, expected, f"none in {len(test.channels)} channels", "export it too")
     objects = {code.text[0] for code, _ in on_vehicles}
     vehicle = min({code.text[0] for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.text[0] == vehicle])

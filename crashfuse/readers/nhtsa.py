@@ -18,8 +18,8 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.errors import DataError, Problem, printable, refusal, refuse_all, refuse_if
+from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import ONE_TEST, is_numbered, opened_members
 from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
@@ -141,7 +141,7 @@ def nhtsa_record(
             damaged[sensor] = error.problems[0]
     wanted, _ = _at_best_place([entry for entry in sensors if not entry.doubt])
     if set(wanted) & set(damaged) or not channels:
-        refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
+        refuse_all([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
     left_out = (f"Left out as damaged or empty: {', '.join(entry.shown for entry in damaged)}.",) if damaged else ()
     proposed, why = _proposed(channels)
     steps = (*notes, *left_out, *why)
@@ -213,7 +213,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         candidates = of_first_vehicle(list({one.number: one for one in listed if one.number in files}.values()))
         if not candidates:
             have = f"{sum(entry.is_of_the_vehicle for entry in listed)} listed, none of them beside it"
-            raise DataError(Problem(specification.where, LACKING[0], have, LACKING[1]))
+            raise refusal(specification.where, LACKING[0], have, LACKING[1])
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
         condition, steps = _condition(sections, candidates[0].vehicle, specification.where)
         steps += other_vehicles([one for one in listed if one.number in files])
@@ -238,14 +238,13 @@ def _specification(members: Sequence[Member], path: Path) -> Member:
         found = [member for member in found if member.path.name == path.name]
     if len(found) != 1:
         advice = ONE_TEST if found else "download the specification (EV5) too"
-        raise DataError(Problem(path.name, "one .EV5 file", f"{len(found) or 'none'}", advice))
+        raise refusal(path.name, "one .EV5 file", f"{len(found) or 'none'}", advice)
     return found[0]
 
 
 def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
     lines = _lines(member, budget)
-    if len(lines) > _MOST_LINES:
-        raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", _AGAIN))
+    refuse_if(len(lines) > _MOST_LINES, member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", _AGAIN)
     sections: dict[str, list[list[str]]] = {}
     current: list[list[str]] = []
     for line in lines:
@@ -254,15 +253,14 @@ def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
         elif "|" in line:
             current.append([field.strip() for field in line.split("|")])
     for name in ("TEST", "VEHICLE", "INSTRUMENTATION"):
-        if not sections.get(name):
-            raise DataError(Problem(member.where, f"a section {name}", "none", _AGAIN))
+        refuse_if(not sections.get(name), member.where, f"a section {name}", "none", _AGAIN)
     return sections
 
 
 def _listed(fields: list[str], where: str) -> Sensor:
     if len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6):
         expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {printable('|'.join(fields))!r}"
-        raise DataError(Problem(where, expected, found, _AGAIN))
+        raise refusal(where, expected, found, _AGAIN)
     return Sensor(
         vehicle=fields[0],
         number=int(fields[1]),
@@ -288,13 +286,13 @@ def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
 def _samples(member: Member, budget: Budget) -> tuple[FloatArray, FloatArray]:
     lines = [line for line in _lines(member, budget) if line.strip()]
     if not 2 <= len(lines) <= _MOST_SAMPLES:
-        raise DataError(Problem(member.where, f"2 to {_MOST_SAMPLES} samples", f"{len(lines)}", _AGAIN))
+        raise refusal(member.where, f"2 to {_MOST_SAMPLES} samples", f"{len(lines)}", _AGAIN)
     try:
         table = np.array([line.split() for line in lines], dtype=np.float64)
     except ValueError:
         table = np.empty((0, 0))
     if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
-        raise DataError(Problem(member.where, "time and value on each line", "something else", _AGAIN))
+        raise refusal(member.where, "time and value on each line", "something else", _AGAIN)
     return table[:, 0].copy(), table[:, 1].copy()
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from crashfuse.cae_library import RunQuality
 from crashfuse.condition import ABOUT, About
 from crashfuse.errors import DataError, Problem, UsageError, printable
-from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_in, doubt_of, is_computed, is_simulated, weight
+from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_in, doubt_of, is_simulated, mentions, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
 from crashfuse.units import Sentence, joined
@@ -167,7 +167,7 @@ class RecordedChannel:
     def doubt(self) -> Doubt:
         """What speaks against it, by the file."""
         stated = max(doubt for _, doubt in self._accounts)
-        return max(stated, Doubt.SOME if is_computed(self.origin) else Doubt.NONE)
+        return max(stated, Doubt.SOME if mentions(self.origin, "computed") else Doubt.NONE)
 
     @property
     def _accounts(self) -> list[tuple[str, Doubt]]:
@@ -178,7 +178,7 @@ class RecordedChannel:
     def remark(self) -> str:
         """The file's words that speak against it; empty if it is measured and sound."""
         status = next((text for text, doubt in self._accounts if doubt), "")
-        origin = self.origin if self.is_simulated or is_computed(self.origin) else ""
+        origin = self.origin if self.is_simulated or mentions(self.origin, "computed") else ""
         return ", ".join(printable(text, 60) for text in (status, origin) if text)
 
 

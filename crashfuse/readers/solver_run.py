@@ -13,7 +13,7 @@ import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import refusal
 from crashfuse.readers import vocabulary
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, Travel, iso_date, speed, weight
@@ -215,8 +215,7 @@ def units_of(
     """The units of a run, by how long it lasts and how fast its nodes are, and by its mass in the run's own unit."""
     end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
     if not 0 < end <= _LONGEST_MS:
-        found = f"a run that ends at {end:g}"
-        raise DataError(Problem(source, "a crash in s or ms", found, "choose a run in mm, ms, kg or SI"))
+        raise refusal(source, "a crash in s or ms", f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI")
     step = (end - float(nodes[0].time[0])) / max(nodes[0].time.size - 1, 1)
     told = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
     if end > LONGEST_S or (step > _SLOWEST_S and not fastest >= _SLOWEST_MMPS):
@@ -270,14 +269,14 @@ def departure(
     if travel is None and (not moves or is_aslant):
         expected = "a vehicle that travels along one axis" if moves else "nodes that are fastest when they set out"
         advice = "choose a run in the vehicle's axes, or give axis and speed (--travel, --speed-kph)"
-        raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
+        raise refusal(source, expected, f"{at_start} at the start, at most {at_most}", advice)
     if travel is not None:
         if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
             expected = f"nodes that move along {travel}, as given"
-            raise DataError(Problem(source, expected, f"at most {at_most}", "check the direction (--travel)"))
+            raise refusal(source, expected, f"at most {at_most}", "check the direction (--travel)")
         if moves and found != travel:
             advice = f"check the direction (--travel {found})"
-            raise DataError(Problem(source, f"nodes that set out along {travel}", f"along {found}", advice))
+            raise refusal(source, f"nodes that set out along {travel}", f"along {found}", advice)
     sentence = f"Travel along {travel or found}, {'as the nodes set out' if travel is None else 'given by the user'}."
     if is_aslant:
         sentence = f"Careful: travel along {travel}, given by the user, but nodes set out at {at_start} at most."

@@ -18,14 +18,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, DataError, Problem, printable, refusal, refuse_if
 from crashfuse.files.archive import Budget, Limits, Member
-from crashfuse.readers import nhtsa, table_headers, vocabulary
+from crashfuse.readers import nhtsa, vocabulary
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import ONE_TEST, opened_members, read_all
 from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
-from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse
+from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse, Heading
 from crashfuse.readers.tdms_container import Properties, TdmsChannel, TdmsFile, parse_tdms
 from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode
 from crashfuse.signals.pulse import FloatArray
@@ -71,7 +71,7 @@ def _waveform(
         clock = unit_s * (start + increment * np.arange(values.size))
     if clock is None or clock.size != values.size:
         expected, advice = "samples and the time between them (wf_increment)", "export it with a channel of time"
-        raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice))
+        raise refusal(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice)
     stated = _text_of(properties, "unit_string") or _text_of(properties, "inst_yunits")
     unit = vocabulary.unit_named(stated, "acceleration")
     cutoff_hz = _number_of(properties, "inst_prefil") or None
@@ -99,17 +99,17 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     every = []
     for channel in file.channels:
         properties = file.properties_of(channel)
-        use = table_headers.use_of(" ".join(channel.name.split()), _text_of(properties, "unit_string"))
+        use = Heading(" ".join(channel.name.split()), _text_of(properties, "unit_string")).use
         every.append(_Candidate(channel, properties, use))
     found, what = [one for one in every if one.use.role == "acceleration"], "acceleration"
     if not found:
         unknown = [one for one in every if one.use.is_unknown and not _text_of(one.properties, "unit_string")]
-        found = [one for one in unknown if not table_headers.why_no_acceleration(one.channel.name, "")]
+        found = [one for one in unknown if not Heading(one.channel.name).why_no_acceleration]
         what = "channel"
     if not found:
         expected = "accelerations along X, by units (unit_string) and names"
-        raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
-    found = sorted(found, key=lambda one: table_headers.likelihood(one.channel.name))
+        raise refusal(where, expected, f"none of {len(every)}", "export them with their units")
+    found = sorted(found, key=lambda one: Heading(one.channel.name).likelihood)
     channels, unread, groups, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
@@ -160,10 +160,9 @@ def _read_channels(
         if clock is None and isinstance(start, float) and start > 0:  # 0 is not set
             began_s[name] = start
         unit = read.unit or vocabulary.unit_named(one.use.unit or "", "acceleration")
-        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or table_headers.cutoff_of(channel.name))
+        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or Heading(channel.name).cutoff_hz)
         if sum(channel.values.size for channel in channels.values()) > _MOST_VALUES:
-            expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
-            raise DataError(Problem(where, expected, "more", ONE_TEST))
+            raise refusal(where, f"accelerations of at most {_MOST_VALUES:,} values in all", "more", ONE_TEST)
     return channels, unread, groups, began_s
 
 
@@ -260,8 +259,7 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
     with opened_members(path, of_the_format, kind, limits) as (members, budget):
         if of_the_format(path):
             members = [member for member in members if member.path.as_posix() == path.name]
-        if not members:
-            raise DataError(Problem(path.name, kind, "none", CHECK_PATH))
+        refuse_if(not members, path.name, kind, "none", CHECK_PATH)
         return read_all(members, lambda member: _record(member, budget), path.name)
 
 
@@ -277,8 +275,7 @@ def _record(member: Member, budget: Budget) -> Record:
 def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]], stem: str, where: str) -> Record:
     sensors = {_sensor(place, pair[1]): pair for place, pair in enumerate(pairs, start=1)}
     candidates = nhtsa.of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
-    if not candidates:
-        raise DataError(Problem(where, nhtsa.LACKING[0], f"none in {len(pairs)} channels", nhtsa.LACKING[1]))
+    refuse_if(not candidates, where, nhtsa.LACKING[0], f"none in {len(pairs)} channels", nhtsa.LACKING[1])
 
     def read(sensor: Sensor) -> RecordedChannel:
         channel, _ = sensors[sensor]
@@ -286,8 +283,7 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
         return _waveform(file, channel, str(sensor.number), label, where)
 
     tests = sorted({_text_of(properties, "test_tstno") for _, properties in pairs})
-    if len(tests) > 1:
-        raise DataError(Problem(where, "one test", f"{printable(', '.join(tests))}", ONE_TEST))
+    refuse_if(len(tests) > 1, where, "one test", f"{printable(', '.join(tests))}", ONE_TEST)
     test = sensors[candidates[0]][1]
     speed = _number_of(test, "veh_vehspd") or _number_of(test, "test_clsspd")
     mass = _number_of(test, "veh_vehtwt")

@@ -25,6 +25,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum
+from functools import cache
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -50,9 +51,10 @@ def plain(text: str) -> str:
 
 _WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
-HEADERS: Mapping[str, str] = _WORDS["header"]
+HEADERS: Mapping[str, re.Pattern[str]] = {name: re.compile(form) for name, form in _WORDS["header"].items()}
 
 
+@cache
 def words(*groups: str) -> re.Pattern[str]:
     """A pattern of the words in groups of ``words.toml`` (``body``, or ``key.source``), for a name that is plain."""
     terms: list[str] = []
@@ -110,7 +112,6 @@ _FIRST_WORDS = re.compile(
     r"(?!.*\b(test|versuch|essai|compared|vs|with|mit|for|fur|pour|vor|no|not|ohne)\b)(\w+ ){0,2}"
 )
 _STATEMENT = re.compile(r"\b(predicted by|ls dyna keyword|ls prepost|nodout|(nodal|element) history)\b")
-_SIMULATION, _PARAMETER, _COMPUTED = words("simulation"), words("parameter"), words("computed")
 _FAULT = words("quality.failure", "quality.doubt").pattern
 _SOUND = re.compile(rf"(({words('quality.sound').pattern})( |$))*|{words('quality.unstated').pattern}")
 _FAILED, _DOUBTED = words("quality.failure", "quality.no_data"), words("quality.doubt")
@@ -260,19 +261,14 @@ class Doubt(IntEnum):
     FAILED = 2
 
 
+def mentions(text: str, *groups: str) -> bool:
+    """Whether a text in the words of a file has one of the words in these groups, see :func:`words`."""
+    return words(*groups).search(_plain(text)) is not None
+
+
 def is_simulated(origin: str) -> bool:
     """Whether words on a channel's source say that nobody measured it."""
-    return names_a_simulation(origin) or names_a_parameter(origin)
-
-
-def names_a_simulation(name: str) -> bool:
-    """Whether a name is that of a simulation or a prediction."""
-    return _SIMULATION.search(_plain(name)) is not None
-
-
-def names_a_parameter(name: str) -> bool:
-    """Whether a name is that of a limit or a parameter."""
-    return _PARAMETER.search(_plain(name)) is not None
+    return mentions(origin, "simulation", "parameter")
 
 
 def key_and_value(line: str) -> tuple[str, str]:
@@ -289,15 +285,10 @@ def statement_of_simulation(lines: Iterable[str]) -> str:
 def _says_simulated(line: str) -> bool:
     key, value = key_and_value(line)
     if _SOURCE.search(_plain(key)):
-        return names_a_simulation(value) or names_a_simulation(f"{key} {value}")
+        return mentions(value, "simulation") or mentions(f"{key} {value}", "simulation")
     text = _plain(key)
-    found = None if _plain(value) in ("no", "none", "nein", "non") else _SIMULATION.search(text)
+    found = None if _plain(value) in ("no", "none", "nein", "non") else words("simulation").search(text)
     return found is not None and _FIRST_WORDS.fullmatch(text[: found.start()]) is not None
-
-
-def is_computed(origin: str) -> bool:
-    """Whether the words on a channel's source say that it was computed from others."""
-    return _COMPUTED.search(_plain(origin)) is not None
 
 
 def doubt_of(status: str) -> Doubt:

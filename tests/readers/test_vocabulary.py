@@ -136,7 +136,7 @@ def test_the_words_of_a_comment_tell_what_speaks_against_a_channel(doubt: Doubt,
 def test_the_words_on_the_source_tell_simulated_from_measured(origin: str) -> None:
     """What is calculated from measured channels is no simulation."""
     assert vocabulary.is_simulated(origin) == (origin in SIMULATED)
-    assert vocabulary.is_computed(origin) == (origin == "calculation")
+    assert vocabulary.mentions(origin, "computed") == (origin == "calculation")
 
 
 OTHER = (
