@@ -170,9 +170,8 @@ def one_of(kind: str, name: object, choices: Mapping[str, T]) -> T:
 
 def out_of_memory(error: BaseException) -> bool:
     """Whether an exception says that memory ran out; PyTorch has no class of its own for it."""
-    return isinstance(error, MemoryError) or (
-        isinstance(error, RuntimeError) and ("allocate memory" in str(error) or "out of memory" in str(error))
-    )
+    says_so = any(text in str(error) for text in ("allocate memory", "out of memory"))
+    return isinstance(error, MemoryError) or (isinstance(error, RuntimeError) and says_so)
 
 
 OUT_OF_MEMORY = (

@@ -257,13 +257,11 @@ def _table(folder: Path, role: Role) -> ConditionTable | None:
     return condition_tables.read_conditions(path, role) if path.is_file() else None
 
 
-def _already_there(
-    folder: Path, role: Role, table: ConditionTable | None, additions: Sequence[Addition]
-) -> tuple[str, ...]:
+def _already_there(folder: Path, role: Role, table: ConditionTable | None, new: Sequence[Addition]) -> tuple[str, ...]:
     """Ids that are there already; a DataError if one has another condition or pulse there."""
     conditions = {} if table is None else dict(zip(table.ids, table.conditions, strict=True))
     names = set(map(condition_tables.folded, conditions))
-    again = {addition.id: addition for addition in additions if condition_tables.folded(addition.id) in names}
+    again = {addition.id: addition for addition in new if condition_tables.folded(addition.id) in names}
     if not again:
         return ()
     wanted = [run_id for run_id in again if run_id in conditions]
@@ -273,9 +271,9 @@ def _already_there(
             close = np.allclose(conditions[run_id].vector, again[run_id].condition.vector, rtol=_SAME)
             same |= {run_id} if close and _is_same(record, again[run_id].pulse) else set()
     if other := [run_id for run_id in again if run_id not in same]:
-        file, new = f"{role}.csv", "an id that is not there yet"
-        raise DataError([Problem(file, new, repr(i), "rename it, or remove the other", "id") for i in other[:20]])
-    if len(same) == len(additions):
+        file, wanted_id = f"{role}.csv", "an id that is not there yet"
+        raise DataError([Problem(file, wanted_id, repr(i), "rename it, or remove the other", "id") for i in other[:20]])
+    if len(same) == len(new):
         expected, found = f"a {WHAT[role][0]} that is not there yet", f"{_named([*again])}, there already all the same"
         raise refusal(f"{role}.csv", expected, found, "nothing has to be added")
     return tuple(again)

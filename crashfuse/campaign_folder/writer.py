@@ -167,12 +167,10 @@ def _append_parquet(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], l
                 ids = batch.column("id").cast(pa.string())
                 writer.write_batch(batch.filter(pc.invert(pc.is_in(ids, value_set=out))))
             for run_id, pulse in pulses:
-                size, columns = pulse.time_s.size, _columns(schema.names, pulse, path.name)
-                arrays = {"id": pa.array([run_id] * size, pa.string()).dictionary_encode()}
+                n, columns = pulse.time_s.size, _columns(schema.names, pulse, path.name)
+                arrays = {"id": pa.array([run_id] * n, pa.string()).dictionary_encode()}
                 arrays |= {name: pa.array(values) for name, values in columns.items()}
-                table = [
-                    arrays[of.name].cast(of.type) if of.name in arrays else pa.nulls(size, of.type) for of in schema
-                ]
+                table = [arrays[of.name].cast(of.type) if of.name in arrays else pa.nulls(n, of.type) for of in schema]
                 writer.write_table(pa.table(table, schema=schema))
 
 

@@ -99,9 +99,8 @@ def format_of(source: Path) -> str:
         broken = "".join(f"; {why.rstrip('.')}" for name in FORMATS.declared if (why := FORMATS.broken(name)))
         raise refusal(source.name, all_formats(), "none of these", f"choose another source{broken}")
     if len(set(found) - {TABLES}) > 1:
-        raise refusal(
-            source.name, "records of one format", " and ".join(found), "import one after the other (--format)"
-        )
+        several = " and ".join(found)
+        raise refusal(source.name, "records of one format", several, "import one after the other (--format)")
     return found[0]
 
 

@@ -86,13 +86,13 @@ class IsommeTest:
     descriptors: Pairs
     channels: tuple[Channel, ...]
 
-    def descriptor(self, name: str) -> str | None:
-        """The value of the first descriptor with this name (case ignored); None if there is none."""
+    def descriptor(self, name: str) -> str:
+        """The value of the first descriptor with this name (case ignored); empty if there is none."""
         return _first_of(self.descriptors, name)
 
 
-def _first_of(pairs: Pairs, name: str) -> str | None:
-    return next((value for key, value in pairs if key.lower() == name.lower()), None)
+def _first_of(pairs: Pairs, name: str) -> str:
+    return next((value for key, value in pairs if key.lower() == name.lower()), "")
 
 
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
@@ -131,7 +131,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     lines, where = _lines_in(member, budget), member.where
     end = next((row for row, line in enumerate(lines) if line.strip() and ":" not in line), len(lines))
     header = _descriptors(lines[:end], where)
-    status = _first_of(header, "Data status") or ""
+    status = _first_of(header, "Data status")
     comments = tuple(value for name, value in header if name.lower() in ("comments", "comment", "remarks", "remark"))
     doubts = vocabulary.doubt_of(status), *map(vocabulary.doubt_in, comments)
     values: FloatArray = np.empty(0)
@@ -143,21 +143,21 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     interval = _seconds_in(header, _STEP, where)
     if interval is not None:
         refuse_if(interval <= 0, where, "a number above 0", f"{interval:g}", _CORRECT, _STEP)
-    code, _, name = (_first_of(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
+    code, _, name = _first_of(listed, f"Name of channel {member.path.suffix[1:]}").partition("/")
     channel = Channel(
         code=_first_of(header, "Channel code") or code.strip(),
         name=_first_of(header, "Name of the channel") or name.strip(),
-        unit=_first_of(header, "Unit") or "",
+        unit=_first_of(header, "Unit"),
         values=values,
         interval_s=interval,
         start_s=_seconds_in(header, "Time of first sample", where),
         comments=comments,
-        source=_first_of(header, "Data source") or "",
+        source=_first_of(header, "Data source"),
         status=status,
         sensor=" ".join(filter(None, (_first_of(header, f"Transducer {what}") for what in ("type", "id")))),
         prefilter=" ".join(filter(None, (_first_of(header, of) for of in ("Pre-filter type", "Cut off frequency")))),
     )
-    implicit = (_first_of(header, "Reference channel") or "").lower() == "implicit"
+    implicit = _first_of(header, "Reference channel").lower() == "implicit"
     return channel, None if implicit else _first_of(header, "Reference channel name")
 
 
@@ -199,7 +199,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
 
 
 def _number_in(header: Pairs, name: str, where: str) -> float | None:
-    if (text := _first_of(header, name)) is None:
+    if not (text := _first_of(header, name)):
         return None
     try:
         value = float(text.split()[0])  # "0.0001 s" occurs in practice
@@ -211,7 +211,7 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
 
 def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
     value = _number_in(header, name, where)
-    unit = (_first_of(header, name) or "").split()[1:]
+    unit = _first_of(header, name).split()[1:]
     if value is None or not unit:
         return value
     if (named := vocabulary.unit_named(unit[0], "time")) is None:
@@ -239,7 +239,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
     objects = {code.text[0] for code, _ in on_vehicles}
     vehicle = min({code.text[0] for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.text[0] == vehicle])
-    texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
+    texts = [test.descriptor(name) for name in _ABOUT_THE_TEST]
     values = (value for _, value in test.descriptors)
     origin = next(filter(vocabulary.is_simulated, texts), "") or vocabulary.statement_of_simulation(values)
     recorded, untimed = dict[str, RecordedChannel](), dict[str, Problem]()
@@ -249,8 +249,14 @@ def record_of(test: IsommeTest, source: str) -> Record:
             untimed[name] = Problem(f"{source}, {name}", expected, "none such", advice)
             continue
         label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
-        status = channel.status if vocabulary.doubt_of(channel.status) else code.dullness or channel.status
-        words = "the file", channel.source or origin, status, channel.sensor, channel.prefilter, channel.remark
+        words = (
+            "the file",
+            channel.source or origin,
+            code.status(channel.status),
+            channel.sensor,
+            channel.prefilter,
+            channel.remark,
+        )
         recorded[name] = RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, *words)
     if not recorded:
         raise DataError(list(untimed.values()))
@@ -266,9 +272,9 @@ def record_of(test: IsommeTest, source: str) -> Record:
     if any(named[name][1].start_s is None for name in chosen or recorded):
         steps.append("No time of the first sample; find time zero.")
         zero = ""
-    side = test.descriptor(f"Impact side test object {vehicle}") or ""
+    side = test.descriptor(f"Impact side test object {vehicle}")
     other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
-    about = {name: test.descriptor(descriptor) or "" for name, descriptor in _ABOUT.items()}
+    about = {name: test.descriptor(descriptor) for name, descriptor in _ABOUT.items()}
     barrier = ((f"0{one.code[1:]}", one) for one in test.channels if one.code[:1].upper() == "B")  # its test object
     codes = [(ChannelCode.parsed(text), one) for text, one in barrier]
     cells = [(code, one) for code, one in codes if code and code.text[12:14] == "FO" and code.is_along_x]

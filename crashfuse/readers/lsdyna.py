@@ -161,7 +161,7 @@ def _record(run_id: str, source: str, files: _RunFiles, budget: Budget, most: in
     mass, mass_of = solver_run.impulse_mass(wall, proposed) or None, ""
     if energy is not None and energy > 0 and initial > 0:
         mass, mass_of = 2 * energy / initial**2, "from the kinetic energy at that speed (glstat)"
-    units = solver_run.units_of(proposed, source, mass, may_be_imperial=True)
+    units = solver_run.units_of(proposed, source, mass, imperial=True)
     speed_mps, no_speed, travels = solver_run.departure(proposed, units, (run.start, run.fastest), travel, source)
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units[2], travels, why]
     steps += solver_run.note_of_kept(len(run.nodes), run.total)

@@ -218,9 +218,8 @@ class _Nodout:
             raise refusal(self._where, expected, "none", "choose the nodout of a run")
         time = np.array(self._times[:whole])
         # kinds (acceleration, velocity), axes, nodes, states
-        values = (
-            np.array([of[: 6 * whole] for of in self._series.values()]).reshape(-1, whole, 2, 3).transpose(2, 3, 0, 1)
-        )
+        values = np.array([of[: 6 * whole] for of in self._series.values()])
+        values = values.reshape(-1, whole, 2, 3).transpose(2, 3, 0, 1)
         fastest = np.maximum(np.abs(self._start).max(axis=1), np.abs(values[1]).max(axis=(1, 2)))
         along = values[:, axis_of_travel(self._start, self._travel, fastest)]
         nodes = tuple(

@@ -41,6 +41,9 @@ _AGAIN = "download it again"
 _TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
 _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
 _SPEED = 41
+_CODES = ("sensor", "occupant", "attachment", "axis", "unit", "status")
+_FIELDS = {"vehicle": 0, "sensor": 2, "occupant": 3, "attachment": 4, "axis": 5, "unit": 7, "cutoff": 8, "maker": 9}
+_FIELDS |= {"status": 17, "kind": 18, "comment": 19}
 _ABOUT = {"laboratory": 4, "test_number": 0, "reference": 6, "date": 3}  # fields of TEST; the number is the file's
 _MOST_LINES = 20_000  # of a specification
 _MOST_SAMPLES = 1_000_000
@@ -63,6 +66,14 @@ class Sensor:
     redundant: bool
     comment: str
     maker: str = ""
+
+    @classmethod
+    def of(cls, number: int, texts: Mapping[str, str]) -> "Sensor":
+        """From the texts of its fields by name, and ``cutoff`` and ``kind``; most are codes, in any case."""
+        codes = {name: texts[name].upper() for name in _CODES}
+        cutoff_hz, redundant = number_in(texts["cutoff"]) or None, texts["kind"].upper() == "R"
+        words = {name: texts[name] for name in ("vehicle", "comment", "maker")}
+        return cls(number=number, cutoff_hz=cutoff_hz, redundant=redundant, **codes, **words)
 
     @property
     def is_of_the_vehicle(self) -> bool:
@@ -261,20 +272,7 @@ def _listed(fields: list[str], where: str) -> Sensor:
     if len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6):
         expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {printable('|'.join(fields))!r}"
         raise refusal(where, expected, found, _AGAIN)
-    return Sensor(
-        vehicle=fields[0],
-        number=int(fields[1]),
-        sensor=fields[2].upper(),
-        occupant=fields[3].upper(),
-        attachment=fields[4].upper(),
-        axis=fields[5].upper(),
-        unit=fields[7].upper(),
-        cutoff_hz=number_in(fields[8]) or None,
-        status=fields[17].upper(),
-        redundant=fields[18].upper() == "R",
-        comment=fields[19],
-        maker=fields[9],
-    )
+    return Sensor.of(int(fields[1]), {name: fields[index] for name, index in _FIELDS.items()})
 
 
 def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:

@@ -57,6 +57,7 @@ _NAME = re.compile(
 )
 _BESIDE = re.compile(r".+_(?:(?!0000)\d{4}\.out|0000\.(?:rad|k|key))", re.IGNORECASE | re.DOTALL)
 _HEAD = 200  # bytes
+_Members = Mapping[PurePosixPath, Member]
 
 
 def read_binary(content: bytes, where: str) -> TimeHistory:
@@ -237,12 +238,10 @@ def read_converted(content: bytes, where: str) -> TimeHistory:
         raise refusal(where, "a time that increases", f"{time[row]:g}", _IMPORT, "time", row + 2)
     model = {name: table[:, 1 + i] for i, name in enumerate(GLOBAL[:count])}
     watched, unread = _watched_of_csv(table, others, 1 + count, where)
-    return TimeHistory("", time, model, watched, unread, notes=(CUT,) if cut else ())
+    return TimeHistory("", time, model, tuple(watched), tuple(unread), notes=(CUT,) if cut else ())
 
 
-def _watched_of_csv(
-    table: FloatArray, labels: Sequence[str], start: int, where: str
-) -> tuple[tuple[Watched, ...], tuple[str, ...]]:
+def _watched_of_csv(table: FloatArray, labels: list[str], start: int, where: str) -> tuple[list[Watched], list[str]]:
     objects: dict[str, dict[str, FloatArray]] = {}
     for place, label in enumerate(labels, start):
         name, variable = _object_and_variable(label, place, where)
@@ -261,7 +260,7 @@ def _watched_of_csv(
         name = number if any(curve[0] in "DVv" for curve in curves) else f"{ACCELEROMETER}{number}"
         others = watched[name].curves if name in watched else {}
         watched[name] = Watched(name, title or group, table[:, 0], {**curves, **others})
-    return tuple(watched.values()), tuple(unread)
+    return [*watched.values()], unread
 
 
 def _labels(content: bytes, where: str) -> tuple[list[str], int]:
@@ -340,9 +339,7 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
         return read_all(runs, record, path.name)
 
 
-def _with_listing(
-    history: TimeHistory, first: PurePosixPath, others: Mapping[PurePosixPath, Member], budget: Budget
-) -> TimeHistory:
+def _with_listing(history: TimeHistory, first: PurePosixPath, others: _Members, budget: Budget) -> TimeHistory:
     run, about = _parts_of_name(first.name)[0], dict(history.about)
     mine = [path for path in sorted(others) if path.parent == first.parent and path.name.startswith(f"{run}_")]
     if listings := [path for path in mine if path.suffix.lower() == ".out"]:

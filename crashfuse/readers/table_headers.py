@@ -91,9 +91,8 @@ class Heading:
                 role = "front_share" if role == "front_weight" else "ignored"
             return ColumnUse(column, role, unit, why)
         by_name: tuple[ColumnRole, ...] = ("front_share", "id")
-        return next(
-            (ColumnUse(column, role, None, why) for role in by_name if says(role)), ColumnUse(column, "ignored")
-        )
+        named = next(filter(says, by_name), None)
+        return ColumnUse(column, named, None, why) if named else ColumnUse(column, "ignored")
 
     def _why_not_the_pulse(self, place: str) -> str:
         if why_not := self.why_not_the_vehicle:
@@ -157,6 +156,8 @@ class Heading:
     def along(self, axis: str) -> str:
         """It with the names of an axis and of x exchanged: ``ay`` along y is what ``ax`` is along x."""
         other = {axis: "x", "x": axis}
+        if axis == "x":
+            return self.text
 
         def letter(match: re.Match[str]) -> str:
             new = other.get(match[3].lower(), match[3])

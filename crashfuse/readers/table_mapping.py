@@ -182,10 +182,8 @@ def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUs
     for use in uses:
         clock = use.column if use.column in times else clock
         clock_of[use.column] = clock
-    by_filter = sorted(
-        (use for use in uses if use.role == "acceleration"), key=lambda use: Heading(use.column).filter_order
-    )
-    for use in by_filter:
+    accelerations = [use for use in uses if use.role == "acceleration"]
+    for use in sorted(accelerations, key=lambda use: Heading(use.column).filter_order):
         least_filtered.setdefault((clock_of[use.column], Heading(use.column).place), use)
     used = {clock_of[use.column] for use in least_filtered.values()} or {times[0]}
     used = set(times) if "" in used else used  # the user must say which time applies
@@ -367,9 +365,8 @@ def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]
         steps = [f"Time in {unit}: no unit is named, and the record is {length:.6g} long."]
     time_s, n_wraps = _unwrapped(time * UNITS["time"][unit])
     if n_wraps:
-        steps.append(
-            f"Time is counted on where the clock of {printable(use.column, 60)} begins anew ({n_wraps} times)."
-        )
+        clock = printable(use.column, 60)
+        steps.append(f"Time is counted on where the clock of {clock} begins anew ({n_wraps} times).")
     return time_s, tuple(steps)
 
 

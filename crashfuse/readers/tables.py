@@ -85,9 +85,7 @@ def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
 
 
 def _is_clock(cells: pd.Series) -> bool:
-    return (
-        len(cells) >= _FEWEST_TIMES and all(cells[:SAMPLE].str.fullmatch(_CLOCK)) and all(cells.str.fullmatch(_CLOCK))
-    )
+    return len(cells) >= _FEWEST_TIMES and all(all(some.str.fullmatch(_CLOCK)) for some in (cells[:SAMPLE], cells))
 
 
 def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
@@ -111,6 +109,9 @@ def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
         name = f"{sheet.name}: {printable(title if tests else Heading(sheet.columns[first]).name, 60)}"
         parts.append(replace(columns, name=name, part_of="" if tests else sheet.name, steps=(*sheet.steps, note)))
     return tuple(parts)
+
+
+_Column = tuple[str, str, pd.Series]  # name, unit and cells
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -167,7 +168,7 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
     if odd := next((segment for segment in segments if segment.names != segments[0].names), None):
         raise refusal(name, "the same channels in all segments", "others", _APART, row=odd.first_row - 1)
     cells = _cells(lines, delimiter, width, name, segments[0].first_row)
-    columns: list[tuple[str, str, pd.Series]] = []
+    columns: list[_Column] = []
     clock_s: FloatArray | None = None
     for channel, time_s in _channels(segments, cells, decimal, name):
         if clock_s is None or not np.allclose(clock_s, time_s, rtol=0, atol=_SAME_S, equal_nan=True):
@@ -206,8 +207,8 @@ def _segments(lines: Sequence[str], delimiter: str, decimal: str) -> list[_Segme
 
 
 def _channels(
-    segments: Sequence[_Segment], cells: pd.DataFrame, decimal: str, name: str
-) -> Iterator[tuple[tuple[str, str, pd.Series], FloatArray]]:
+    segments: list[_Segment], cells: pd.DataFrame, decimal: str, name: str
+) -> Iterator[tuple[_Column, FloatArray]]:
     names = segments[0].names
     times = [number for number, text in enumerate(names) if text == _TIME]
     channels = [number for number, text in enumerate(names) if text != _TIME]
@@ -347,9 +348,8 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
 def _decoded(content: bytes, name: str) -> str:
     text = "\x00"
     with suppress(UnicodeDecodeError):
-        text = (
-            content.decode("utf-16") if content[:2] in (b"\xff\xfe", b"\xfe\xff") else _in_likeliest_encoding(content)
-        )
+        is_utf16 = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+        text = content.decode("utf-16") if is_utf16 else _in_likeliest_encoding(content)
     refuse_if("\x00" in text, name, "a table as text", "bytes that are no text", f"{_AGAIN} in UTF-8")
     return text
 

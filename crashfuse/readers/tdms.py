@@ -32,6 +32,8 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, time_text
 
 _OF_NHTSA = {"laboratory": "tstprf", "test_number": "tstno", "reference": "tstref", "date": "tstdat"}
+_FIELDS = {"sensor": "sentyp", "occupant": "senloc", "attachment": "senatt", "axis": "axis", "unit": "yunits"}
+_FIELDS |= {"status": "dastat", "cutoff": "prefil", "maker": "insman", "kind": "chstat", "comment": "inscom"}
 _ABOUT = {  # words in the names of properties
     "laboratory": r"lab(orator\w*|or)?([ _-]*name)?|test[ _-]*(facility|house|site)",
     "test_number": r"test[ _-]*(no|nr|num(ber)?|id|ref\w*)\.?",
@@ -51,9 +53,11 @@ _ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject",
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)  # 1000 channels of 10,000 samples have 80 MB
 
 
-def _text_of(properties: Properties, name: str) -> str:
-    value = properties.get(name, "")
-    return value.strip() if isinstance(value, str) else f"{value:g}"
+def _text_of(properties: Properties, *names: str) -> str:
+    """The first that is not empty."""
+    values = (properties.get(name, "") for name in names)
+    texts = (value.strip() if isinstance(value, str) else f"{value:g}" for value in values)
+    return next(filter(None, texts), "")
 
 
 def _number_of(properties: Properties, name: str) -> float:
@@ -72,20 +76,20 @@ def _waveform(
     if clock is None or clock.size != values.size:
         expected, advice = "samples and the time between them (wf_increment)", "export it with a channel of time"
         raise refusal(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice)
-    stated = _text_of(properties, "unit_string") or _text_of(properties, "inst_yunits")
-    unit = vocabulary.unit_named(stated, "acceleration")
+    unit = vocabulary.unit_named(_text_of(properties, "unit_string", "inst_yunits"), "acceleration")
     cutoff_hz = _number_of(properties, "inst_prefil") or None
     # descriptors of ISO-MME, which programs that convert it keep as properties, blanks or not
-    origin, status = (
-        _text_of(properties, f"data {name}") or _text_of(properties, f"data_{name}") for name in ("source", "status")
-    )
+    origin, status = (_text_of(properties, f"data {of}", f"data_{of}") for of in ("source", "status"))
     origin = origin or (channel.group if vocabulary.is_simulated(channel.group) else "")
-    sensor = next(filter(None, (_text_of(properties, key) for key in _SENSOR)), "")
+    sensor = _text_of(properties, *_SENSOR)
     code = ChannelCode.parsed(label)
-    status = status if code is None or vocabulary.doubt_of(status) else code.dullness or status
+    status = status if code is None else code.status(status)
     comment = max((_text_of(properties, key) for key in _COMMENTS), key=vocabulary.doubt_in)
     told = "the file", origin, status, sensor, "", comment
     return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, *told)
+
+
+_Named = Mapping[str, RecordedChannel]
 
 
 class _Candidate(NamedTuple):
@@ -166,9 +170,7 @@ def _read_channels(
     return channels, unread, groups, began_s
 
 
-def _groups_alike(
-    channels: Mapping[str, RecordedChannel], groups: Mapping[str, str], began_s: Mapping[str, float]
-) -> list[str]:
+def _groups_alike(channels: _Named, groups: Mapping[str, str], began_s: Mapping[str, float]) -> list[str]:
     """Those with one sensor of a vehicle, as of several tests, unless one is filtered, or began with the other."""
     of_sensor = dict[str, dict[str, float]]()
     for name, channel in channels.items():
@@ -180,9 +182,7 @@ def _groups_alike(
     return sorted({group for times in alike if len(times) > 1 for group in times})
 
 
-def _aligned(
-    channels: Mapping[str, RecordedChannel], began_s: Mapping[str, float], steps: list[str]
-) -> dict[str, RecordedChannel]:
+def _aligned(channels: _Named, began_s: Mapping[str, float], steps: list[str]) -> dict[str, RecordedChannel]:
     """In one time, from the first sample on: zeros of their own are those of several triggers."""
     late_s = {name: round(start_s - min(began_s.values()), 6) for name, start_s in began_s.items()}
     times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
@@ -214,9 +214,7 @@ def _clock_of(
     return times[key]
 
 
-def _proposed(
-    channels: Mapping[str, RecordedChannel], n: int, what: str, tests: Sequence[str]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _proposed(channels: _Named, n: int, what: str, tests: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     unit = "" if any(channel.unit for channel in channels.values()) else "; none states its unit"
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
@@ -298,19 +296,6 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
 
 
 def _sensor(place: int, properties: Properties) -> Sensor:
-    texts = ("sentyp", "senloc", "senatt", "axis", "dastat", "chstat")
-    sensor, occupant, attachment, axis, status, kind = (_text_of(properties, f"inst_{of}").upper() for of in texts)
-    return Sensor(
-        vehicle=_text_of(properties, "veh_vehno") or "1",
-        number=int(_number_of(properties, "inst_curno")) or place,
-        sensor=sensor,
-        occupant=occupant,
-        attachment=attachment,
-        axis=axis,
-        unit=_text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"),
-        cutoff_hz=_number_of(properties, "inst_prefil") or None,
-        status=status,
-        redundant=kind == "R",
-        comment=printable(_text_of(properties, "inst_inscom")),
-        maker=_text_of(properties, "inst_insman"),
-    )
+    texts = {name: _text_of(properties, f"inst_{of}") for name, of in _FIELDS.items()}
+    texts |= {"vehicle": _text_of(properties, "veh_vehno") or "1", "comment": printable(texts["comment"])}
+    return Sensor.of(int(_number_of(properties, "inst_curno")) or place, texts)

@@ -47,7 +47,7 @@ def test_of_filters_the_least_is_taken_and_what_is_unknown_last(letters: str) ->
     """By RED B: V is film analysis, Q and L are below CFC 60; K and Y are no letters of it."""
     codes = {letter: code(f"10TUNN000000ACX{letter}") for letter in sorted(letters)}
     assert vocabulary.propose_by_code(codes)[0] == (letters[0],)
-    assert [letter for letter in letters if codes[letter].dullness] == [letter for letter in letters if letter in "VLQ"]
+    assert [letter for letter in letters if codes[letter].status("")] == [letter for letter in letters if letter in "VLQ"]
 
 
 @pytest.mark.parametrize(
