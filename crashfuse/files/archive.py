@@ -24,24 +24,17 @@ _HARMLESS = 1 << 20  # bytes that any archive may unpack to, whatever its ratio
 _LONGEST_NAME, _LONGEST_PATH = 200, 1000  # bytes in UTF-8; file systems allow 255 per name
 _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
 _DEVICES |= {f"{port}{number}" for port in ("COM", "LPT") for number in "0123456789¹²³"}
-_SYSTEM_FILES = {
-    "thumbs.db",
-    "ehthumbs.db",
-    "desktop.ini",
-    "__macosx",
-    "$recycle.bin",
-    "system volume information",
-    "@eadir",
-}
+_SYSTEM_FILES = {"thumbs.db", "ehthumbs.db", "desktop.ini", "__macosx", "$recycle.bin", "@eadir"}
+_SYSTEM_FILES |= {"system volume information"}
 _SYSTEM_NAMES = (".", "~$")  # beginnings, of hidden files and of locks of open documents
 _ENCRYPTED = 0x1 | 0x40 | 0x2000  # flag bits of an entry: classic, strong, directory too
 _NO_FILE = "files", "a link or a device", "pack the files themselves"
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # other methods may demand any amount of memory
 # what damaged ones raise
 _BROKEN = (
-    zipfile.BadZipFile, tarfile.TarError, zlib.error, struct.error,
-    EOFError, RuntimeError, ValueError, OverflowError, OSError,
-)  # fmt: skip
+    *(zipfile.BadZipFile, tarfile.TarError, zlib.error, struct.error),
+    *(EOFError, RuntimeError, ValueError, OverflowError, OSError),
+)
 _TAR, _NEGATIVE = ("a sound tar archive", "pack the folder anew"), "a header of negative size"
 _LONGEST_HEADER, _LONGEST_READ = 1 << 16, 1 << 21  # bytes of a tar at once
 ENDINGS = (".tar.gz", ".tgz", ".tar")  # endings of the names of tar archives

@@ -137,10 +137,9 @@ class CsvTable:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
             try:
-                frame = pd.read_csv(
-                    io.StringIO(text), header=None, names=range(self._width), index_col=False, dtype=texts,
-                    keep_default_na=False, skip_blank_lines=False, skipinitialspace=True, low_memory=False,
-                )  # fmt: skip
+                form = {"header": None, "names": range(self._width), "index_col": False, "dtype": texts}
+                blanks = {"keep_default_na": False, "skip_blank_lines": False, "skipinitialspace": True}
+                frame = pd.read_csv(io.StringIO(text), low_memory=False, **form, **blanks)
             except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError):
                 frame = pd.DataFrame()
         if len(frame) != text.count("\n") + (not text.endswith("\n")):

@@ -249,14 +249,8 @@ def record_of(test: IsommeTest, source: str) -> Record:
             untimed[name] = Problem(f"{source}, {name}", expected, "none such", advice)
             continue
         label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
-        words = (
-            "the file",
-            channel.source or origin,
-            code.status(channel.status),
-            channel.sensor,
-            channel.prefilter,
-            channel.remark,
-        )
+        status = code.status(channel.status)
+        words = "the file", channel.source or origin, status, channel.sensor, channel.prefilter, channel.remark
         recorded[name] = RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, *words)
     if not recorded:
         raise DataError(list(untimed.values()))

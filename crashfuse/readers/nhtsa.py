@@ -160,18 +160,11 @@ def nhtsa_record(
     def likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
         return bool(sensor.doubt), not sensor.is_at_the_rear, sensor.attachment != _CENTRE
 
-    return Record(
-        stem.lstrip("vV"),
-        source,
-        condition,
-        tuple(channels[sensor] for sensor in sorted(channels, key=likelihood)),
-        proposed,
-        steps,
-        "0 is first contact, by the format's definition",
-        unread={str(entry.number): problem for entry, problem in damaged.items()},
-        other_setup=other_setup,
-        about={**about, "test_number": stem.lstrip("vV"), "date": iso_date(about["date"], "%d/%b/%Y")},
-    )
+    number, ordered = stem.lstrip("vV"), tuple(channels[sensor] for sensor in sorted(channels, key=likelihood))
+    about = {**about, "test_number": number, "date": iso_date(about["date"], "%d/%b/%Y")}
+    found = number, source, condition, ordered, proposed, steps, "0 is first contact, by the format's definition"
+    unread = {str(entry.number): problem for entry, problem in damaged.items()}
+    return Record(*found, unread=unread, other_setup=other_setup, about=about)
 
 
 def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:

@@ -295,19 +295,9 @@ def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_ro
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # cells beyond the width would be dropped
-            return pd.read_csv(
-                io.StringIO("\n".join(lines)),
-                sep=r"\s+" if delimiter == " " else delimiter,
-                header=None,
-                names=range(width),
-                index_col=False,
-                dtype=str,
-                keep_default_na=False,
-                na_filter=False,
-                skip_blank_lines=False,
-                skipinitialspace=True,
-                on_bad_lines="error",
-            )
+            text, between = io.StringIO("\n".join(lines)), r"\s+" if delimiter == " " else delimiter
+            form = {"header": None, "names": range(width), "index_col": False, "dtype": str, "na_filter": False}
+            return pd.read_csv(text, sep=between, skip_blank_lines=False, skipinitialspace=True, **form)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning, ValueError) as error:
         rows = ((at, _split(line, delimiter)) for at, line in enumerate(lines, start=first_row))
         longer = list(islice((row for row in rows if len(row[1]) > width), SAMPLE))

@@ -60,22 +60,10 @@ HEADERS = (
     "front_weight_kg",
 )
 TOML = (
-    'name = "\\u001b[31m"',
-    "name = [1, 2]",
-    'name = "' + "x" * 10_000 + '"',
-    "name = " + "[" * 5000,
-    "name = 1" + "0" * 5000,
-    "channel_filter_class = nan",
-    "channel_filter_class = 1e999",
-    "channel_filter_class = 1000",
-    "channel_filter_class = true",
-    "channel_filter_class = 1" + "0" * 400,
-    "channel_filter_class = 60\nfiltered_with = 60",
-    '"\\u0007\\n" = 1',
-    "imported = 3",
-    "notice = 2001-01-01",
-    "a" + ".a" * 3000 + " = 1",
-    "name = 1\nname = 2",
+    *('name = "\\u001b[31m"', "name = [1, 2]", 'name = "' + "x" * 10_000 + '"', "name = " + "[" * 5000),
+    *("name = 1" + "0" * 5000, *(f"channel_filter_class = {value}" for value in ("nan", "1e999", "1000", "true"))),
+    *("channel_filter_class = 1" + "0" * 400, "channel_filter_class = 60\nfiltered_with = 60", '"\\u0007\\n" = 1'),
+    *("imported = 3", "notice = 2001-01-01", "a" + ".a" * 3000 + " = 1", "name = 1\nname = 2"),
 )
 
 

@@ -100,12 +100,7 @@ def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(
         str(campaign_folder),
         "--out",
         str(out),
-        "--held-out",
-        "T1",
-        "--approach",
-        "cae",
-        "--workers",
-        "1",
+        *["--held-out", "T1", "--approach", "cae", "--workers", "1"],
     ]
     assert cli.main([*command, "--report", "short"]) == cli.DONE
     text = (out / "report.html").read_text(encoding="utf-8")
