@@ -170,8 +170,7 @@ def import_source(
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
         problems = [problem for problem in problems if not isinstance(problem, Lacking)]
-        given = choices.condition.speed_mps, choices.weights
-        problems += missing_values(source.name, record_id or source.stem, *given)
+        problems += missing_values(source.name, record_id or source.stem, choices.stated)
     refuse_all(problems, source.name)
     added = {(part.role, run_id) for part in add_settled(out, settled, cae_tuned) for run_id in part.ids}
     return tuple(one for one in settled if (one.role, one.id) in added)

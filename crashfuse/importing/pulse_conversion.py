@@ -18,7 +18,7 @@ from crashfuse.errors import DataError, Problem, UsageError, collecting, refusal
 from crashfuse.importing import detection
 from crashfuse.importing.channels import agreeing_channels, average, measurement_problems, missing_choices
 from crashfuse.importing.detection import Case, Choices, UnknownUnit
-from crashfuse.readers.record import AxleWeights, PartialCondition, Record
+from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, speed, weight
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, Pulse, kinematics
@@ -52,22 +52,23 @@ def complete_condition(
     record: Record, choices: Choices, steps: list[str], *, role: Role, also_missing: Sequence[Problem] = ()
 ) -> Condition:
     """The condition of a record with the user's values; a DataError says what lacks, ``also_missing`` too."""
-    given, front_share = choices.condition, choices.front_share
+    given, front_share = choices.stated, choices.front_share
     if front_share is not None and not _LEAST_SHARE <= front_share <= _MOST_SHARE:
         found = f"{front_share:.4g} ({100 * front_share:.4g} %)"
         raise UsageError(f"The front axle carries a share of 0.2 to 0.8, not {found}.")
-    if given != PartialCondition():
+    if choices.condition != PartialCondition():
         steps.append("Of the condition, what the user gave overrules the file.")
-    if contradiction := choices.weights.contradiction():
+    if contradiction := given.contradiction():
         raise UsageError(Sentence("The given weights do not add up: {}; leave one out.", contradiction))
-    weights = record.condition.weights.overruled(choices.weights)
+    weights = record.condition.weights_by(given)
     if contradiction := weights.contradiction():
         expected = f"weights of {record.id} that add up"
         raise refusal(record.source, expected, contradiction, f"correct the file, or {_GIVE_WEIGHTS}")
     overruled = record.condition.overruled(given)
     front, rear = weights.axles()
     speed_mps, share, mass_kg = overruled.speed_mps, weights.front_share, weights.mass_kg
-    problems = [*missing_values(record.source, record.id, speed_mps, weights, record.no_speed), *also_missing]
+    stated = replace(weights, speed_mps=speed_mps)
+    problems = [*missing_values(record.source, record.id, stated, record.no_speed), *also_missing]
     problems += [*_speed_problems(record, speed_mps, role), *_weights_problems(record, weights)]
     if problems or speed_mps is None or front is None or rear is None:
         raise DataError(problems)
@@ -76,17 +77,15 @@ def complete_condition(
     return Condition.of_vector([float(speed_mps), float(front), float(rear)], overruled.factors)
 
 
-def missing_values(
-    source: str, record_id: str, speed_mps: float | None, weights: AxleWeights, no_speed: str = ""
-) -> list[Lacking]:
+def missing_values(source: str, record_id: str, stated: PartialCondition, no_speed: str = "") -> list[Lacking]:
     """What a condition lacks: the speed, and the weights on both axles."""
 
     def lacking(quantity: str, found: str, advice: str) -> Lacking:
         return Lacking(source, f"{quantity} of {record_id}", found, advice, quantity=quantity, record_id=record_id)
 
-    speed = [lacking("the impact speed", no_speed or "none", _GIVE_SPEED)] if speed_mps is None else []
-    lacks_weights = None in weights.axles()
-    return [*speed, *([lacking("the weights on both axles", weights.stated, _GIVE_WEIGHTS)] if lacks_weights else [])]
+    speed = [lacking("the impact speed", no_speed or "none", _GIVE_SPEED)] if stated.speed_mps is None else []
+    lacks_weights = None in stated.axles()
+    return [*speed, *([lacking("the weights on both axles", stated.stated, _GIVE_WEIGHTS)] if lacks_weights else [])]
 
 
 def joint_problems(problems: Sequence[Problem]) -> list[Problem]:
@@ -110,7 +109,7 @@ def _speed_problems(record: Record, speed_mps: float | None, role: Role) -> list
     return [Problem(record.source, expected, found, "check the speed and its unit")]
 
 
-def _weights_problems(record: Record, weights: AxleWeights) -> list[Problem]:
+def _weights_problems(record: Record, weights: PartialCondition) -> list[Problem]:
     axles = [axle for axle in weights.axles() if axle is not None]
     mass = sum(axles) if len(axles) > 1 else weights.mass_kg
     expected, wrong = "", 0.0

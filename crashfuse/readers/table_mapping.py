@@ -16,7 +16,7 @@ import numpy.typing as npt
 from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, refusal
 from crashfuse.files.csv_text import MOST_ROWS
 from crashfuse.readers.members import ONE_CLOCK
-from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel, proposal
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnRole, ColumnUse, Heading, axis_by_motion
 from crashfuse.readers.table_sheet import SAMPLE, Sheet, numbers_rows
 from crashfuse.readers.vocabulary import UNITS, Travel, is_simulated, unit_named
@@ -311,7 +311,7 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
             cells = (None if of is None or np.isnan(of[row]) else float(of[row]) for of in columns)
             speed, mass, front, rear, share = cells
             if front is None and rear is None:
-                front, rear = AxleWeights(mass, front_share=share).axles()
+                front, rear = PartialCondition(mass_kg=mass, front_share=share).axles()
             others = tuple((column, texts[row]) for column, texts in factors)
             conditions[name] = PartialCondition(speed, mass, front, rear, others)
     return conditions
