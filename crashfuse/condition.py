@@ -28,7 +28,8 @@ so an end that is read off and typed in again lies inside, and what lies outside
 FILE_UNITS = "mph", "lb", "lb"
 """Of speed, front and rear weight where nobody has given any others: endings of columns."""
 _PRINTED = {"kph": "km/h", "mps": "m/s"}
-_QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
+QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
+"""What the columns of a condition are called but for their units, and factors to SI by unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,8 +74,8 @@ class Condition:
         >>> Condition.of(speed_mph=35, front_weight_lb=2100, rear_weight_lb=1550, drive="FWD").mass_kg
         1655.612...
         """
-        (speed, v0), (front, wf), (rear, wr) = (_quantity(name, units, given) for name, units in _QUANTITIES.items())
-        used = {f"{name}_{unit}" for name, units in _QUANTITIES.items() for unit in units}
+        (speed, v0), (front, wf), (rear, wr) = (_quantity(name, units, given) for name, units in QUANTITIES.items())
+        used = {f"{name}_{unit}" for name, units in QUANTITIES.items() for unit in units}
         factors = tuple((name, str(value)) for name, value in given.items() if name not in used and value is not None)
         return cls.of_vector([speed, front, rear], factors, (v0, wf, wr))
 
@@ -135,7 +136,7 @@ class Condition:
         """Speed and weights as they were given, by the names of their columns: ``{"speed_kph": 56.0, …}``."""
         return {
             f"{name}_{unit}": round(value / units[unit], 9)
-            for (name, units), unit, value in zip(_QUANTITIES.items(), self.units, self.vector.tolist(), strict=True)
+            for (name, units), unit, value in zip(QUANTITIES.items(), self.units, self.vector.tolist(), strict=True)
         }
 
     @property

@@ -20,7 +20,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
 from crashfuse.campaign_folder.load import WALL_COLUMNS, WALLS, read_folder
 from crashfuse.campaign_folder.settings import QualitySettings, occupant_lines
-from crashfuse.condition import About, Condition
+from crashfuse.condition import QUANTITIES, About, Condition
 from crashfuse.errors import DataError, Problem, as_path, refusal, refuse_if, require_a
 from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_text import csv_bytes, csv_text, original, write_rows
@@ -28,7 +28,7 @@ from crashfuse.files.parquet import UNSOUND, check_size
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.wall import Wall
-from crashfuse.units import ACCELERATION, KN, MASS, MS, SPEED, TIME, G
+from crashfuse.units import ACCELERATION, KN, MS, TIME, G
 
 _RUNS_A_BATCH, _REPAIR = 2000, "repair it first"
 # what a folder's sentences call its files, as patterns, and what the arguments of a call are called
@@ -98,9 +98,8 @@ def further_columns(rows: Sequence[Mapping[str, object]]) -> list[str]:
 
 def table_row(header: Sequence[str], run_id: str, condition: Condition, further: Mapping[str, object]) -> list[object]:
     """The cells of a condition in the columns of a table, empty for what it does not have."""
-    quantities = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
     cells: dict[str, object] = {"id": run_id, **dict(condition.factors), **further}
-    for (quantity, units), value in zip(quantities.items(), condition.vector.tolist(), strict=True):
+    for (quantity, units), value in zip(QUANTITIES.items(), condition.vector.tolist(), strict=True):
         for unit, factor in units.items():
             cells[f"{quantity}_{unit}"] = float(value) if factor == 1.0 else float(f"{value / factor:.12g}")
     return [cells.get(column, "") for column in header]

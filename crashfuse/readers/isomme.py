@@ -23,7 +23,7 @@ from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import vocabulary
 from crashfuse.readers.members import ONE_TEST, as_text, is_numbered, opened_members
 from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
-from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, Doubt
+from crashfuse.readers.vocabulary import ISOMME, UNITS, UNPLACED, ChannelCode, Doubt
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import Sentence
 
@@ -37,15 +37,6 @@ _UNEVEN = 0.02  # of a step, in a time channel
 
 ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)  # beyond 300 channels of 60,000 samples
 _AGAIN, _CORRECT, _STEP = "export it again", "correct the header", "Sampling interval"
-
-_ABOUT_THE_TEST = ("Type of the test", "Subtype of the test", "Title")
-_ABOUT = {
-    "laboratory": "Laboratory name",
-    "test_number": "Laboratory test ref. number",
-    "reference": "Customer test ref. number",
-    "date": "Date of the test",
-}
-_OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +230,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
     objects = {code.text[0] for code, _ in on_vehicles}
     vehicle = min({code.text[0] for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.text[0] == vehicle])
-    texts = [test.descriptor(name) for name in _ABOUT_THE_TEST]
+    texts = [test.descriptor(name) for name in ISOMME["kind"]]
     values = (value for _, value in test.descriptors)
     origin = next(filter(vocabulary.is_simulated, texts), "") or vocabulary.statement_of_simulation(values)
     recorded, untimed = dict[str, RecordedChannel](), dict[str, Problem]()
@@ -267,8 +258,10 @@ def record_of(test: IsommeTest, source: str) -> Record:
         steps.append("No time of the first sample; find time zero.")
         zero = ""
     side = test.descriptor(f"Impact side test object {vehicle}")
-    other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
-    about = {name: test.descriptor(descriptor) for name, descriptor in _ABOUT.items()}
+    other = vocabulary.other_setup(texts) or (
+        f"impact side {printable(side)}" if side.upper() in ISOMME["other_side"] else ""
+    )
+    about = {name: test.descriptor(descriptor) for name, descriptor in ISOMME["about"].items()}
     barrier = ((f"0{one.code[1:]}", one) for one in test.channels if one.code[:1].upper() == "B")  # its test object
     codes = [(ChannelCode.parsed(text), one) for text, one in barrier]
     cells = [(code, one) for code, one in codes if code and code.text[12:14] == "FO" and code.is_along_x]
@@ -302,8 +295,8 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, list[s
     speed_mps = _quantity(test, (f"Velocity {its}", f"Velocity {its} lon."), "speed", "m/s")
     mass, front, rear = (_quantity(test, (f"{name} {its}",), "mass", "kg") for name in names)
     notes = [f"ISO-MME test, {printable(test.descriptor('Title') or test.name)}."]
-    if kind := test.descriptor(_ABOUT_THE_TEST[0]):
-        notes.append(f"{_ABOUT_THE_TEST[0]}: {printable(kind)}.")
+    if kind := test.descriptor("Type of the test"):
+        notes.append(f"Type of the test: {printable(kind)}.")
     told = Sentence("Speed {} from the .mme file.", vocabulary.speed(speed_mps or 0.0, form=".4g"))
     notes.append(told if speed_mps else f"No speed of {its} in the .mme file.")
     if front and rear:

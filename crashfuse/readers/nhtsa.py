@@ -23,16 +23,12 @@ from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import ONE_TEST, is_numbered, opened_members
 from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
-from crashfuse.readers.vocabulary import Doubt, doubt_in, doubt_of, iso_date, speed, sums_of, weight
+from crashfuse.readers.vocabulary import NHTSA, Doubt, doubt_in, doubt_of, iso_date, speed, sums_of, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS, Sentence
 
 _LONGEST_S = 100 * MS
-_STATUS = {"AM": "as measured", "CF": "channel failed", "CM": "computed", "QD": "questionable data"}
 _CENTRE = "VECG"
-_SETUPS = {"VTV": "vehicle into vehicle (VTV)", "ITV": "impactor into vehicle (ITV)", "VTP": "vehicle into pole (VTP)"}
-_REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
-_REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
 
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)  # beyond 1000 channels of 10,000 samples
 LACKING = "X accelerations of the vehicle", "download all channels of the test"  # expected, and advice
@@ -89,7 +85,7 @@ class Sensor:
     @property
     def quality(self) -> str:
         """The data status in words, else its code."""
-        return _STATUS.get(self.status, self.status)
+        return str(NHTSA["status"].get(self.status, self.status))
 
     @property
     def doubt(self) -> Doubt:
@@ -105,7 +101,7 @@ class Sensor:
     def is_at_the_rear(self) -> bool:
         """Whether it is on the floor behind the crush zone."""
         label = self.comment.upper()
-        return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
+        return self.attachment in NHTSA["rear_floor"] or ("REAR" in label and any(w in label for w in NHTSA["rear"]))
 
 
 def number_in(value: str | float) -> float:
@@ -127,7 +123,7 @@ def condition_steps(speed_kph: float, mass_kg: float, where: str) -> Iterator[st
 def other_configuration(setup: str, angle_deg: float) -> str:
     """The configuration, unless it is that of a full-frontal barrier test (VTB at 0°) or unknown."""
     usual = setup in ("VTB", "") and not angle_deg
-    return "" if usual else printable(f"{_SETUPS.get(setup, setup or 'unknown')} at {angle_deg:g}°")
+    return "" if usual else printable(f"{NHTSA['setup'].get(setup, setup or 'unknown')} at {angle_deg:g}°")
 
 
 def nhtsa_record(

@@ -27,28 +27,20 @@ from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse, Heading
 from crashfuse.readers.tdms_container import Properties, TdmsChannel, TdmsFile, parse_tdms
-from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode
+from crashfuse.readers.vocabulary import PROPERTIES, UNITS, UNPLACED, ChannelCode
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, time_text
 
 _OF_NHTSA = {"laboratory": "tstprf", "test_number": "tstno", "reference": "tstref", "date": "tstdat"}
 _FIELDS = {"sensor": "sentyp", "occupant": "senloc", "attachment": "senatt", "axis": "axis", "unit": "yunits"}
 _FIELDS |= {"status": "dastat", "cutoff": "prefil", "maker": "insman", "kind": "chstat", "comment": "inscom"}
-_ABOUT = {  # words in the names of properties
-    "laboratory": r"lab(orator\w*|or)?([ _-]*name)?|test[ _-]*(facility|house|site)",
-    "test_number": r"test[ _-]*(no|nr|num(ber)?|id|ref\w*)\.?",
-    "date": r"(test[ _-]*)?date([ _-]*(of[ _-]*(the[ _-]*)?test|time))?",
-}
-_SENSOR = ("sensor", "sensor name", "sensor_name", "transducer id", "transducer_id", "serial number", "serial_number")
-_COMMENTS = ("comment", "comments", "remark", "remarks", "description")
+_ABOUT = {name: PROPERTIES[name] for name in ("laboratory", "test_number", "date")}
+_SENSOR, _COMMENTS = (PROPERTIES[name].split(", ") for name in ("sensor", "comment"))
 _MOST_CHANNELS = 200  # of a test that could be its pulse
 _ONE_CRASH_S = 10.0  # between loggers
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _MOST_VALUES = 20_000_000  # in all of them
 _MOST_CLOCKS = 1000
-_SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
-_PROCESSED = re.compile(r"raw|roh|filter|cfc|process|calc|resampl|copy", re.IGNORECASE)
-_ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)  # 1000 channels of 10,000 samples have 80 MB
 
@@ -135,7 +127,9 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         channels = {name: replace(one, label=f"group {groups[name]}") for name, one in channels.items()}
     if chosen and (unused := {*groups.values()} - {groups[name] for name in chosen}):
         steps.append(f"Left out: accelerations of other groups: {', '.join(map(printable, sorted(unused)))}.")
-    about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
+    about = [
+        text for name, text in file.properties.items() if isinstance(text, str) and re.search(PROPERTIES["test"], name)
+    ]
     pairs = ((name, key) for name, words in _ABOUT.items() for key in file.properties if re.fullmatch(words, key))
     pedigree = {name: text for name, key in pairs if (text := _text_of(file.properties, key))}
     content = record_id, where, condition, tuple(channels.values()), chosen, (*steps, *why)
@@ -176,7 +170,7 @@ def _groups_alike(channels: _Named, groups: Mapping[str, str], began_s: Mapping[
     for name, channel in channels.items():
         code = ChannelCode.parsed(channel.label)
         is_placed = code is not None and code.rank < UNPLACED
-        if code and is_placed and not channel.is_simulated and not _PROCESSED.search(groups[name]):
+        if code and is_placed and not channel.is_simulated and not re.search(PROPERTIES["processed"], groups[name]):
             of_sensor.setdefault(code.sensor, {})[groups[name]] = began_s.get(name, np.nan)
     alike = (times for times in of_sensor.values() if not np.ptp([*times.values()]) < _ONE_CRASH_S)
     return sorted({group for times in alike if len(times) > 1 for group in times})
@@ -239,7 +233,7 @@ def _proposed(channels: _Named, n: int, what: str, tests: Sequence[str]) -> tupl
 def _laboratory_condition(properties: Properties) -> tuple[PartialCondition, list[str]]:
     steps = ["TDMS file."]
     for name, value in properties.items():
-        if (key := _SPEED.match(name)) is None:
+        if (key := re.match(PROPERTIES["speed"], name)) is None:
             continue
         number, unit = (value, "") if isinstance(value, float) else vocabulary.number_and_unit(value) or (0.0, "")
         unit = unit or name[key.end() :].strip(" _-")

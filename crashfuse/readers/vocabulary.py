@@ -27,7 +27,7 @@ from datetime import datetime
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from crashfuse.errors import UsageError, printable
 from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, MS, G, Quantity
@@ -51,6 +51,9 @@ def plain(text: str) -> str:
 
 _WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
+NHTSA: Mapping[str, Any] = _WORDS["nhtsa"]
+ISOMME: Mapping[str, Any] = _WORDS["isomme"]
+PROPERTIES: Mapping[str, str] = _WORDS["property"]
 HEADERS: Mapping[str, re.Pattern[str]] = {name: re.compile(form) for name, form in _WORDS["header"].items()}
 
 
