@@ -136,10 +136,10 @@ def read_folder(folder: str | Path, archive: VehicleArchive | None = None) -> Ca
         warnings += _shortened([f"{who}: {text}." for who, texts in findings_of for text in texts])
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
-    found = settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits
+    first = settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits
     filtered_with = import_cfcs.pop() if len(import_cfcs) == 1 else None
     further = settings.occupant, filtered_with, tables["tests"].units, unused, settings.unused
-    campaign = Campaign(*found, *further)
+    campaign = Campaign(*first, *further)
     if archive is not None:
         return campaign.with_archive(archive)
     return campaign if kept is None else _taught(campaign, kept)

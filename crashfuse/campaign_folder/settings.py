@@ -171,7 +171,7 @@ def _quality(values: _Table) -> QualitySettings:
     before, share = len(values.problems), "a share between 0 and 1 (0.05 for 5 %)"
     keys = f"limits, {', '.join(QUALITIES)} or leave_out_failing"
     table = values.table("cae_quality", f"a table [cae_quality] with {keys}")
-    given = {
+    given: dict[str, float | None] = {
         name: table.take(name, None, lambda v: v is None or (_is_number(v) and 0 < v < 1), share) for name in QUALITIES
     }
     single = {name: float(limit) for name, limit in given.items() if limit is not None}

@@ -20,11 +20,12 @@ from crashfuse.units import MS
 
 # the global histories in the order of their codes, 1 first, as the solver's converter calls them
 GLOBAL = (
-    "INTERNAL ENERGY", "KINETIC ENERGY", "X-MOMENTUM", "Y-MOMENTUM", "Z-MOMENTUM", "MASS", "TIME STEP",
-    "ROTATION ENERGY", "EXTERNAL WORK", "SPRING ENERGY", "CONTACT ENERGY", "HOURGLASS ENERGY",
-    "ELASTIC CONTACT ENERGY", "FRICTIONAL CONTACT ENERGY", "DAMPING CONTACT ENERGY", "PLASTIC WORK", "ADDED MASS",
-    "PERCENTAGE ADDED MASS", "INLET MASS", "OUTLET MASS", "INLET ENERGY", "OUTLET ENERGY",
-)  # fmt: skip
+    *("INTERNAL ENERGY", "KINETIC ENERGY", "X-MOMENTUM", "Y-MOMENTUM", "Z-MOMENTUM", "MASS", "TIME STEP"),
+    *("ROTATION ENERGY", "EXTERNAL WORK", "SPRING ENERGY", "CONTACT ENERGY", "HOURGLASS ENERGY"),
+    *(f"{kind} CONTACT ENERGY" for kind in ("ELASTIC", "FRICTIONAL", "DAMPING")),
+    *("PLASTIC WORK", "ADDED MASS", "PERCENTAGE ADDED MASS", "INLET MASS", "OUTLET MASS", "INLET ENERGY"),
+    "OUTLET ENERGY",
+)
 
 MOST_VALUES = 40_000_000  # states times values kept of a file
 ACCELEROMETER = "accelerometer "  # what the names of accelerometers begin with; those of nodes are numbers

@@ -257,20 +257,15 @@ def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
     assert filtered.channel_filter_class is None
 
 
-@pytest.mark.parametrize(
-    ("properties", "speed_kph"),
-    [
-        ({"Impact_velocity": "55,8 km/h"}, 55.8),
-        ({"impact velocity (mph)": 35.0}, 35 * 1.609344),
-        ({"Impact_velocity": "n/a"}, None),
-        ({"Impact_velocity": "-3"}, None),
-        ({"Impact_velocity": "4 furlongs"}, None),
-    ],
-)
-def test_the_speed_is_a_property(tmp_path: Path, properties: dict[str, Any], speed_kph: float | None) -> None:
+def test_the_speed_is_a_property(tmp_path: Path) -> None:
     """In km/h unless it says otherwise; what is no speed is none."""
-    speed = read(tmp_path, VEHICLE, **properties).condition.speed_mps
-    assert speed == (None if speed_kph is None else pytest.approx(speed_kph * KPH))
+    speeds = {"55,8 km/h": 55.8, "n/a": None, "-3": None, "4 furlongs": None}
+    for properties, kph in [
+        ({"impact velocity (mph)": 35.0}, 35 * 1.609344),
+        *(({"Impact_velocity": text}, kph) for text, kph in speeds.items()),
+    ]:
+        speed = read(tmp_path, VEHICLE, **properties).condition.speed_mps
+        assert speed == (None if kph is None else pytest.approx(kph * KPH))
 
 
 def test_units_and_time_are_in_the_names(tmp_path: Path) -> None:

@@ -113,14 +113,8 @@ COMMENT = {
     ),
     Doubt.FAILED: (
         *("SILL AX, CHANNEL FAILED AT 50 MS", "No valid data after 67ms", "signal lost", "Bad data", "Sensor defekt"),
-        *(
-            "Kanal ausgefallen ab 40 ms",
-            "INVALID",
-            "do not use",
-            "cable broken",
-            "NO DATA - FAILED",
-            "sensor came loose",
-        ),
+        *("Kanal ausgefallen ab 40 ms", "INVALID", "do not use", "cable broken", "NO DATA - FAILED"),
+        "sensor came loose",
     ),
 }
 
