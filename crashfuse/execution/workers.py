@@ -98,6 +98,7 @@ class Workers(ABC):
             except self.deaths as error:
                 lives -= 1
                 if not lives:
+                    self.check()
                     found = f"Workers died {_LIVES} times in a row, perhaps because memory ran out"
                     raise CrashfuseError(f"{found}. {resume(_RESUME)}; fewer --workers need less.") from error
                 log.warning("A worker died (%s); its task is computed again.", type(error).__name__)
@@ -232,14 +233,20 @@ class Cluster(Workers):
 
     def check(self) -> None:
         """Wait for a lost scheduler to answer again, and for a worker to be available."""
-        while self.client.status == "connecting":
+        end = time.monotonic() + _ANSWER_S
+        while self.client.status in ("running", "connecting"):
+            try:
+                if self.client.status == "running":
+                    self.client.wait_for_workers(1, timeout=_WORKER_S)
+                    return
+            except TimeoutError as error:
+                found = f"The Dask cluster at {self.scheduler} has no worker"
+                raise CrashfuseError(f"{found}. {resume(_RESUME)}.") from error
+            except OSError:  # the client may notice later that its scheduler is gone
+                if time.monotonic() > end:
+                    break
             time.sleep(_GLANCE_S)
-        if self.client.status != "running":
-            raise CrashfuseError(f"The Dask scheduler at {self.scheduler} is gone. {resume(_RESUME)}.")
-        try:
-            self.client.wait_for_workers(1, timeout=_WORKER_S)
-        except TimeoutError as error:
-            raise CrashfuseError(f"The Dask cluster at {self.scheduler} has no worker. {resume(_RESUME)}.") from error
+        raise CrashfuseError(f"The Dask scheduler at {self.scheduler} is gone. {resume(_RESUME)}.")
 
 
 def versions_here() -> dict[str, str]:

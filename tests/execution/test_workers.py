@@ -21,7 +21,7 @@ from crashfuse.errors import Cancelled, CrashfuseError, UsageError
 from crashfuse.execution import workers
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Progress, Watch
-from crashfuse.execution.workers import Local, Work, Workers, connected
+from crashfuse.execution.workers import Cluster, Local, Work, Workers, connected
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.running import run_study
 from tests.conftest import Capture
@@ -267,6 +267,31 @@ def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, dask: Dask, tm
         dask.scheduler.kill()
         with pytest.raises(CrashfuseError, match=r"scheduler at tcp://\S+ is gone.*--resume"):
             list(found)
+
+
+@pytest.mark.parametrize("noticed", [0, 4])
+def test_a_scheduler_that_died_is_named_however_late_its_client_notices(
+    campaign: Campaign, tmp_path: Path, noticed: int
+) -> None:
+    """Until then the client counts as running, and whatever it is asked fails as if workers had died."""
+
+    class Client:
+        asked = 0
+
+        @property
+        def status(self) -> str:
+            return "running" if self.asked <= noticed else "closed"
+
+        def wait_for_workers(self, *_: object, **__: object) -> None:
+            self.asked += 1
+            if self.asked > 1:
+                raise ConnectionError("gone")
+
+        def scatter(self, *_: object, **__: object) -> None:
+            raise ConnectionError("gone")
+
+    with pytest.raises(CrashfuseError, match=r"scheduler at tcp://host:1 is gone.*--resume"):
+        done_by(Cluster("tcp://host:1", Client()), fatal_once(tmp_path), campaign, tmp_path)
 
 
 def test_an_unreachable_scheduler_is_one_sentence(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:
