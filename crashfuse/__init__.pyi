@@ -18,6 +18,7 @@ from .errors import Problem as Problem
 from .errors import UsageError as UsageError
 from .execution.cache import Cache as Cache
 from .execution.progress import Watch as Watch
+from .execution.run import Run as Run
 from .importing.campaign_import import import_source as import_source
 from .importing.detection import Choices as Choices
 from .importing.ratings import RatingChoices as RatingChoices

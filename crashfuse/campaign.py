@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,6 +54,8 @@ class Campaign:
         Why, by id; without words if nobody says.
     prior : Prior, optional
         What other vehicles teach this one, see :meth:`with_archive`.
+    cache_folder : Path, optional
+        Where what is computed of it is kept; None for the platform's cache folder.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Campaign:
     unused: tuple[tuple[str, Condition], ...] = ()
     why_unused: Mapping[str, str] = field(default_factory=dict)
     prior: Prior | None = None
+    cache_folder: Path | None = None
 
     @staticmethod
     def from_frames(

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError, UsageError, one_of, require_number
-from crashfuse.execution.cache import Cache, Entry
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.cache import Entry
+from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
 from crashfuse.signals.rating import WEIGHTS, corridor_score, slope_score
 from crashfuse.units import G
@@ -38,14 +38,11 @@ class Settings:
     device : {"auto", "cpu", "cuda"}
         For training networks; ``auto`` uses CUDA if available. Everything else runs on the CPU. Results of different
         devices differ in their last bits.
-    cache : Cache, optional
-        Storage for results that do not depend on the tests (LF training, emulator).
     """
 
     preset: Preset = "fast"
     seed: int = 0
     device: Device = "auto"
-    cache: Cache | None = None
 
     def __post_init__(self) -> None:
         one_of("preset", self.preset, dict.fromkeys(PRESETS))
@@ -180,7 +177,8 @@ class Approach(ABC):
 
     A new approach is a subclass in its own module, listed in :mod:`crashfuse.approaches.registry`. Fitted attributes
     end in an underscore; hyperparameters are a frozen config. Before :meth:`fit`, all that needs it raises
-    NotFittedError; :meth:`prepare` and :meth:`fit` raise Cancelled if the watch was told to stop.
+    NotFittedError; :meth:`prepare` and :meth:`fit` raise Cancelled if the run was told to stop,
+    and keep what does not depend on the tests (emulator, LF training) in its cache.
 
     Attributes
     ----------
@@ -224,16 +222,16 @@ class Approach(ABC):
         """What :meth:`fit` uses of what past vehicles teach, ``campaign.prior``."""
         return None
 
-    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], run: Run = UNKEPT) -> None:  # noqa: ARG002
         """Compute and cache everything that no test's pulse affects; all fits to these CAE runs share it.
 
         The campaign has the CAE runs and no tests; ``conditions`` are where tests are learned from or predicted.
         """
         if not self.learns_from_tests:
-            self.fit(campaign, watch)
+            self.fit(campaign, run)
 
     @abstractmethod
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Fit to the whole campaign as given; a UsageError or DataError if there is not enough to learn from."""
 
     @abstractmethod
@@ -258,7 +256,7 @@ class Approach(ABC):
         """The fitted state, the result of :meth:`fit`."""
 
     @abstractmethod
-    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:
         """Restore what was learned from this campaign; a KeyError, ValueError or RuntimeError if it was not."""
 
     def _thinned(self, campaign: Campaign) -> Campaign:

@@ -11,9 +11,8 @@ import numpy.typing as npt
 
 from crashfuse.approaches.base import Approach, FittedState
 from crashfuse.campaign import Campaign
-from crashfuse.execution.cache import Cache, Entry
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.cache import Cache, Code, Entry
+from crashfuse.execution.run import Run
 
 A = TypeVar("A", bound=Approach)
 
@@ -21,13 +20,13 @@ FITS = "fits"  # kind of their cache entries
 _TEXT = "text"  # name of the array that holds everything else as JSON
 
 
-def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = SILENT) -> tuple[A, float]:
+def fitted(approach: A, campaign: Campaign, run: Run) -> tuple[A, float]:
     """Fit an approach, or restore it from the cache; also the duration of the fit in s."""
     campaign = _taught(approach, campaign)
 
     def learn() -> tuple[float, Mapping[str, npt.ArrayLike]]:
         start = time.perf_counter()
-        approach.fit(campaign, watch)
+        approach.fit(campaign, run)
         seconds = time.perf_counter() - start
         learned = approach.learned()
         text = json.dumps({"values": learned.values, "seconds": seconds})
@@ -35,17 +34,15 @@ def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = 
 
     def restore(entry: Entry) -> float:
         text = json.loads(str(entry.pop(_TEXT)))
-        approach.restore(campaign, FittedState(text["values"], entry))
+        approach.restore(campaign, FittedState(text["values"], entry), run)
         return float(text["seconds"])
 
-    if cache is None:
-        return approach, learn()[0]
-    return approach, cache.get_or_compute(FITS, _key(approach, campaign), learn, restore, watch)
+    return approach, run.get_or_compute(FITS, _key(approach, campaign), learn, restore)
 
 
-def is_cached(approach: Approach, campaign: Campaign, cache: Cache) -> bool:
+def is_cached(approach: Approach, campaign: Campaign) -> bool:
     """Whether :func:`fitted` would find this fit in the cache."""
-    return cache.is_cached(FITS, _key(approach, campaign))
+    return Cache(campaign.cache_folder).is_cached(FITS, _key(approach, campaign))
 
 
 def _taught(approach: Approach, campaign: Campaign) -> Campaign:
@@ -60,7 +57,7 @@ def _key(approach: Approach, campaign: Campaign) -> dict[str, object]:
 def settings(approach: Approach) -> dict[str, object]:
     """All that determines an approach's numbers besides the data."""
     return {
-        "code": code_digest(type(approach).__module__),
+        "code": Code(type(approach).__module__),
         "approach": approach.name,
         "config": getattr(approach, "config", None),
         "seed": getattr(approach, "seed", 0),

@@ -232,11 +232,11 @@ def _import(done: Future[None]) -> None:
         import_module(_NEXT)
     finally:
         sys.setswitchinterval(usual)
-    from crashfuse.execution.code_digest import code_digest
+    from crashfuse.execution.cache import Cache
     from crashfuse.ui.kit.uploads import sweep_uploads
 
     sweep_uploads()
-    code_digest(_PREDICTS)  # while the first page is read: the first prediction of a new version need not wait
+    Cache().digest(_PREDICTS)  # while the first page is read: the first prediction of a new version need not wait
     gc.freeze()  # what was imported is never garbage: to look for some in it took 0.2 s every dozen answers
 
 

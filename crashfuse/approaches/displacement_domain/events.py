@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from math import comb
 from typing import cast
 
@@ -16,8 +15,9 @@ from crashfuse.approaches.displacement_domain.hierarchical_bias import Hierarchi
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.cache import remembered
 from crashfuse.execution.process import one_thread
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.signals.rating import rate_many
 from crashfuse.units import MS, G
@@ -79,12 +79,15 @@ class CaeEvents:
     n_rated: int  # tests whose record lasts as long as the window
 
 
-@lru_cache(maxsize=2)
 def cae_events(campaign: Campaign, window_ms: float) -> CaeEvents:
     """Find what to mend in the CAE model by the hierarchical bias of all tests of a campaign."""
-    domain, _ = fitted(DisplacementDomain(cache=Cache()), campaign, Cache())
-    with one_thread():
-        return _found(domain, campaign.evenly_over_speed(MOST_TESTS).tests, window_ms)
+
+    def compute() -> CaeEvents:
+        domain, _ = fitted(DisplacementDomain(), campaign, Run.of(campaign))
+        with one_thread():
+            return _found(domain, campaign.evenly_over_speed(MOST_TESTS).tests, window_ms)
+
+    return remembered(campaign, (cae_events, window_ms), compute)
 
 
 def _found(domain: DisplacementDomain, tests: Sequence[CrashTest], window_ms: float) -> CaeEvents:
