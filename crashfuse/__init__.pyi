@@ -10,6 +10,7 @@ from .campaign_folder.notes import write_notes as write_notes
 from .campaign_folder.writer import write_campaign as write_campaign
 from .certification.criteria import Criteria as Criteria
 from .certification.matrix import Matrix as Matrix
+from .certification.verdict import with_decided as with_decided
 from .condition import Condition as Condition
 from .crash_test import CrashTest as CrashTest
 from .errors import CrashfuseError as CrashfuseError

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crashfuse import views
-from crashfuse.cae_library import CaeLibrary, QualityLimits
+from crashfuse.cae_library import CaeLibrary, QualityLimits, QualityVerdict, judge_quality
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest, at_the_speed_of
 from crashfuse.errors import UsageError, require_a, several
@@ -124,9 +124,9 @@ class Campaign:
         return views.pulses_frame(self, "cae")
 
     @property
-    def quality(self) -> "views.QualityVerdict":
+    def quality(self) -> QualityVerdict:
         """What the solver says of the CAE runs, judged by the campaign's limits: tables, and sentences."""
-        return views.judge_quality(self.cae, self.quality_limits)
+        return judge_quality(self.cae, self.quality_limits)
 
     def cae_events(self, window_ms: float = 60.0) -> "pd.DataFrame":
         """What to mend in the CAE model: ranges of crush where its force is off, the most expensive first.

@@ -136,10 +136,6 @@ class LearningCurve:
         rows = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
-    def decided(self, criteria: views.CriteriaGiven) -> LearningCurve:
-        """With the share of verdicts that each prediction decides under such criteria."""
-        return views.with_decided(self, views.criteria_given(criteria))
-
     def plot(self, **display: Unpack[views.DisplayOptions]) -> go.Figure:
         """Rating and width of the band over the number of tests, as the page Study shows them."""
         shown = views.Display.of(self.campaign.units, self.window_ms, **display)
@@ -147,8 +143,7 @@ class LearningCurve:
 
     def write(self, folder: str | Path, *, cost: str | None = None, **display: Unpack[views.DisplayOptions]) -> None:
         """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""
-        price = None if cost is None else views.Cost.of(cost)
-        views.write_result("learning curve", folder, self, price, views.Display.of(self.campaign.units, **display))
+        views.write_result("learning curve", folder, self, cost, views.Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         sizes = self.table["n_tests"].unique()
