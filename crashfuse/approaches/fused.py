@@ -10,7 +10,6 @@ from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import MOST_TESTS, Approach, Device, FittedState, Prediction, Settings
 from crashfuse.approaches.calibration import JUDGED, STRIDE, WIDENINGS, Calibration, Coverage
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.mixture import COMPONENTS, AboutFused, Component, HeldOut, Pool, Scores, Tests, mixed, spread
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.pretrained import Pretrained
@@ -70,12 +69,12 @@ class Fused(AboutFused):
     def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Fit the approaches, and learn the weights from their predictions of left-out tests."""
         time_domain, displacement_domain, pretrained = self._unfitted()
-        self.time_domain_, _ = fitted(time_domain, campaign, run)
+        self.time_domain_, _ = time_domain.fitted(campaign, run)
         # Taught both, displacement domain and network would err together: the network alone is (docs/decisions.md).
         untaught = replace(campaign, prior=None)
-        self.displacement_domain_, _ = fitted(displacement_domain, untaught, run)
+        self.displacement_domain_, _ = displacement_domain.fitted(untaught, run)
         bias, self.archive_ = self.displacement_domain_.taught_bias(campaign.prior, run.watch)
-        self.pretrained_, _ = fitted(pretrained, untaught if bias is None else campaign, run)
+        self.pretrained_, _ = pretrained.fitted(untaught if bias is None else campaign, run)
         campaign = self._begin(campaign)
         run.watch.report("Weights of the mixture", 0, 1)
         groups = bands.speed_groups(campaign)

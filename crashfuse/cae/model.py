@@ -13,9 +13,8 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import Code, Entry, finite
-from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.run import UNKEPT, Run
+from crashfuse.execution.run import UNKEPT, Run, one_thread
 from crashfuse.signals.loading_phase import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 

@@ -9,15 +9,13 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.approaches.fit_cache import is_cached, settings
 from crashfuse.approaches.metric_calibration import Distribution, mean_quantiles, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Code, Entry, finite, numbers
-from crashfuse.execution.process import one_thread_throughout
-from crashfuse.execution.run import Run
+from crashfuse.execution.run import Run, one_thread_throughout
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
@@ -291,7 +289,7 @@ class Forecasts:
 
     def _is_fitted(self, asked: Asked) -> bool:
         approach = _by(self.config, asked.seed).on_this_device.create(asked.approach)
-        return is_cached(approach, self._training(asked))
+        return approach.is_cached(self._training(asked))
 
     def is_known(self, asked: Asked) -> bool:
         """Whether the cache has a forecast."""
@@ -339,6 +337,6 @@ def _by(config: StudyConfig, seed: int) -> StudyConfig:
 
 
 def _key(training: Campaign, asked: Asked, config: StudyConfig, windows_ms: tuple[float, ...]) -> dict[str, object]:
-    fit = settings(_by(config, asked.seed).create(asked.approach))
+    fit = _by(config, asked.seed).create(asked.approach).identity
     own = {"campaign": training.fingerprint, "condition": asked.condition, "windows_ms": windows_ms}
     return {**fit, **own, "code": Code(__name__)}

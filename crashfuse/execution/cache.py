@@ -284,23 +284,14 @@ class NoCache(Cache):
     def __init__(self) -> None:
         self.folder, self.used = Path(os.devnull), set()
 
-    def anew(self) -> Cache:
-        """Itself."""
-        return self
-
-    def is_cached(self, kind: str, key: Mapping[str, object]) -> bool:  # noqa: ARG002
-        """Nothing is."""
-        return False
-
-    def get(self, kind: str, key: Mapping[str, object]) -> Entry | None:  # noqa: ARG002
-        """Nothing."""
-        return None
+    def get(self, kind: str, key: Mapping[str, object]) -> None:
+        """Nothing is there."""
 
     def put(self, kind: str, key: Mapping[str, object], entry: Mapping[str, npt.ArrayLike]) -> None:
         """Forget it."""
 
     def drop(self, kind: str, key: Mapping[str, object]) -> None:
-        """There is nothing."""
+        """Nothing is there."""
 
     @contextmanager
     def alone(self, kind: str, key: Mapping[str, object], watch: Watch = SILENT) -> Iterator[None]:  # noqa: ARG002

@@ -31,9 +31,8 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 from crashfuse.campaign import Campaign
 from crashfuse.errors import CrashfuseError, UsageError, printable
 from crashfuse.execution.cache import Cache, resume
-from crashfuse.execution.process import give_back, share_one_heap
 from crashfuse.execution.progress import Watch
-from crashfuse.execution.run import Run, Work, Workers
+from crashfuse.execution.run import Run, Work, Workers, give_back, share_one_heap
 from crashfuse.version import versions
 
 log = logging.getLogger(__name__)

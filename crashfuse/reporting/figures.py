@@ -11,7 +11,6 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.calibration import LEVELS
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain, measured_bias
 from crashfuse.approaches.displacement_domain.events import cae_events
-from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
@@ -269,7 +268,7 @@ def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -
     if config.preset == "paper":
         raise UsageError(ONE_PROCESS)
     unfitted, campaign = DisplacementDomain(seed=config.seed), config.training_campaign(study.campaign, test.id)
-    domain, _ = fitted(unfitted, campaign, Run.of(campaign))
+    domain, _ = unfitted.fitted(campaign, Run.of(campaign))
     grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(test.condition).phase.crush_m, _STEP_M)
     bias = measured_bias(test, domain.model_) if measured else None
     return displacement.bias_parts(domain.bias_parts(test.condition, grid), grid, bias, display)

@@ -14,7 +14,6 @@ import pandas as pd
 from crashfuse.approaches.base import Prediction, Settings
 from crashfuse.approaches.calibration import JUDGED, STRIDE, predicted
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.fused import Fused
 from crashfuse.approaches.metric_calibration import (
     drawn_metrics,
@@ -31,9 +30,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache, Code, Entry, numbers
-from crashfuse.execution.process import one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.run import Run
+from crashfuse.execution.run import Run, one_thread_throughout
 from crashfuse.execution.workers import running
 from crashfuse.files.tensors import Arrays
 from crashfuse.signals.metrics import METRIC_LABELS, metric_values
@@ -82,7 +80,7 @@ class _Part:
 
         def predict() -> tuple[FloatArray, Entry]:
             settings, approaches = Settings(seed=self.seed), (TimeDomain, DisplacementDomain)
-            fits = [fitted(kind.create(settings), few, self.run)[0] for kind in approaches]
+            fits = [kind.create(settings).fitted(few, self.run)[0] for kind in approaches]
             predictions = [fit.predict(test.condition) for test in self.held_out for fit in fits]
             rows = [
                 np.vstack([prediction.accel_mps2, prediction.draws_mps2[:_DRAWS]])[:, ::STRIDE]
@@ -192,7 +190,7 @@ class _Computation:
         return [row for rows in results for row in rows]
 
     def bias(self, campaign: Campaign) -> FloatArray:
-        return fitted(DisplacementDomain(seed=self.seed), campaign, self.run)[0].to_teach()
+        return DisplacementDomain(seed=self.seed).fitted(campaign, self.run)[0].to_teach()
 
     def prepared(self, campaign: Campaign) -> Vehicle:
         """Predict a vehicle's tests by both approaches from a few others; its tests as the network reads them."""

@@ -11,7 +11,6 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.fit_cache import fitted, settings
 from crashfuse.approaches.metric_calibration import (
     Errors,
     calibrated_metrics,
@@ -25,8 +24,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a
 from crashfuse.execution.cache import Cache, Code, Entry, finite, numbers
-from crashfuse.execution.process import one_thread
-from crashfuse.execution.run import Run
+from crashfuse.execution.run import Run, one_thread
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
@@ -110,7 +108,7 @@ class Fit:
         run = run or Run.of(campaign)
         campaign = run.bind(campaign)
         with blamed_on(approach):
-            learned, seconds = fitted(config.create(approach), campaign, run)
+            learned, seconds = config.create(approach).fitted(campaign, run)
             left_out, usual = learned.left_out(campaign), learned.usual_errors
 
         def judge() -> tuple[Errors, Errors]:
@@ -120,7 +118,7 @@ class Fit:
         def restore(entry: Entry) -> Errors:
             return {name: numbers(entry, name, len(left_out) + len(usual.get(name, ()))) for name in METRIC_LABELS}
 
-        key = {**settings(learned), "campaign": campaign.fingerprint, "code": Code(__name__)}
+        key = {**learned.identity, "campaign": campaign.fingerprint, "code": Code(__name__)}
         errors = run.get_or_compute(_JUDGED, key, judge, restore)
         return cls(learned, config, seconds, left_out, errors, campaign)
 
@@ -176,7 +174,7 @@ def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool 
     made: dict[Hashable, tuple[Prediction, float]] = {}
 
     def predict(approach: Approach) -> tuple[Prediction, float]:
-        key = (*settings(approach).values(), approach.taught_)  # equal for approaches that predict the same
+        key = (*approach.identity.values(), approach.taught_)  # equal for approaches that predict the same
         if key not in made:
             parts = [predict(part) for part in approach.parts]
             start = time.perf_counter()
@@ -284,7 +282,7 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
 
 
 def _cache_key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
-    fit = settings(config.create(approach))
+    fit = config.create(approach).identity
     key = {**fit, "campaign": campaign.fingerprint, "condition": condition, "code": Code(__name__)}
     doubts = doubtful_tests(campaign, condition)  # seen in the records, of which the campaign keeps what it learns from
     return {**key, "doubts": [str(doubt) for doubt in doubts]} if doubts else key

@@ -15,7 +15,6 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Self
 
-from crashfuse.approaches.fit_cache import settings
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, printable
@@ -224,7 +223,7 @@ def earlier_settings(
     condition = campaign.test(test_id).condition
 
     def identity(config: StudyConfig) -> str:
-        return repr((settings(config.create(approach)), config.left_out(campaign, test_id)))
+        return repr((config.create(approach).identity, config.left_out(campaign, test_id)))
 
     mine = [result for result in results if result.fingerprint == campaign.fingerprint and test_id in result.tests]
     ways = [way for result in mine if approach in result.config.approaches for way in result.config.split_configs]

@@ -22,16 +22,14 @@ import pandas as pd
 
 from crashfuse import views
 from crashfuse.approaches.base import MOST_TESTS
-from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, require_a
 from crashfuse.execution.cache import Cache, Code
-from crashfuse.execution.process import one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.run import Run
+from crashfuse.execution.run import Run, one_thread_throughout
 from crashfuse.execution.workers import running
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
@@ -273,7 +271,7 @@ def _rows(entry: dict[str, Any]) -> list[_Row]:
 
 def _key(campaign: Campaign, chosen: tuple[str, ...], config: StudyConfig) -> dict[str, object]:
     return {
-        "fits": [settings(config.create(name)) for name in config.approaches],
+        "fits": [config.create(name).identity for name in config.approaches],
         "windows_ms": config.windows_ms,
         "campaign": campaign.fingerprint,
         "chosen": chosen,

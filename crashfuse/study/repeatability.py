@@ -29,8 +29,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Code, Entry, numbers
-from crashfuse.execution.process import one_thread
-from crashfuse.execution.run import Run
+from crashfuse.execution.run import Run, one_thread
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 from crashfuse.signals.rating import rate_many

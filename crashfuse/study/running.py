@@ -14,14 +14,13 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from crashfuse.approaches.fit_cache import FITS
+from crashfuse.approaches.base import FITS
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.errors import several
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.process import give_back, one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.run import Run
+from crashfuse.execution.run import Run, give_back, one_thread_throughout
 from crashfuse.execution.workers import running
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate

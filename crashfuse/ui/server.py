@@ -35,7 +35,7 @@ from streamlit.web.cli import main
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
-from crashfuse.execution.process import share_one_heap
+from crashfuse.execution.run import share_one_heap
 from crashfuse.ui.kit import visitors
 from crashfuse.ui.kit.navigation import navigate
 from crashfuse.ui.kit.text import plain

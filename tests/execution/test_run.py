@@ -1,16 +1,21 @@
-"""A run says where results are kept: what a caller's cache is given for is written there, and nowhere else."""
+"""A run says where results are kept: with a cache nothing is written elsewhere. One heap, one thread."""
 
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import crashfuse
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
+from crashfuse.execution import run
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.run import UNKEPT, Run
+from crashfuse.execution.run import UNKEPT, Run, one_thread, one_thread_throughout
 from crashfuse.study.config import StudyConfig
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
@@ -65,9 +70,34 @@ def test_a_campaign_keeps_to_the_cache_of_its_run(campaign: Campaign, default: P
 def test_a_fit_by_hand_keeps_nothing(campaign: Campaign, default: Path) -> None:
     """However often it is made."""
 
-    def work(_campaign: Campaign, task: str, run: Run) -> list[str]:
-        return [run.get_or_compute("kind", {}, lambda: (task, {}), str)]
+    def work(_campaign: Campaign, task: str, unkept: Run) -> list[str]:
+        return [unkept.get_or_compute("kind", {}, lambda: (task, {}), str)]
 
     assert [*UNKEPT.completed(work, campaign, ["a", "b"])] == [["a"], ["b"]]
-    assert not UNKEPT.cache.is_cached("kind", {})
     assert not default.exists()
+
+
+def test_memory_can_be_given_back_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With glibc it returns what is free; with another C library nothing is done."""
+    run.give_back()
+    monkeypatch.setattr(sys, "platform", "win32")
+    run._glibc.cache_clear()
+    run.share_one_heap()
+    run.give_back()
+    run._glibc.cache_clear()
+
+
+def _threads() -> set[int]:
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+@pytest.mark.parametrize("limit", [one_thread, one_thread_throughout])
+def test_who_leaves_first_does_not_end_it_for_others(limit: Callable[[], AbstractContextManager[None]]) -> None:
+    with threadpool_limits(2, user_api="blas"):
+        before, first, second = _threads(), ExitStack(), ExitStack()
+        first.enter_context(limit())
+        second.enter_context(limit())
+        first.close()
+        assert _threads() == {1}
+        second.close()
+        assert _threads() == before

@@ -31,9 +31,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
-from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.run import UNKEPT, Run
+from crashfuse.execution.run import UNKEPT, Run, one_thread
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.vehicle_archive import Prior

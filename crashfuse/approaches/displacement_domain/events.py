@@ -12,12 +12,10 @@ from scipy.special import stdtr, stdtrit
 from crashfuse.approaches.base import MOST_TESTS
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
-from crashfuse.approaches.fit_cache import fitted
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import remembered
-from crashfuse.execution.process import one_thread
-from crashfuse.execution.run import Run
+from crashfuse.execution.run import Run, one_thread
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.signals.rating import rate_many
 from crashfuse.units import MS, G
@@ -83,7 +81,7 @@ def cae_events(campaign: Campaign, window_ms: float) -> CaeEvents:
     """Find what to mend in the CAE model by the hierarchical bias of all tests of a campaign."""
 
     def compute() -> CaeEvents:
-        domain, _ = fitted(DisplacementDomain(), campaign, Run.of(campaign))
+        domain, _ = DisplacementDomain().fitted(campaign, Run.of(campaign))
         with one_thread():
             return _found(domain, campaign.evenly_over_speed(MOST_TESTS).tests, window_ms)
 

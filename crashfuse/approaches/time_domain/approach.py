@@ -9,7 +9,6 @@ import numpy as np
 
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
 from crashfuse.approaches.calibration import BandedApproach, LeftOut, check_band_far, speed_groups
-from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.time_domain.band import Band, Stopping, stopping_notes
 from crashfuse.approaches.time_domain.config import AboutTimeDomain
@@ -20,9 +19,8 @@ from crashfuse.approaches.time_domain.training import Checkpoint, fine_tune, loa
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import Watch
-from crashfuse.execution.run import UNKEPT, Run
+from crashfuse.execution.run import UNKEPT, Run, one_thread
 from crashfuse.signals.pulse import FloatArray
 
 _DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says less about 35 mph than a 30 mph test
@@ -51,7 +49,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         campaign = self._seen(campaign)
         accel = self._begin(campaign, self._lf().fit(campaign, run), run)
         if self.config.tuning == "gradient":
-            key = {**settings(self), "campaign": campaign.fingerprint}
+            key = {**self.identity, "campaign": campaign.fingerprint}
             checkpoint = Checkpoint(run, {**key, "training": self.name})
             tuned = fine_tune(self.network_, self.scaling_, self._vectors, accel, checkpoint)
             self.network_, self.losses_ = tuned

@@ -10,7 +10,6 @@ from weakref import WeakValueDictionary
 import numpy as np
 import streamlit as st
 
-from crashfuse.approaches.fit_cache import is_cached
 from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import read_folder
@@ -164,7 +163,7 @@ def fit_request(campaign: Campaign, config: StudyConfig) -> Request[Fitted]:
         ("fit", said_of(campaign), names, config.preset, config.seed, config.device),
         f"{campaign.name}: fit on all {len(campaign.tests)} tests{_unlike_usual(config)}",
         work,
-        lambda: all(is_cached(config.create(name), campaign) for name in names),
+        lambda: all(config.create(name).is_cached(campaign) for name in names),
     )
 
 
