@@ -12,8 +12,9 @@ import warnings
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, is_dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -30,6 +31,8 @@ log = logging.getLogger(__name__)
 
 Entry = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
+D = TypeVar("D")
+P = ParamSpec("P")
 
 _PATIENCE_S = 3600.0  # wait for another process computing the same entry; then compute it here, too
 _WAITING = "Waiting for another process that computes the same"
@@ -299,15 +302,24 @@ class NoCache(Cache):
         yield
 
 
-_remembered: WeakKeyDictionary[object, dict[Hashable, object]] = WeakKeyDictionary()
+_remembered: WeakKeyDictionary[object, dict[Hashable, Any]] = WeakKeyDictionary()
 
 
-def remembered(data: object, key: Hashable, compute: Callable[[], T]) -> T:
-    """What was computed of data in this process, for as long as the data are there; the result must not hold them."""
-    results = _remembered.setdefault(data, {})
-    if key not in results:
-        results[key] = compute()
-    return cast(T, results[key])
+def remembered(function: Callable[Concatenate[D, P], T]) -> Callable[Concatenate[D, P], T]:
+    """Decorator: what it returned of data in this process, for as long as the data are there. It must not hold them."""
+
+    @wraps(function)
+    def once(data: D, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            results = _remembered.setdefault(data, {})
+        except TypeError:  # no data, but what someone gave in their place
+            return function(data, *args, **kwargs)
+        key = function, args, tuple(kwargs.items())
+        if key not in results:
+            results[key] = function(data, *args, **kwargs)
+        return cast(T, results[key])
+
+    return once
 
 
 def _most_bytes() -> float:

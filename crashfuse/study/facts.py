@@ -49,9 +49,10 @@ def distinct(facts: Iterable[Fact]) -> tuple[Fact, ...]:
     return tuple(first.values())
 
 
+@remembered
 def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
     """Facts of a campaign, the most important one first."""
-    return remembered(campaign, campaign_facts, lambda: by_importance(_campaign_facts(campaign)))
+    return by_importance(_campaign_facts(campaign))
 
 
 def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:

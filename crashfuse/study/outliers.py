@@ -89,14 +89,11 @@ def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: floa
     return _departure(campaign, campaign.test(test_id), lambda test: measured_bias(test, model), window_ms)
 
 
+@remembered
 def departures(campaign: Campaign) -> tuple[Departure, ...]:
     """How each test that stands apart differs from the others at its speed, over 0–60 ms; kept in the cache."""
-
-    def known() -> tuple[Departure, ...]:
-        has_groups = any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids)
-        return _cached_departures(campaign, Run.of(campaign)) if has_groups else ()
-
-    return remembered(campaign, departures, known)  # asked for at every condition
+    has_groups = any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids)
+    return _cached_departures(campaign, Run.of(campaign)) if has_groups else ()
 
 
 def departures_near(campaign: Campaign, condition: Condition, *, at_nearest: bool = False) -> tuple[Departure, ...]:

@@ -140,19 +140,17 @@ def worst_test(study: Study, window_ms: float | None = None, *, approach: str | 
     require_number("window_ms", window)
     approach = recommend(study).approach if approach is None else approach
     one_of("approach of this study", approach, dict.fromkeys(study.config.approaches))
+    return _worst(study, window, approach)
 
-    def compute() -> Account:
-        fold = min(study.folds, key=lambda fold: fold.ratings[approach][window].overall)
-        groups = () if study.speed_groups is None else study.speed_groups.folds
-        # there is none while a study is running
-        apart = next(
-            (group.ratings[approach][window].overall for group in groups if group.held_out == fold.held_out), None
-        )
-        config = study.config.split_configs[0]
-        return account(study.campaign, config, fold, window, approach=approach, without_neighbours=apart)
 
-    # requested by files, report, and terminal or page
-    return remembered(study, (worst_test, window, approach), compute)
+@remembered
+def _worst(study: Study, window: float, approach: str) -> Account:
+    fold = min(study.folds, key=lambda fold: fold.ratings[approach][window].overall)
+    groups = () if study.speed_groups is None else study.speed_groups.folds
+    # there is none while a study is running
+    apart = next((group.ratings[approach][window].overall for group in groups if group.held_out == fold.held_out), None)
+    config = study.config.split_configs[0]
+    return account(study.campaign, config, fold, window, approach=approach, without_neighbours=apart)
 
 
 def study_facts(study: Study) -> tuple[Fact, ...]:
@@ -265,6 +263,7 @@ def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition
     return Recommendation(name, (_use(name, reason), unknown, *extrapolation_facts(campaign, condition)))
 
 
+@remembered
 def recommend(study: Study) -> Recommendation:
     """Recommend an approach for a campaign, from how each predicted the tests that were left out.
 
@@ -274,16 +273,6 @@ def recommend(study: Study) -> Recommendation:
     recommendation that was made without that test, with how it came out.
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
-    return remembered(study, recommend, lambda: _recommendation(study))  # by files, report, and terminal or page
-
-
-def recommend_without(study: Study, fold: Fold, window_ms: float) -> Recommendation:
-    """The recommendation for a held-out test, made without it."""
-    rest = study.config.training_campaign(study.campaign, fold.held_out)
-    return recommend_for(fold.estimates, rest, fold.test.condition, window_ms)
-
-
-def _recommendation(study: Study) -> Recommendation:
     window_ms, n, grouped = max(study.config.windows_ms), len(study.folds), study.config.leave_out == "speed group"
     if n == 1:
         advice = recommend_without(study, study.folds[0], window_ms)
@@ -327,6 +316,12 @@ def _recommendation(study: Study) -> Recommendation:
         text = f"Away from tested speeds the displacement domain falls back towards the raw CAE model, {fits}."
         facts.append(Fact("recommendation.falls_back", text, values={"fits": sum(decays)}))
     return Recommendation(name, tuple(facts), undecided=undecided)
+
+
+def recommend_without(study: Study, fold: Fold, window_ms: float) -> Recommendation:
+    """The recommendation for a held-out test, made without it."""
+    rest = study.config.training_campaign(study.campaign, fold.held_out)
+    return recommend_for(fold.estimates, rest, fold.test.condition, window_ms)
 
 
 def crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:

@@ -77,15 +77,12 @@ class CaeEvents:
     n_rated: int  # tests whose record lasts as long as the window
 
 
+@remembered
 def cae_events(campaign: Campaign, window_ms: float) -> CaeEvents:
     """Find what to mend in the CAE model by the hierarchical bias of all tests of a campaign."""
-
-    def compute() -> CaeEvents:
-        domain, _ = DisplacementDomain().fitted(campaign, Run.of(campaign))
-        with one_thread():
-            return _found(domain, campaign.evenly_over_speed(MOST_TESTS).tests, window_ms)
-
-    return remembered(campaign, (cae_events, window_ms), compute)
+    domain, _ = DisplacementDomain().fitted(campaign, Run.of(campaign))
+    with one_thread():
+        return _found(domain, campaign.evenly_over_speed(MOST_TESTS).tests, window_ms)
 
 
 def _found(domain: DisplacementDomain, tests: Sequence[CrashTest], window_ms: float) -> CaeEvents:
