@@ -312,12 +312,7 @@ class Forecasts:
 
 
 def _forecast(
-    campaign: Campaign,
-    asked: list[Asked],
-    run: Run,
-    *,
-    config: StudyConfig,
-    windows_ms: tuple[float, ...],
+    campaign: Campaign, asked: list[Asked], run: Run, *, config: StudyConfig, windows_ms: tuple[float, ...]
 ) -> list[tuple[Asked, Forecast]]:
     learned_from, made = training(campaign, asked[0]), []
     with one_thread_throughout():

@@ -12,6 +12,7 @@ from crashfuse.certification.criteria import RATING, Criteria, CriteriaGiven, Cr
 from crashfuse.certification.domain import REST_ON_PEAK
 from crashfuse.certification.forecasts import MeanForecast
 from crashfuse.condition import Condition
+from crashfuse.errors import require_a
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.units import Sentence, joined, probability_text
 
@@ -180,6 +181,7 @@ def _reason(verdict: Verdict, confidence: float) -> str:
 
 def with_decided(curve: LearningCurve, criteria: CriteriaGiven) -> LearningCurve:
     """The curve with a column ``decided``: the share of criteria on metrics that each prediction decides, or NaN."""
+    require_a(LearningCurve, curve, "crashfuse.learning_curve(campaign)")
     criteria = criteria_given(criteria)
     limits = [criterion for criterion in criteria.items if criterion.metric != RATING]
 

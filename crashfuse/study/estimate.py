@@ -91,13 +91,7 @@ class Fit:
     campaign: Campaign
 
     @classmethod
-    def of(
-        cls,
-        campaign: Campaign,
-        approach: str,
-        config: StudyConfig = StudyConfig(),
-        run: Run | None = None,
-    ) -> Self:
+    def of(cls, campaign: Campaign, approach: str, config: StudyConfig = StudyConfig(), run: Run | None = None) -> Self:
         """Fit an approach to the whole campaign as given, or load that fit from the cache.
 
         A UsageError if there is no such approach, preset or device, or not enough to learn from.
@@ -215,11 +209,7 @@ def _single_parts(approach: Approach) -> list[Approach]:
 
 
 def estimate_at(
-    campaign: Campaign,
-    condition: Condition,
-    approach: str,
-    config: StudyConfig = StudyConfig(),
-    run: Run | None = None,
+    campaign: Campaign, condition: Condition, approach: str, config: StudyConfig = StudyConfig(), run: Run | None = None
 ) -> Estimate:
     """Fit an approach to the whole campaign as given and predict at a condition; cached."""
     run = run or Run.of(campaign)

@@ -263,7 +263,6 @@ def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition
     return Recommendation(name, (_use(name, reason), unknown, *extrapolation_facts(campaign, condition)))
 
 
-@remembered
 def recommend(study: Study) -> Recommendation:
     """Recommend an approach for a campaign, from how each predicted the tests that were left out.
 
@@ -273,6 +272,11 @@ def recommend(study: Study) -> Recommendation:
     recommendation that was made without that test, with how it came out.
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
+    return _recommendation(study)
+
+
+@remembered
+def _recommendation(study: Study) -> Recommendation:
     window_ms, n, grouped = max(study.config.windows_ms), len(study.folds), study.config.leave_out == "speed group"
     if n == 1:
         advice = recommend_without(study, study.folds[0], window_ms)

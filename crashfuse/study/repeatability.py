@@ -70,12 +70,7 @@ class Repeatability:
 
 
 def repeatability(
-    campaign: Campaign,
-    windows_ms: Sequence[float],
-    tests: Sequence[str] = (),
-    *,
-    seed: int = 0,
-    run: Run | None = None,
+    campaign: Campaign, windows_ms: Sequence[float], tests: Sequence[str] = (), *, seed: int = 0, run: Run | None = None
 ) -> dict[str, dict[float, Repeatability]]:
     """How a repeat would rate against each test, by window [0, w) that its record fills; empty of one test; cached."""
     if len(campaign.tests) < 2:
