@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import lru_cache
 from itertools import chain, groupby
 from typing import Literal, NamedTuple
 
@@ -12,6 +11,7 @@ from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
+from crashfuse.execution.cache import remembered
 from crashfuse.reporting import evidence_facts
 from crashfuse.reporting.certification_tables import at_once_text
 from crashfuse.reporting.evidence_facts import fact, listed
@@ -78,7 +78,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
 below the page's answer, and in tabs of the page and sections of the report."""
 
 
-@lru_cache(maxsize=8)  # asked for by every place
+@remembered  # asked for by every place
 def facts(certification: Certification) -> tuple[Fact, ...]:
     """All facts of a certification."""
     found = chain(
@@ -104,7 +104,7 @@ class Planned(NamedTuple):
     why: str
 
 
-@lru_cache(maxsize=8)  # asked for by three parts of a page
+@remembered  # asked for by three parts of a page
 def planned(certification: Certification) -> tuple[Planned, ...]:
     """The answer at every planned test, in the order of speed."""
     notes, same, found = _notes_at(certification)[1], certification.counted_once, []

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self, Unpack
+from typing import Self, Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -18,6 +18,7 @@ from crashfuse.certification.matrix import MatrixGiven, matrix_given
 from crashfuse.errors import UsageError, one_of, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.workers import running
 from crashfuse.reporting import certification_tables as tables
 from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.notebook import card, facts_words
@@ -155,6 +156,6 @@ def certify(
         raise UsageError("Costs are that of a test and that of a wrong answer, such as (60_000, 1_200_000).")
     limits = limits if costs is None else with_costs(limits, dict(zip(COSTS, costs, strict=True)))
     config = replace(config, approaches=(approach,))
-    computing: dict[str, Any] = {"cache": cache, "watch": watch, "workers": workers, "scheduler": scheduler}
-    certification = certify_matrix(campaign, limits, conditions, config, **computing)
-    return Verdicts(without_each_test(certification, **computing) if robustness else certification)
+    with running(campaign, cache, watch, workers, scheduler) as run:
+        certification = certify_matrix(campaign, limits, conditions, config, run)
+        return Verdicts(without_each_test(certification, run) if robustness else certification)

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from weakref import WeakKeyDictionary
 
 from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.condition import ABOUT, Condition
 from crashfuse.crash_test import CrashTest
+from crashfuse.execution.cache import remembered
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G, Sentence, acceleration, joined, read_out
@@ -49,11 +49,10 @@ def distinct(facts: Iterable[Fact]) -> tuple[Fact, ...]:
     return tuple(first.values())
 
 
+@remembered
 def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
     """Facts of a campaign, the most important one first."""
-    if campaign not in _known:  # asked for by every page and file
-        _known[campaign] = by_importance(_campaign_facts(campaign))
-    return _known[campaign]
+    return by_importance(_campaign_facts(campaign))
 
 
 def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:
@@ -85,9 +84,6 @@ def window_facts(test: CrashTest, window_ms: float) -> tuple[Fact, ...]:
     sentence = Sentence(f"{{}}: {{}} {verb} not in the rated window, 0–{window_ms:g} ms.", test.id, what)
     values = {"test": test.id, "window_ms": window_ms, "peak_g": peak_g, "peak_ms": peak_ms, "ttzv_ms": ttzv_ms}
     return (Fact("test.beyond_window", sentence, "Beyond the window", values),)
-
-
-_known: WeakKeyDictionary[Campaign, tuple[Fact, ...]] = WeakKeyDictionary()
 
 
 def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
