@@ -12,10 +12,9 @@ from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria, varied
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.earlier import Earlier, RemovedTest
+from crashfuse.certification.earlier import Earlier, LaterTests
 from crashfuse.certification.forecasts import Asked, Forecasts, MeanForecast, paired_runs, quantity
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
 from crashfuse.condition import Condition
@@ -66,7 +65,7 @@ class Certification:
     verdicts: Rows  # held against the record and against tests at the condition, open where these contradict
     record: TrackRecord
     seconds: dict[str, float]  # to learn, leaving tests out included, and to judge the matrix
-    since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it
+    since: LaterTests | None = None  # an earlier certification, with what tests that were run after it say of it
     variants: tuple[Variant, ...] = ()  # other limits and confidences, and without each test if asked for
     key: str = ""  # that seals its files, if one does
     # by the first seed, its error not counted, each test with its paired CAE run; None where the record has these, too
@@ -79,9 +78,9 @@ class Certification:
     def beside(self, earlier: Earlier) -> Self:
         """The same held against an earlier one, too; a DataError if that is another vehicle's."""
         earlier.require_of(self.campaign)
-        since = TestedSince(earlier, self.campaign)
+        since = LaterTests(earlier, self.campaign)
         record = replace(self.record, since=since.held_against(self.criteria))
-        verdicts = hold(self.judged, self.campaign, self.criteria, record, since.gone_runs)
+        verdicts = _hold(self.judged, self.campaign, self.criteria, record)
         return replace(self, verdicts=verdicts, record=record, since=since)
 
     @cached_property
@@ -220,7 +219,7 @@ def certify_matrix(
             judge(at_cells[cell], at, criteria, domain.outside(at), tests, domain.unshown(at))
             for cell, at, tests in zip(cells, matrix.conditions, run, strict=True)
         )
-        verdicts = hold(judged, campaign, criteria, record)
+        verdicts = _hold(judged, campaign, criteria, record)
         made = campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds
         return Certification(*made, record_with_runs=flattered)
 
@@ -334,10 +333,8 @@ def _record(criteria: Criteria, left_out: Sequence[_LeftOut]) -> TrackRecord:
     return TrackRecord(tuple(trials), whole=whole, tuned=tuple(tuned))
 
 
-def hold(
-    judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord, removed: Sequence[RemovedTest] = ()
-) -> Rows:
-    """Verdicts held against the record and the tests run, apart or removed at each condition."""
+def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord) -> Rows:
+    """Verdicts held against the record and the tests run or apart at each condition."""
     supports = {criterion: record.support(criterion) for criterion in criteria.items}
 
     def held(verdict: Verdict, apart: Sequence[str]) -> Verdict:
@@ -356,7 +353,7 @@ def hold(
                 may = Sentence(f"met with probability {which}", otherwise, alike)
             caveat = Sentence("{} stands apart at about this speed: {}", read_out(apart), may)
             verdict = _with_reason(verdict, caveat)
-        return _beside_removed(verdict, removed)
+        return verdict
 
     found = []
     for row in judged:
@@ -388,18 +385,6 @@ def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping
             told.append(Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, shown, does))
             contradicted |= met is not (verdict.word == "met")
     return replace(_with_reason(verdict, *told, contradicted=contradicted), run=run)
-
-
-def _beside_removed(verdict: Verdict, removed: Sequence[RemovedTest]) -> Verdict:
-    criterion = verdict.criterion
-    for test in removed if criterion.window_ms is None else ():  # a rating was of another prediction
-        value = test.measured.get(quantity(criterion)) if test.condition.is_at(verdict.condition) else None
-        if value is not None:
-            met = criterion.is_met_by(value)
-            told = "Test {}, whose record of then is not used any more, {} it there with {}."
-            sentence = Sentence(told, test.test, "met" if met else "missed", criterion.shown(value))
-            verdict = _with_reason(verdict, sentence, contradicted=met is not (verdict.word == "met"))
-    return verdict
 
 
 def _with_reason(verdict: Verdict, *sentences: str, contradicted: bool = False) -> Verdict:

@@ -59,15 +59,6 @@ class Verdict:
         return self.word in ("met", "not met")
 
 
-class EarlierVerdict(NamedTuple):
-    """What an earlier certification said of one criterion at one condition; as in :class:`Verdict`."""
-
-    word: Word
-    probability: float | None
-    lower: float | None
-    upper: float | None
-
-
 class AllMet(NamedTuple):
     """Probability that a test meets several criteria at once, and the ends that those of the single ones leave it."""
 

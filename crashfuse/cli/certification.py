@@ -55,7 +55,6 @@ def certify(arguments: argparse.Namespace) -> None:
         replace(judged, certification=certification).write(folder, notes=notes, display=display)
         if key is not None:
             seal.seal(folder, key, inputs, before)
-    alone = "" if earlier is not None else file_store.beside_none(campaign)  # before this one is kept
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it
         file_store.keep_certification(content, campaign)
@@ -64,8 +63,6 @@ def certify(arguments: argparse.Namespace) -> None:
     print(counts_table(certification, display.units).to_string(index=False))
     told = *sentences(certification, "summary"), *sentences(certification, "since")
     print(*map(display.words, [own for own in dict.fromkeys(told) if own not in known]), sep="\n")
-    if alone:
-        print(f"{alone} --since holds one against them.")
     say_written(arguments.out, "certification")
     print(f"SHA-256 of {FILE}: {hashlib.sha256(content).hexdigest()}")
     if key is not None:

@@ -12,7 +12,6 @@ from crashfuse.certification.criteria import Criteria, varied
 from crashfuse.certification.track_record import at_most
 from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, headline, planned, sentences
 from crashfuse.reporting.certification_tables import changed_text
-from crashfuse.reporting.evidence_facts import saved_and_missed
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts
@@ -67,7 +66,7 @@ def show(judgement: Judgement) -> None:
 
 
 def _show_headline(certification: Certification) -> None:
-    n, missed = saved_and_missed(certification)
+    _, n, missed = certification.record.waived(certification.criteria)
     st.subheader(headline(certification), anchor=False)
     record = f"Of left-out tests {n} would have been skipped"
     if n:
