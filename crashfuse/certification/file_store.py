@@ -40,10 +40,10 @@ def keep(content: bytes, file: str) -> str:
     except OSError as error:
         raise DataError(Problem(file, "room on the server", error.strerror or "none", "free some space")) from error
     with suppress(OSError):  # another server may have removed one between two looks
-        found, size = sorted(((path.stat(), path) for path in _home().iterdir()), key=lambda own: -own[0].st_mtime), 0
+        found, total = sorted(((path.stat(), path) for path in _home().iterdir()), key=lambda own: -own[0].st_mtime), 0
         for number, (stat, path) in enumerate(found):
-            size += stat.st_size
-            if number >= _MOST or size > _MOST_BYTES or time.time() - stat.st_mtime > _UNUSED_S:
+            total += stat.st_size
+            if number >= _MOST or total > _MOST_BYTES or time.time() - stat.st_mtime > _UNUSED_S:
                 path.unlink(missing_ok=True)
     return name
 

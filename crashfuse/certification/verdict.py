@@ -10,7 +10,7 @@ import numpy.typing as npt
 from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.certification.criteria import RATING, Criteria, Criterion
 from crashfuse.certification.domain import REST_ON_PEAK
-from crashfuse.certification.forecasts import MeanForecast
+from crashfuse.certification.forecasts import Forecast
 from crashfuse.condition import Condition
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.units import Sentence, joined, probability_text
@@ -123,7 +123,7 @@ def needs_no_test(verdicts: Sequence[Verdict], confidence: float) -> bool:
 
 
 def judge(
-    forecast: MeanForecast,
+    forecast: Forecast,
     condition: Condition,
     criteria: Criteria,
     outside: tuple[str, ...] = (),

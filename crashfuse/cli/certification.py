@@ -46,13 +46,13 @@ def certify(arguments: argparse.Namespace) -> None:
             approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
-    certification = judged.certification if earlier is None else judged.certification.beside(earlier)
+    certification = judged if earlier is None else judged.beside(earlier)
     if key is not None:
         certification = replace(certification, key=seal.key_name(key.public_key()))
     latest = next(iter(file_store.certifications(campaign).values()), None) if earlier is None else earlier
     before = None if latest is None else latest.digest
     with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
-        replace(judged, certification=certification).write(folder, notes=notes, display=display)
+        certification.write(folder, notes=notes, display=display)
         if key is not None:
             seal.seal(folder, key, inputs, before)
     content = (arguments.out / FILE).read_bytes()

@@ -157,7 +157,7 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
 def _matrix(certification: Certification) -> Iterator[Fact]:
     ids, confidence = certification.matrix.ids, certification.criteria.confidence
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
-    told = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
+    told = ", ".join(f"{n} {word}" for word, n in certification.n_by_word.items())
     if n := sum(len(certification.rows[i]) for i in certification.run):
         told += f"; {n} of these at {listed(list(certification.run))}, tested already and learned from"
     yield fact("matrix.counts", f"{size}, confidence {confidence:g}: {told}.", **certification.counts)

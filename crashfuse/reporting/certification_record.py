@@ -100,7 +100,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "tested_mass_lb": [mass / LB for mass in domain.tested_kg],
             "factors": {name: list(values) for name, values in domain.factors.items()},
         },
-        "verdicts": certification.counts,
+        "verdicts": certification.n_by_word,
         "answers": certification.answers,
         "waived": {i: met._asdict() for i, met in certification.waived.items()},
         "saved": dict(zip(("n", "tests"), certification.saved, strict=True)),

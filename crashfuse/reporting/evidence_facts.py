@@ -67,7 +67,7 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
         told = f"With them {counts}; {saved_too or 'no'} tests would have been skipped."
         without = "Left-out tests are predicted without their CAE runs, as planned conditions have none."
         yield fact("record.with_runs", f"{without} {told}", n=n, wrong=wrong, saved=saved_too)
-    yield from _intervals("record", record, "the left-out test measured, made to hold 95 %", record.too_narrow)
+    yield from _intervals(record)
     if whole := record.whole_pulses:
         narrow = any(largest_share(*own) < WHOLE_SHARE for own in whole.values())
         told = f"{whole_sentence({how_left_out(way): own for way, own in whole.items()})} No verdict rests on this band"
@@ -195,19 +195,19 @@ def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
     return fact(code, sentence, test=trial.held_out, criterion=criterion.name, said=verdict.word)
 
 
-def _intervals(kind: str, record: TrackRecord, what: str, too_narrow: bool) -> Iterator[Fact]:
+def _intervals(record: TrackRecord) -> Iterator[Fact]:
     (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
     missed = [
-        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured, limit.interval(v.lower, v.upper))
-        for trial in record.missed_intervals
-        for v, limit in [(trial.verdict, trial.verdict.criterion)]
-        for measured in [measured_text(limit, trial.measured, trial.shift)]
+        Sentence("{} {} {}, not {}", t.held_out, limit.name, limit.shown(t.measured), limit.interval(v.lower, v.upper))
+        for t in record.missed_intervals
+        for v, limit in [(t.verdict, t.verdict.criterion)]
     ]
     if n:
         also = f", and {inside_outside} of {n_outside} outside the validated domain," * bool(n_outside)
         which = Sentence("; missed: {}", listed(missed)) if missed else ""
-        sentence = Sentence(f"{inside} of {counted(n, 'interval')}{also} held what {what}{{}}.", which)
-        yield fact(f"{kind}.{'too_narrow' if too_narrow else 'intervals'}", sentence, inside=inside, n=n)
+        held = f"{inside} of {counted(n, 'interval')}{also} held what the left-out test measured, made to hold 95 %"
+        code = "record.too_narrow" if record.too_narrow else "record.intervals"
+        yield fact(code, Sentence(f"{held}{{}}.", which), inside=inside, n=n)
 
 
 def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:

@@ -5,7 +5,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from hypothesis import given
@@ -19,7 +19,6 @@ from crashfuse.certification.earlier import FILE, Earlier, LaterTests, parse_ear
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
-from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
@@ -187,7 +186,9 @@ def test_no_file_and_a_huge_one_are_told_apart(tmp_path: Path, monkeypatch: pyte
 
 CRUSH, PEAK = Criterion("crush", "max_crush", at_most=430.0), Criterion("peak", "peak", at_most=25.0)
 GOOD = Criterion("good", "rating", at_least=0.5, window_ms=60.0)
-MET, OPEN, SURE = ("met", 0.97, 100.0, 425.0), ("open", 0.6, 10.0, 500.0), ("met", 0.99, 1.0, 2.0)
+MET: Said = ("met", 0.97, 100.0, 425.0)
+OPEN: Said = ("open", 0.6, 10.0, 500.0)
+SURE: Said = ("met", 0.99, 1.0, 2.0)
 TIGHT = Criteria((replace(PEAK, at_most=1e-4),), 0.8)
 
 
@@ -205,14 +206,15 @@ def earlier(today: Certification, said: Said | Sequence[Said], *known: str, **ot
     """A certification that said this of every condition, from these tests, or from the first alone."""
     read = replace(parse_earlier(certification_json(today)), run=(), **others)
     limits = read.criteria.items
-    row = (said,) * len(limits) if isinstance(said[0], str) else said
+    row = cast(Sequence[Said], (said,) * len(limits) if isinstance(said[0], str) else said)
+    rows = {
+        i: tuple(
+            Verdict(condition, limit, None, lower, upper, probability, word, "")
+            for limit, (word, probability, lower, upper) in zip(limits, row, strict=True)
+        )
+        for i, condition in read.matrix.items
+    }
     tests = {test: read.tests[test] for test in known or read.tests.keys() & {today.campaign.test_ids[0]}}
-
-    def verdict(condition: Condition, limit: Criterion, said: Said) -> Verdict:
-        word, probability, lower, upper = said
-        return Verdict(condition, limit, None, lower, upper, probability, word, "")
-
-    rows = {i: tuple(map(verdict, (at,) * len(limits), limits, row)) for i, at in read.matrix.items}
     return replace(read, tests=tests, rows=rows, digest="0" * 64, date="2026-11-24 12:00 UTC")
 
 
