@@ -20,7 +20,17 @@ from crashfuse.certification.earlier import Earlier, LaterTests, read_earlier
 from crashfuse.certification.forecasts import Forecast, Forecasts, Query, paired_runs, quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
-from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
+from crashfuse.certification.verdict import (
+    WORDS,
+    AllMet,
+    Verdict,
+    Word,
+    all_met,
+    beside_tests,
+    judge,
+    needs_no_test,
+    with_reason,
+)
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, require_a
@@ -29,7 +39,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig, check_window
 from crashfuse.study.outliers import departures_near
 from crashfuse.study.running import workers_at
-from crashfuse.units import Sentence, joined, probability_text, read_out
+from crashfuse.units import Sentence, probability_text, read_out
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -399,9 +409,9 @@ def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRec
     def held(verdict: Verdict, apart: Sequence[str]) -> Verdict:
         support = supports[verdict.criterion]
         if verdict.decided and (shortfall := support.shortfall(criteria.confidence)):
-            verdict = _with_reason(verdict, shortfall, contradicted=True)
+            verdict = with_reason(verdict, shortfall, contradicted=True)
         elif verdict.decided and (reservation := support.reservation(criteria.confidence)):
-            verdict = _with_reason(verdict, reservation)
+            verdict = with_reason(verdict, reservation)
         if verdict.run:
             verdict = beside_tests(verdict, *_measured(verdict, record))
         if apart:
@@ -411,7 +421,7 @@ def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRec
                 which = "{} either way." if alike == otherwise else "{} if a test comes out as it did, else {}."
                 may = Sentence(f"met with probability {which}", otherwise, alike)
             caveat = Sentence("{} stands apart at about this speed: {}", read_out(apart), may)
-            verdict = _with_reason(verdict, caveat)
+            verdict = with_reason(verdict, caveat)
         return verdict
 
     found = []
@@ -429,23 +439,3 @@ def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | 
     }
     off = {i: t.verdict.condition for i, t in trials.items() if not t.verdict.condition.is_at(verdict.condition)}
     return {test: trials[test].measured if test in trials else None for test in verdict.run}, off
-
-
-def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
-    """The verdict beside what tests there (or a little ``off``) measured; open if one contradicts it."""
-    criterion, contradicted, told = verdict.criterion, False, []
-    did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
-    for test, value in run.items():
-        if value is not None:
-            met = criterion.is_met_by(value)
-            where = Sentence("for it, at {},", off[test]) if test in off else "there"
-            does = "meets" if met else "misses"
-            shown = criterion.shown(value)
-            told.append(Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, shown, does))
-            contradicted |= met is not (verdict.word == "met")
-    return replace(_with_reason(verdict, *told, contradicted=contradicted), run=run)
-
-
-def _with_reason(verdict: Verdict, *sentences: str, contradicted: bool = False) -> Verdict:
-    word = "open" if verdict.decided and contradicted else verdict.word
-    return replace(verdict, word=word, reason=joined([verdict.reason, *sentences]))

@@ -149,6 +149,27 @@ def judge(
     return tuple(verdicts)
 
 
+def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
+    """The verdict beside what tests there (or a little ``off``) measured; open if one contradicts it."""
+    criterion, contradicted, told = verdict.criterion, False, []
+    did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
+    for test, value in run.items():
+        if value is not None:
+            met = criterion.is_met_by(value)
+            where = Sentence("for it, at {},", off[test]) if test in off else "there"
+            does = "meets" if met else "misses"
+            shown = criterion.shown(value)
+            told.append(Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, shown, does))
+            contradicted |= met is not (verdict.word == "met")
+    return replace(with_reason(verdict, *told, contradicted=contradicted), run=run)
+
+
+def with_reason(verdict: Verdict, *sentences: str, contradicted: bool = False) -> Verdict:
+    """The verdict with more sentences in its reason; open if these contradict it."""
+    word = "open" if verdict.decided and contradicted else verdict.word
+    return replace(verdict, word=word, reason=joined([verdict.reason, *sentences]))
+
+
 def _word(probability: float | None, confidence: float, error: float = 0.0) -> Word:
     if probability is None or 1 - confidence - error < probability < confidence + error:
         return "open"

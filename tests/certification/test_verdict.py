@@ -10,11 +10,10 @@ from scipy.special import ndtr, ndtri
 
 from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import beside_tests
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecasts import Forecast
-from crashfuse.certification.verdict import Verdict, all_met, judge, with_decided
+from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge, with_decided
 from crashfuse.condition import Condition
 from crashfuse.reporting.result_tables import curve_table
 from crashfuse.study.config import StudyConfig
