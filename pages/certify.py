@@ -38,7 +38,7 @@ if question != asked:  # the choices above fold away into it, or unfold
 if verdicts is None:
     end_page()
 verdicts = results.beside_earlier(verdicts, request.key)
-since = verdicts.certification.since
+since = verdicts.since
 key = request.key, None if since is None else since.earlier.digest
 judgement = Judgement(verdicts, view.display, notes_of(view), key)
 show_tabs(TABS, judgement, key="certify_tab", export=answer.show_files)

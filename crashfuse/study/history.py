@@ -59,9 +59,15 @@ class PastResult:
         """The record of a finished study."""
         campaign, groups = study.campaign, study.speed_groups
         return cls(
-            campaign.name, campaign.fingerprint, study.config, campaign.rating_basis, recommend(study).approach, _now(),
-            _overall(study), {} if groups is None else _overall(groups),
-        )  # fmt: skip
+            campaign=campaign.name,
+            fingerprint=campaign.fingerprint,
+            config=study.config,
+            basis=campaign.rating_basis,
+            approach=recommend(study).approach,
+            date=_now(),
+            ratings=_overall(study),
+            speed_groups={} if groups is None else _overall(groups),
+        )
 
     @classmethod
     def of_prediction(cls, campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> Self:
@@ -69,9 +75,15 @@ class PastResult:
         condition = estimates[0].prediction.condition
         advice = recommend_for(estimates, campaign, condition)
         return cls(
-            campaign.name, campaign.fingerprint, config, campaign.rating_basis, advice.approach, _now(),
-            condition=condition, expected="" if advice.expected is None else advice.expected.range,
-        )  # fmt: skip
+            campaign=campaign.name,
+            fingerprint=campaign.fingerprint,
+            config=config,
+            basis=campaign.rating_basis,
+            approach=advice.approach,
+            date=_now(),
+            condition=condition,
+            expected="" if advice.expected is None else advice.expected.range,
+        )
 
     @property
     def id(self) -> str:
@@ -159,19 +171,25 @@ def past_results() -> list[PastResult]:
 def parsed(values: Mapping[str, Any]) -> PastResult:
     """A record from plain JSON values; a ValueError, TypeError, KeyError or UsageError if it is none."""
     names = ("campaign", "fingerprint", "basis", "approach", "date")
-    campaign, fingerprint, basis, approach, date = texts = [values[name] for name in names]
-    if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(date):
+    texts = {name: values[name] for name in names}
+    if not all(isinstance(text, str) for text in texts.values()) or not _DATE.fullmatch(texts["date"]):
         raise ValueError("no texts, or no date")
     condition = None if values["condition"] is None else Condition.parse(values["condition"])
     expected = values["expected"] or ""
     if not isinstance(expected, str):
         raise ValueError("no expectation")  # or of an earlier version
-    ratings, groups = _ratings(values["ratings"], approach), _ratings(values["speed_groups"], approach)
+    ratings, groups = (_ratings(values[name], texts["approach"]) for name in ("ratings", "speed_groups"))
     if not ratings and condition is None:
         raise ValueError("neither a study nor a prediction")
-    config = StudyConfig.parse(values["config"])
-    note = printable(str(values.get("note", "")), LONGEST_NOTE)
-    return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, expected, note)
+    return PastResult(
+        **texts,
+        config=StudyConfig.parse(values["config"]),
+        ratings=ratings,
+        speed_groups=groups,
+        condition=condition,
+        expected=expected,
+        note=printable(str(values.get("note", "")), LONGEST_NOTE),
+    )
 
 
 def _read(path: Path) -> PastResult | None:

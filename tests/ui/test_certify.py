@@ -16,9 +16,9 @@ from streamlit.testing.v1.element_tree import Selectbox
 
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.certification.certify import Certification
 from crashfuse.reporting.certification_facts import exceptions, planned, sentences
 from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.certify.entry import Field
 from crashfuse.ui.certify.results import Judgement, last_verdicts
 from crashfuse.ui.kit.campaigns import View
@@ -72,7 +72,7 @@ def tab(session: Session, name: str) -> Session:
     return session.run()
 
 
-def of_library(folder: Path, confidence: float = 0.9) -> Verdicts:
+def of_library(folder: Path, confidence: float = 0.9) -> Certification:
     """The same verdicts from the library."""
     criteria = [
         {"name": "crush", "metric": "max_crush", "at_most": 430.0},
@@ -112,16 +112,16 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     """Counts, the conditions to test, the whole table, the record, and the files."""
     session = certified(visit("certify", **LINK))
     expected = of_library(asking)
-    answered = planned(expected.certification)
+    answered = planned(expected)
     assert [label.split("**")[1] for label in session.buttons if label.startswith("**")] == [
         row.word for row in answered
     ]
-    assert "{} of {}".format(*expected.certification.saved) in session.words
-    for told in exceptions(expected.certification).values():
+    assert "{} of {}".format(*expected.saved) in session.words
+    for told in exceptions(expected).values():
         assert told[0] in session.words
-    for sentence in sentences(expected.certification, "matrix"):
+    for sentence in sentences(expected, "matrix"):
         assert sentence in session.words
-    for i, verdict in expected.certification.cells:
+    for i, verdict in expected.cells:
         assert verdict.reason in reason(session, f"{i} | {verdict.criterion.name}")
     session.app.button_group(key="answered").set_value("By criterion")
     assert session.run().charts == 1
@@ -145,7 +145,7 @@ def test_another_limit_or_confidence_is_answered_at_once(
     session.run()
     assert "Certify" not in session.buttons
     looser = of_library(asking, confidence=0.7)
-    assert all(own.reason in reason(session, f"{i} | {own.criterion.name}") for i, own in looser.certification.cells)
+    assert all(own.reason in reason(session, f"{i} | {own.criterion.name}") for i, own in looser.cells)
     (asking / "criteria.toml").write_text(CRITERIA.replace("430.0", "300.0"))
     assert "at most 300 mm" in reason(visit("certify", **LINK), "M1 | crush")
 
@@ -160,7 +160,7 @@ def test_a_click_says_what_another_question_would_change(
     (pills,) = [own for own in session.app.pills if own.label.startswith("What if")]
     pills.set_value(["confidence 0.99", "limits 5 % stricter"])
     table = session.run().finish().tables[-1]
-    looser = of_library(asking, confidence=0.99).certification
+    looser = of_library(asking, confidence=0.99)
     assert table["Need not be run"].tolist()[0] == "{} of {}".format(*looser.saved)
     assert table["What if"].tolist() == ["confidence 0.99", "limits 5 % stricter"]
 
@@ -179,9 +179,9 @@ def test_what_one_test_less_would_change_is_in_the_files(visit: Visit, monkeypat
 @pytest.mark.usefixtures("asking")
 def test_other_pages_know_the_last_verdicts_or_what_they_take(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a visit to Certify, by the campaign's criteria and planned tests; nothing is fitted for it."""
-    known: list[tuple[Verdicts | None, str]] = []
+    known: list[tuple[Certification | None, str]] = []
 
-    def noted(view: View) -> tuple[Verdicts | None, str]:
+    def noted(view: View) -> tuple[Certification | None, str]:
         known.append(last_verdicts(view))
         return known[-1]
 
@@ -413,7 +413,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     before = len(kept(session).options)
     session.press("Keep today’s verdicts")
     assert len(kept(session).options) > before  # another process may keep some, too
-    record = json.loads(certification_json(of_library(asking).certification))
+    record = json.loads(certification_json(of_library(asking)))
     last, _ = record["tests_sha256"].popitem()
     told = f"tests that it did not know: {last}."
     for content, words in ((b"{}", "expected the record of a certification"), (json.dumps(record).encode(), told)):

@@ -12,10 +12,8 @@ from crashfuse.certification.criteria import Criteria, varied
 from crashfuse.certification.track_record import at_most
 from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, headline, planned, sentences
 from crashfuse.reporting.certification_tables import changed_text
-from crashfuse.reporting.evidence_facts import saved_and_missed
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify import results
 from crashfuse.ui.certify.results import Judgement, judge
@@ -67,7 +65,7 @@ def show(judgement: Judgement) -> None:
 
 
 def _show_headline(certification: Certification) -> None:
-    n, missed = saved_and_missed(certification)
+    _, n, missed = certification.record.waived(certification.criteria)
     st.subheader(headline(certification), anchor=False)
     record = f"Of left-out tests {n} would have been skipped"
     if n:
@@ -99,7 +97,7 @@ def _choose(cell: str) -> None:
 def _show_matrix(judgement: Judgement) -> None:
     n = len(judgement.certification.matrix.ids)
     with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
-        draw = partial(judgement.verdicts.plot, display=judgement.display)
+        draw = partial(judgement.certification.plot, display=judgement.display)
         alt = "Verdicts by planned test and criterion"
         show_clickable(draw, alt, _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts")
     told = "Probability that a test there meets the criterion. Click a cell for its reason."
@@ -170,7 +168,7 @@ def _show_variants(certification: Certification) -> None:
         if job.active:
             show_job(job)
         elif job.result is not None:
-            variant = Variant.of(name, certification, job.result.certification)
+            variant = Variant.of(name, certification, job.result)
             saved, changed = "{} of {}".format(*variant.saved), changed_text(variant)
             table.append({"What if": name, "Need not be run": saved, "What changes": changed or "nothing"})
         else:
@@ -185,6 +183,6 @@ def show_files(judgement: Judgement) -> None:
     variants, matrix = _variants(certification), certification.matrix
     without = [name for name in variants if name in asked and name.startswith(_WITHOUT)]
     known = {name: other for name in without if (other := judge(*variants[name], matrix).result) is not None}
-    others = (Variant.of(name, certification, other.certification) for name, other in known.items())
+    others = (Variant.of(name, certification, other) for name, other in known.items())
     with_all = replace(certification, variants=(*certification.variants, *others))
-    results.show_files(replace(judgement, verdicts=Verdicts(with_all)))
+    results.show_files(replace(judgement, certification=with_all))

@@ -20,7 +20,7 @@ from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import SHOWN, csv_as_given, matrix_table
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report.certification import certification_report
-from crashfuse.reporting.verdicts import Verdicts, certify
+from crashfuse.reporting.verdicts import certify
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong
 from crashfuse.ui.certify.matrix import matrix_asked
@@ -50,7 +50,7 @@ _RECORD = {
 }
 
 
-def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Verdicts]:
+def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Certification]:
     """Judge criteria at the conditions of a matrix, by the approach and the settings that are chosen."""
     address.default("approach", APPROACH, APPROACHES)
     approach = st.session_state["approach"]
@@ -63,7 +63,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Ver
     )
 
 
-def last_verdicts(view: View) -> tuple[Verdicts | None, str]:
+def last_verdicts(view: View) -> tuple[Certification | None, str]:
     """Verdicts of what Certify has chosen, if known, else what it takes to know them."""
     try:
         criteria, matrix = criteria_asked(view), matrix_asked(view)
@@ -87,15 +87,10 @@ def question(criteria: Criteria, matrix: Matrix) -> str:
 class Judgement:
     """Verdicts, notes on the tests, and how the reader wants to see them."""
 
-    verdicts: Verdicts
+    certification: Certification
     display: Display
     notes: tuple[Note, ...]
     key: Hashable  # equal for equal verdicts: the beginning of the key of a cached figure
-
-    @property
-    def certification(self) -> Certification:
-        """Verdicts, record and domain in SI."""
-        return self.verdicts.certification
 
     def show_sentences(self, place: Place) -> None:
         """Show what is said in a place, a line each."""
@@ -103,7 +98,7 @@ class Judgement:
 
     def show_figure(self, name: str, alt: str, file: str) -> None:
         """Show a figure of the verdicts."""
-        draw = partial(self.verdicts.plot, name, display=self.display)
+        draw = partial(self.certification.plot, name, display=self.display)
         show_cached_figure(draw, alt, name, self.key, self.display, name=file)
 
 
@@ -130,7 +125,7 @@ def show_record(judgement: Judgement) -> None:
             show_table(SHOWN["since"](certification, judgement.display), "earlier verdicts")
 
 
-def beside_earlier(verdicts: Verdicts, key: Hashable) -> Verdicts:
+def beside_earlier(verdicts: Certification, key: Hashable) -> Certification:
     """The verdicts beside the earlier certification that was chosen, if it can be read."""
     try:
         earlier = find_kept(FILE, _CHOICE, parse_earlier)
@@ -141,8 +136,8 @@ def beside_earlier(verdicts: Verdicts, key: Hashable) -> Verdicts:
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
-def _beside(key: Hashable, _verdicts: Verdicts, _earlier: Earlier) -> Verdicts:  # noqa: ARG001
-    return Verdicts(_verdicts.certification.beside(_earlier))
+def _beside(key: Hashable, _verdicts: Certification, _earlier: Earlier) -> Certification:  # noqa: ARG001
+    return _verdicts.beside(_earlier)
 
 
 def _choose_earlier(certification: Certification) -> None:
@@ -205,13 +200,12 @@ def show_domain(judgement: Judgement) -> None:
 
 def show_files(judgement: Judgement) -> None:
     """Offer them; criteria and matrix ask for the same again."""
-    verdicts, certification = judgement.verdicts, judgement.certification
-    of = certification.campaign.name
+    certification, of = judgement.certification, judgement.certification.campaign.name
     with st.container(horizontal=True):
         download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)
-        download_bytes("certification.csv", lambda: csv_as_given(verdicts.table), of)
-        download_table("track_record.csv", lambda: verdicts.track_record, of)
-        download_table("credibility.csv", lambda: verdicts.credibility, of)
+        download_bytes("certification.csv", lambda: csv_as_given(certification.table), of)
+        download_table("track_record.csv", lambda: certification.track_record, of)
+        download_table("credibility.csv", lambda: certification.credibility, of)
         download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode(), of)
         download_bytes("matrix.csv", lambda: csv_as_given(matrix_table(certification.matrix)), of)
         download_bytes("certification.json", lambda: certification_json(certification), of)

@@ -330,7 +330,7 @@ class _AnswerLine:
         verdicts, told = last_verdicts(view)
         meaning = "Which planned tests need not be run?"
         if verdicts is not None:
-            n, of = verdicts.certification.saved
+            n, of = verdicts.saved
             told = f"{n:,} of {counted(of, 'planned test')} need not be run"
             meaning = "A test there would meet all criteria at once."
         self._link("certify", f"**{plain(told)}**", meaning, "certify")
