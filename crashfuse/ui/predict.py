@@ -1,8 +1,8 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +34,6 @@ from crashfuse.reporting.predicted import (
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.planning import ConditionRange, NextTest, missing_over_speed, rank_next_tests, weights_sentence
@@ -45,7 +44,6 @@ from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
 from crashfuse.ui.kit.curves import (
     REPRESENTATIVE,
-    Subject,
     choose_approach,
     choose_curves,
     predicted,
@@ -102,29 +100,44 @@ def show(view: View) -> None:
 
 
 def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -> None:
-    condition = _choose_condition(view.campaign, view.display)
+    campaign, condition = view.campaign, _choose_condition(view.campaign, view.display)
     fitted = result_of(
         request,
-        invitation=f"The approaches have not been fitted on all {len(view.campaign.tests)} tests of this campaign yet. "
+        invitation=f"The approaches have not been fitted on all {len(campaign.tests)} tests of this campaign yet. "
         + patience(config, "This takes a minute or two, once; then every condition is answered at once."),
         button="Predict",
     )
-    answer = _Answer(view, request.key, config, fitted, condition)
+    prediction, advice = PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config), None
+    if is_whole := fitted.approaches == config.approaches:
+        window_ms = view.display.window_ms
+        advice = advised(request.key, condition, window_ms, prediction.estimates, campaign)
+    pins = [pin for text, pin in pinned().items() if is_whole and text != condition.text]
+    at_pins = [found for pin in pins if (found := predicted(campaign, config, pin)) is not None]
     show_training(config, fitted.approaches)
-    if answer.advice is not None:
-        use, expected, *reasons = answer.advice.facts
+    if advice is not None:
+        use, expected, *reasons = advice.facts
         known = [fact.sentence for fact in reasons if fact.code != "condition.extrapolated"]  # said above
         results.show_recommendation([use.sentence, expected.sentence], known)
     tabs = {"Pulses": _show_pulses, "Over speed": _show_over_speed, "Next test": _show_next_test}
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", list(tabs), key="predict_tab")
-        choose_approach(answer.subject, fitted.approaches, answer.advice)
-        if answer.advice is not None:
+        approach = choose_approach("predict_approach", fitted.approaches, advice)
+        answer = _Answer(view, request.key, fitted, prediction, advice, at_pins, approach)
+        if advice is not None:
             _show_pins(answer)
         st.space("stretch")
         export_button(partial(_show_files, answer))
-    answer.subject.offer()
     tabs[tab](answer)
+
+
+class _Answer(NamedTuple):
+    view: View
+    fit_key: Hashable  # of the fits on all tests of the campaign
+    fitted: Fitted  # while networks train, fewer approaches than the settings ask for
+    prediction: PredictedPulse  # by all approaches that are fitted
+    advice: Recommendation | None  # None while approaches are still missing
+    at_pins: list[PredictedPulse]
+    approach: str  # that is chosen
 
 
 def _choose_condition(campaign: Campaign, display: Display) -> Condition:
@@ -196,58 +209,12 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     return float(state[name] * in_si)
 
 
-@dataclass(frozen=True, eq=False)
-class _Answer:
-    view: View
-    fit_key: Hashable  # of the fits on all tests of the campaign
-    config: StudyConfig  # the settings that were chosen
-    fitted: Fitted  # while networks train, fewer approaches than the settings ask for
-    condition: Condition
-
-    @cached_property
-    def estimates(self) -> list[Estimate]:  # one for each approach
-        return answers(self.fit_key, self.condition, self.fitted)
-
-    @property
-    def whole(self) -> bool:
-        return len(self.fitted.fits) == len(self.config.approaches)
-
-    @cached_property
-    def advice(self) -> Recommendation | None:  # None while approaches are still missing
-        if not self.whole:
-            return None
-        window_ms = self.view.display.window_ms
-        return advised(self.fit_key, self.condition, window_ms, self.estimates, self.view.campaign)
-
-    @property
-    def prediction(self) -> PredictedPulse:
-        return PredictedPulse(self.view.campaign, tuple(self.estimates), self.config)
-
-    @property
-    def subject(self) -> Subject:
-        return Subject(self.view, self.condition)
-
-    @cached_property
-    def others(self) -> list[PredictedPulse]:  # with other settings and at pinned conditions, once this one is whole
-        if not self.whole:
-            return []
-        pins = [condition for text, condition in pinned().items() if text != self.condition.text]
-        asked = [(config, self.condition) for config in self.subject.wanted]
-        asked += [(self.config, condition) for condition in pins]
-        found = (predicted(self.view.campaign, config, condition) for config, condition in asked)
-        return [prediction for prediction in found if prediction is not None]
-
-    @property
-    def key(self) -> Hashable:  # of cached figures
-        return self.fit_key, self.fitted.approaches, self.condition, self.view.display
-
-
 def _show_pins(answer: _Answer) -> None:
-    pins, here = pinned(), answer.condition.text
+    pins, prediction, here = pinned(), answer.prediction, answer.prediction.condition.text
 
     def pin() -> None:
         st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
-        keep(PastResult.of_prediction(answer.view.campaign, answer.estimates, answer.config))
+        keep(PastResult.of_prediction(prediction.campaign, prediction.estimates, chosen_config()))
 
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
@@ -266,36 +233,37 @@ def _show_pins(answer: _Answer) -> None:
 
 
 def _show_pulses(answer: _Answer) -> None:
-    condition, display = answer.condition, answer.view.display
+    view, prediction, condition = answer.view, answer.prediction, answer.prediction.condition
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
-        curves = choose_curves(answer.subject, answer.fitted.approaches)
+        curves = choose_curves(view, condition, answer.approach, answer.fitted.approaches)
 
     def draw() -> go.Figure:
-        drawn = answer.prediction.plot(
+        drawn = prediction.plot(
             _FIGURES[shown], approaches=curves.approaches, also=curves.also, band=curves.approach,
-            representative=REPRESENTATIVE in curves.others, display=display,
+            representative=REPRESENTATIVE in curves.others, display=view.display,
         )  # fmt: skip
         return without_clicks(drawn)
 
-    alt = f"Prediction by {curves.by} at {display.condition(condition)}: {shown.lower()}"
+    alt = f"Prediction by {curves.by} at {view.display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
-    show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name, beside=curves.also)
-    if answer.others:
-        _show_differences(answer)
-    estimates = [estimate for estimate in answer.estimates if estimate.approach in curves.approaches]
+    key = shown, answer.fit_key, answer.fitted.approaches, condition, view.display, curves.key
+    show_cached_figure(draw, alt, *key, name=name, beside=curves.also)
+    estimates = [estimate for estimate in prediction.estimates if estimate.approach in curves.approaches]
     columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-    if not answer.others:
-        results.show_metrics(columns, answer.view)
-    weight = f"{display.weight(condition.mass_kg)} in all."
+    if answer.at_pins:
+        _show_differences(answer)
+    else:
+        results.show_metrics(columns, view)
+    weight = f"{view.display.weight(condition.mass_kg)} in all."
     advice = () if answer.advice is None else answer.advice.sentences
-    remarks = [weight, *nearest_sentences(answer.view.campaign, condition), *whole_sentences(estimates)]
-    said = (*advice, *answer.view.campaign.cae.extrapolation(condition))
-    results.show_details(columns, estimates, answer.view, said, remarks)
+    remarks = [weight, *nearest_sentences(view.campaign, condition), *whole_sentences(estimates)]
+    said = (*advice, *view.campaign.cae.extrapolation(condition))
+    results.show_details(columns, estimates, view, said, remarks)
 
 
 def _show_differences(answer: _Answer) -> None:
-    display, shown = answer.view.display, by_one(answer.subject.approach, [answer.prediction, *answer.others])
+    display, shown = answer.view.display, by_one(answer.approach, [answer.prediction, *answer.at_pins])
     names = column_names(shown, display)
     first, second, *more = names
 
@@ -309,8 +277,8 @@ def _show_differences(answer: _Answer) -> None:
 
 
 def _show_over_speed(answer: _Answer) -> None:
-    view, condition = answer.view, answer.condition
-    if not answer.whole:
+    view, condition = answer.view, answer.prediction.condition
+    if answer.advice is None:
         st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
         return
     sweep = result_or_none(
@@ -324,9 +292,9 @@ def _show_over_speed(answer: _Answer) -> None:
         "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep_metric",
         persist_state="session", help=TTZV,
     )  # fmt: skip
-    approaches = answer.subject.approach, BASELINE
+    approaches = answer.approach, BASELINE
     shown = replace(sweep, sweeps=tuple(own for own in sweep.sweeps if own.approach in approaches))
-    alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.subject.approach]}, tests as points"
+    alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.approach]}, tests as points"
     name = f"{metric} over speed {condition.text.partition(' ')[2]}"
     show_figure(shown.plot(metric, display=view.display), alt, name=name)
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
@@ -348,21 +316,21 @@ def _show_next_test(answer: _Answer) -> None:
     for place, (column, axis) in enumerate(zip(st.columns(3), _AXES, strict=True)):
         tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
         ends.append(_range(column, axis, answer.view, campaign.cae.vectors[:, place], tests))
-    kind = answer.condition.factors or usual.low.factors
+    kind = answer.prediction.condition.factors or usual.low.factors
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
-        candidates = NextTests(campaign, over, _ranked(answer.fit_key, over, domains[0]), answer.config)
+        candidates = NextTests(campaign, over, _ranked(answer.fit_key, over, domains[0]), chosen_config())
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     alt, name = "How much each candidate would narrow the band", f"next test {over.low.text} to {over.high.text}"
     show_figure(candidates.plot(display=display), alt, name=name)
     st.caption(NEXT_TEST_MEANING)
-    if answer.subject.approach != DisplacementDomain.name:
-        st.caption(f"By the displacement domain: {LABELS[answer.subject.approach]} cannot rank tests.")
+    if answer.approach != DisplacementDomain.name:
+        st.caption(f"By the displacement domain: {LABELS[answer.approach]} cannot rank tests.")
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
-    usual_kind = "" if answer.condition.factors else ", of which there are most tests"
+    usual_kind = "" if answer.prediction.condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
     show_table(results.next_tests_styled(candidates.ranked[:BEST], display), "next tests")
     with st.container(horizontal=True):
@@ -415,9 +383,8 @@ def _ends(text: str) -> tuple[float, float]:
 
 
 def _show_files(answer: _Answer) -> None:
-    campaign, estimates, config = answer.view.campaign, answer.estimates, answer.config
-    prediction, others, display = answer.prediction, answer.others, answer.view.display
-    of = f"{campaign.name} {display.briefly(answer.condition)}"
+    campaign, prediction, others, display = answer.view.campaign, answer.prediction, answer.at_pins, answer.view.display
+    config, of = chosen_config(), f"{campaign.name} {display.briefly(prediction.condition)}"
     form = choose_form(
         "recommendation, pulses, metrics and limits",
         "the pulse over displacement, the fits, the data, the method and its settings",
@@ -428,8 +395,9 @@ def _show_files(answer: _Answer) -> None:
         if others:
             download_bytes("side_by_side.csv", lambda: csv_as_given(predictions_table([prediction, *others])), of)
         download_bytes("pulses.parquet", lambda: parquet_bytes(prediction.pulses), of)
-        if answer.whole:
+        if answer.advice is not None:
+            estimates = prediction.estimates
             write = partial(prediction_report, campaign, estimates, config, display, others, form)
             download_report(write, f"{of} {form}")
     if answer.advice is not None:
-        offer_pulses(campaign, estimates, answer.advice.approach, config.seed)
+        offer_pulses(campaign, prediction.estimates, answer.advice.approach, config.seed)
