@@ -25,7 +25,7 @@ from crashfuse.ui.kit import address
 from crashfuse.ui.kit.campaigns import View
 
 _FILE = "criteria.toml"
-_FIELDS = ("metric", "window_ms", "at_least", "at_most", "name")  # of a criterion in the session and the address
+_FIELDS = ("metric", "window_ms", "at_least", "at_most", "name", "unit")  # of a criterion in session and address
 _COSTS = {"cost_test": "Cost of a test", "cost_wrong": "Cost of a wrong answer"}
 _METRICS = {**metric_headings(), RATING: f"{STANDARD} rating against a test there"}
 
@@ -38,7 +38,7 @@ def criteria_asked(view: View) -> Criteria | None:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
         wrong = error
-    address.default("criteria", [_text(asdict(own)) for own in declared.items] if declared else [])
+    address.default("criteria", _rows_of(declared) if declared else [])
     usual = declared or Criteria(())
     for key, cost in _costs_of(usual).items():
         address.default(key, cost)
@@ -66,15 +66,16 @@ def choose_criteria(view: View) -> Criteria | None:
     def fields(parts: list[str]) -> list[Field | None]:
         factor = units.factor(METRIC_UNITS.get(parts[0], ""))
         return [
-            Field("Metric", labels, clears=(1, 2, 3, 4)),
+            Field("Metric", labels, clears=(1, 2, 3, 4, 5)),
             Field("Window (ms)", factor=1.0, help="Of a rating.") if parts[0] == RATING or parts[1] else None,
             Field("At least", factor=factor, help="In the unit of the metric."),
             Field("At most", factor=factor),
             Field("Name", help="Yours to choose; else the metric’s."),
+            None,
         ]
 
     with st.container(gap="xsmall"):
-        edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5), fields, units)
+        edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5, 0), fields, units)
 
     def start(rows: list[dict[str, Any]]) -> None:
         state["criteria"] = [_text(row) for row in rows]
@@ -122,8 +123,11 @@ def choose_criteria(view: View) -> Criteria | None:
 
 def take(criteria: Criteria) -> None:
     """Ask for these criteria; call it from a callback."""
-    rows = [_text(asdict(own)) for own in criteria.items]
-    st.session_state.update(criteria=rows, confidence=criteria.confidence, **_costs_of(criteria))
+    st.session_state.update(criteria=_rows_of(criteria), confidence=criteria.confidence, **_costs_of(criteria))
+
+
+def _rows_of(criteria: Criteria) -> list[str]:
+    return [_text({**asdict(own), "unit": own.unit}) for own in criteria.items]  # stated: a small limit is meant
 
 
 def _costs_of(criteria: Criteria) -> dict[str, float | None]:
@@ -138,8 +142,8 @@ def _text(row: dict[str, Any]) -> str:
 
 
 def _row(text: str) -> dict[str, Any]:
-    metric, *numbers, name = parts_of(text, len(_FIELDS))
-    given = zip(_FIELDS, [metric, *map(_number, numbers), name], strict=True)
+    metric, *numbers, name, unit = parts_of(text, len(_FIELDS))
+    given = zip(_FIELDS, [metric, *map(_number, numbers), name, unit], strict=True)
     return {key: value for key, value in given if value != ""}
 
 

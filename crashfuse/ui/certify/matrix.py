@@ -172,7 +172,7 @@ def _edit(view: View) -> None:
         return [Field("Id"), *numbers, None, *factors]
 
     with st.container(height=420 if len(state["planned"]) > _FEW_ROWS else "content", border=False, gap="xsmall"):
-        edit_rows("planned", (2, 2, 2, 2, 0.01, *[2] * len(campaign.factors)), fields, view.display.units, _MOST_ROWS)
+        edit_rows("planned", (2, 2, 2, 2, 0, *[2] * len(campaign.factors)), fields, view.display.units, _MOST_ROWS)
     if len(state["planned"]) > _MOST_ROWS:
         st.caption(f"{len(state['planned']) - _MOST_ROWS} more are judged; a file shows and changes them.")
     if len(state["planned"]) < _MOST_ROWS:
