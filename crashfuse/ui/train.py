@@ -4,11 +4,10 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.displacement_domain.events import CaeEvents, cae_events
@@ -19,7 +18,6 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.reporting.cae_events import events_sentences, events_table
 from crashfuse.reporting.figures import ONE_PROCESS, Draw
-from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.result_tables import archive_table
 from crashfuse.study.config import StudyConfig
@@ -36,37 +34,28 @@ from crashfuse.ui.kit.frame import choose_settings
 from crashfuse.ui.kit.jobs import Job
 from crashfuse.ui.kit.navigation import open_next, show_link
 from crashfuse.ui.kit.results import show_table, window_label
-from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.text import LF, TIME_DOMAIN, plain
 from crashfuse.vehicle_archive import LEAST_VEHICLES, VehicleArchive, load_archive
 
 _PAST = "past vehicles"  # widget key
 _ON_ALL, _NETWORKS, _MEND = "Train on all tests", "Networks", "What to mend"
-_STAGES = {
-    "lf_tcn": (
-        "Before: trained on CAE runs only",
-        "The networks should reproduce the CAE model; what then differs from the test no CAE run can tell.",
-    ),
-    "time_domain": ("After: fine-tuned on tests", "What the other tests add to the networks."),
-}
-_TRAINED = (
+_LEARNED = (
     (
         "training",
         "learning_curve",
-        "Training on CAE runs",
         "Mean square error over epochs",
-        "Mean square error, mean of {members} networks; validation: on a tenth of the runs, held back.",
+        "**Training on CAE runs**: mean square error of {members} networks; validation: on a tenth of the runs.",
     ),
     (
         "fine-tuning",
         "left_out_rmse",
-        "Fine-tuning on tests",
         "Error on fitted and on left-out tests, by strength",
-        "Chosen is how far a test may differ from what all share: the least with an error on left-out tests within one "
-        "standard error of the lowest.",
+        "**Fine-tuning on tests**: chosen is how far a test may differ from what all share, the least with an error "
+        "on left-out tests within one standard error of the lowest.",
     ),
-    ("fine-tuning", "tuning_curve", "Fine-tuning on tests", "Loss over steps", "Loss on the other tests."),
+    ("fine-tuning", "tuning_curve", "Loss over steps", "**Fine-tuning on tests**: loss on the other tests."),
 )
-"""How networks were trained: figure, what the state has of it, title, alternative text, what to see."""
+"""How networks were trained: figure, what the state has of it, alternative text, what to see."""
 _FIGURES = {
     "Bias by speed": (
         "bias",
@@ -79,11 +68,6 @@ _FIGURES = {
         "What the other {n} tests predict of the bias in {test}. Shared: the same in every test. Ratio: trend and "
         "humps of the CAE pulse, times a factor. Parts can cancel: their sum is better known than each. Of the test's "
         "own part, its repeatability, only the size can be predicted.",
-    ),
-    "Integration check": (
-        "integration",
-        "Displacement over time, integrated and recovered from a(s), and their difference",
-        "Lines: integrated twice over time. Circles: recovered from a(s) (Eq. 29), without loss if they agree.",
     ),
 }
 """The library's name, the alternative text, and what to see."""
@@ -241,35 +225,17 @@ def _events(campaign: Campaign, window_ms: float) -> CaeEvents:
 
 def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str], None]) -> None:
     (fold,) = study.folds
-    states = {estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _STAGES}
+    states = {own.approach: own.state for own in fold.estimates if own.approach in ("lf_tcn", "time_domain")}
     if not states:
         st.info("No approach with a network is known here yet.", icon=":material/info:")
         return
-    plot = partial(study.plot, fold.held_out, display=view.display)
-
-    @cache  # once for both columns
-    def both() -> dict[str, go.Figure]:
-        raw = [name for name in (BASELINE,) if name in fold.ratings]
-        figures = {name: plot("acceleration", approaches=[*raw, name], band=name) for name in states}
-        share_y_range(figures.values())
-        return figures
-
-    def draw(name: str) -> go.Figure:
-        return both()[name]
-
-    for column, name in zip(st.columns(2, gap="medium"), states, strict=False):
-        with column:
-            title, meaning = _STAGES[name]
-            rating = fold.ratings[name][view.display.window_ms]
-            st.markdown(f"**{title}** · {LABELS[name]} {rating.overall:.3f} ({rating.grade})")
-            alt = f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}"
-            show(partial(draw, name), LABELS[name], alt, meaning)
-    name = "time_domain" if "time_domain" in states else "lf_tcn"
-    known = [trained for trained in _TRAINED if trained[1] in states[name]]
-    for column, (figure, _, title, alt, meaning) in zip(st.columns(2, gap="medium"), known, strict=False):
-        with column:
-            st.markdown(f"**{title}**")
-            show(partial(plot, figure, approaches=[name]), figure, alt, meaning.format(**states[name]))
+    plot, last = partial(study.plot, fold.held_out, display=view.display), [*states][-1]
+    shown = [name for name in (BASELINE, *states) if name in fold.ratings]
+    alt = f"Acceleration over time: test {fold.held_out}, the CAE model and networks"
+    show(partial(plot, "acceleration", approaches=shown, band=last), "networks", alt, f"{LF} {TIME_DOMAIN}")
+    for figure, key, alt, meaning in _LEARNED:
+        if key in states[last]:
+            show(partial(plot, figure, approaches=[last]), figure, alt, meaning.format(**states[last]))
 
 
 def _show_past_vehicles(view: View) -> None:
