@@ -4,16 +4,14 @@ A frame is painted at once; what takes long is imported meanwhile, and not by th
 """
 
 import asyncio
-import gc
 import os
 import secrets
 import signal
 import sys
-import threading
 import time
 import webbrowser
 from collections.abc import AsyncIterator, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
 from functools import cache
 from importlib import import_module
@@ -71,9 +69,6 @@ _SLOW = (  # what the pages need; most of the time is that of SciPy, Plotly and 
     "pandas.io.formats.style",
     "streamlit.elements.plotly_chart",
 )
-_NEXT = "torch"  # what a first prediction needs: it takes as long again
-_PREDICTS = "crashfuse.study.estimate"
-_SWITCH_S = 5e-4  # while importing: the server's own threads wait for the interpreter a tenth of the usual time
 
 
 def launch(
@@ -212,38 +207,30 @@ def prepare() -> tuple[Middleware, ...]:
 
 
 @cache
-def start_importing() -> Future[None]:
-    """Import what the pages need in the background, once."""
-    imported = Future[None]()
-    threading.Thread(target=_import, args=(imported,), name="crashfuse-imports", daemon=True).start()
-    return imported
+def start_importing() -> tuple[Future[None], Future[None]]:
+    """Import in the background, once, what the pages need, and then what a first prediction needs."""
+    background = ThreadPoolExecutor(1, "crashfuse-imports")
+    started = background.submit(_import_pages), background.submit(_import_training)
+    background.shutdown(wait=False)
+    return started
 
 
-def _import(done: Future[None]) -> None:
-    usual = sys.getswitchinterval()
-    sys.setswitchinterval(_SWITCH_S)
-    try:
-        for name in _SLOW:
-            import_module(name)
-    except BaseException as error:  # the page that waits raises it
-        done.set_exception(error)
-    else:
-        done.set_result(None)
-        import_module(_NEXT)
-    finally:
-        sys.setswitchinterval(usual)
-    from crashfuse.execution.code_digest import code_digest
+def _import_pages() -> None:
+    for name in _SLOW:
+        import_module(name)
+
+
+def _import_training() -> None:
+    import_module("torch")
     from crashfuse.ui.kit.uploads import sweep_uploads
 
     sweep_uploads()
-    code_digest(_PREDICTS)  # while the first page is read: the first prediction of a new version need not wait
-    gc.freeze()  # what was imported is never garbage: to look for some in it took 0.2 s every dozen answers
 
 
 def run() -> None:
     """Run the page given in the address, once everything it needs is imported."""
     page = navigate()
-    imported = start_importing()
+    imported, _ = start_importing()
     if not imported.done():
         st.title(page.title)
         st.markdown(":material/hourglass_top: Starting …")

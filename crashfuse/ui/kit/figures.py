@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -24,7 +23,6 @@ from crashfuse.ui.kit.navigation import component
 _DIGITS = 5  # of the largest value of a curve, on a screen of thousands of pixels
 _CACHED = 200  # figures of up to half a megabyte
 _TOOLS: dict[str, Any] = {"displaylogo": False, "showSendToCloud": False}  # none of those left sends a figure anywhere
-_STREAMLITS = Path(st.__file__).parent / "static" / "static" / "js"
 T = TypeVar("T")
 
 
@@ -133,12 +131,6 @@ def show_clickable(
     )
     offer_files(figure, caption(alt, name), widget)
     return bool(_points(event))
-
-
-def load_early() -> None:
-    """On a page without figures, let the browser read Plotly, which takes a second."""
-    script = next((path.name for path in _STREAMLITS.glob("PlotlyChart.*.js")), "")
-    component("figures_early")(key="figures early", data=script)
 
 
 def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit returns two forms

@@ -24,7 +24,6 @@ from crashfuse.ui.kit import address, campaigns, navigation, uploads, visitors
 from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import jobs
-from crashfuse.ui.kit.figures import load_early
 from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
@@ -118,8 +117,6 @@ def sidebar(page: str) -> View | Sequence[Problem]:
             st.fragment(_keep_up, run_every=every_s)(address.here())
         visitors.show_account()
         navigation.watch_browser()
-        if not isinstance(opened, View):  # nor is there a figure
-            load_early()
     with links:
         navigation.show_links()
     return opened
