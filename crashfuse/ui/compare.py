@@ -28,7 +28,7 @@ from crashfuse.ui.kit.computation import advised, study_request
 from crashfuse.ui.kit.curves import choose_approach, choose_curves, without_clicks
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
-from crashfuse.ui.kit.files import choose_report, download_report, download_table, export_button, offer_pulses
+from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_pulses
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
@@ -180,7 +180,7 @@ def _show_pulses(comparison: _Comparison) -> None:
 
     of = f"test {test.id}{' and its' if TEST in curves.others else ','} prediction by {curves.by}"
     key = shown, corridors, notes_here, comparison.key, curves.key
-    show_cached_figure(draw, alt.format(of), *key, beside=curves.also, name=curves.named(name))
+    show_cached_figure(draw, alt.format(of), *key, name=curves.named(name))
     st.caption(caption or "".join(whole_sentences(comparison.fold.estimates)))
     edit_notes(comparison.view, notes)
 
@@ -242,13 +242,11 @@ def _show_ratings(comparison: _Comparison) -> None:
 def _show_files(comparison: _Comparison) -> None:
     test, study, estimates = comparison.view.held_out, comparison.study, comparison.fold.estimates
     of = f"{comparison.others.name} {test.id}"
-    report = choose_report(comparison.view, [test.id])
-    with st.container(horizontal=True):
-        download_table("scores.csv", lambda: study.scores, of)
-        download_table("pulses.csv", lambda: study.pulses, of)
-        download_table("metrics.csv", lambda: study.metrics, of)
-        if comparison.advice is not None:
-            download_report(lambda: study_report(study, comparison.view.display, report), f"{of} {report.form}")
+    report, files = choose_report(comparison.view, [test.id]), {}
+    if comparison.advice is not None:
+        files = {"report.html": lambda: study_report(study, comparison.view.display, report)}
+    tables = {"scores.csv": lambda: study.scores, "pulses.csv": lambda: study.pulses}
+    offer(of, {**tables, "metrics.csv": lambda: study.metrics, **files}, report.form)
     if comparison.advice is not None:
         remark = f"Test {test.id}, at this condition, was left out."
         offer_pulses(comparison.others, estimates, comparison.advice.approach, chosen_config().seed, [remark])

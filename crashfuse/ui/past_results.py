@@ -21,7 +21,7 @@ from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import pin_all
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.figures import choose, show_cached_figure
-from crashfuse.ui.kit.files import download_report, download_table, export_button
+from crashfuse.ui.kit.files import export_button, offer
 from crashfuse.ui.kit.navigation import open_next
 from crashfuse.ui.kit.results import refused_into, show_problems, show_table, window_label
 from crashfuse.ui.kit.text import plain
@@ -166,10 +166,9 @@ def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -
         name = f"studies compared {first.id} {second.id} {way} 0-{window:g}ms"
         show_cached_figure(draw, alt, first.id, second.id, window, way, name=name)
 
-    def show_files() -> None:
-        with st.container(horizontal=True):
-            download_table("comparison.csv", lambda: compared.ratings)
-            download_report(lambda: comparison_report(compared, view.display), "", "comparison.html")
-
+    files = {
+        "comparison.csv": lambda: compared.ratings,
+        "comparison.html": lambda: comparison_report(compared, view.display),
+    }
     with row:
-        export_button(show_files)
+        export_button(partial(offer, "", files))

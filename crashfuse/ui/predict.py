@@ -1,11 +1,12 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -52,10 +53,8 @@ from crashfuse.ui.kit.curves import (
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.kit.files import (
     choose_form,
-    download_bytes,
-    download_report,
-    download_table,
     export_button,
+    offer,
     offer_pulses,
 )
 from crashfuse.ui.kit.frame import by_itself
@@ -248,7 +247,7 @@ def _show_pulses(answer: _Answer) -> None:
     alt = f"Prediction by {curves.by} at {view.display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
     key = shown, answer.fit_key, answer.fitted.approaches, condition, view.display, curves.key
-    show_cached_figure(draw, alt, *key, name=name, beside=curves.also)
+    show_cached_figure(draw, alt, *key, name=name)
     estimates = [estimate for estimate in prediction.estimates if estimate.approach in curves.approaches]
     columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     if answer.at_pins:
@@ -300,9 +299,8 @@ def _show_over_speed(answer: _Answer) -> None:
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
     for sentence in missing_over_speed(shown.sweeps, metric):
         st.caption(plain(sentence))
-    with st.container(horizontal=True):
-        download_table("sweep.csv", lambda: sweep.table, view.campaign.name)
-        download_report(lambda: sweep_report(sweep, view.display), view.campaign.name, "sweep.html")
+    files = {"sweep.csv": lambda: sweep.table, "sweep.html": lambda: sweep_report(sweep, view.display)}
+    offer(view.campaign.name, files)
 
 
 def _show_next_test(answer: _Answer) -> None:
@@ -333,9 +331,8 @@ def _show_next_test(answer: _Answer) -> None:
     usual_kind = "" if answer.prediction.condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
     show_table(results.next_tests_styled(candidates.ranked[:BEST], display), "next tests")
-    with st.container(horizontal=True):
-        download_table("next_tests.csv", lambda: candidates.table, campaign.name)
-        download_report(lambda: next_test_report(candidates, display), campaign.name, "next_test.html")
+    report = partial(next_test_report, candidates, display)
+    offer(campaign.name, {"next_tests.csv": lambda: candidates.table, "next_test.html": report})
 
 
 @st.cache_data(show_spinner="Ranking candidates …", max_entries=32)
@@ -389,15 +386,16 @@ def _show_files(answer: _Answer) -> None:
         "recommendation, pulses, metrics and limits",
         "the pulse over displacement, the fits, the data, the method and its settings",
     )
-    with st.container(horizontal=True):
-        download_table("pulses.csv", lambda: prediction.pulses, of)
-        download_table("metrics.csv", lambda: prediction.metrics, of)
-        if others:
-            download_bytes("side_by_side.csv", lambda: csv_as_given(predictions_table([prediction, *others])), of)
-        download_bytes("pulses.parquet", lambda: parquet_bytes(prediction.pulses), of)
-        if answer.advice is not None:
-            estimates = prediction.estimates
-            write = partial(prediction_report, campaign, estimates, config, display, others, form)
-            download_report(write, f"{of} {form}")
+    files: dict[str, Callable[[], pd.DataFrame | bytes | str]] = {
+        "pulses.csv": lambda: prediction.pulses,
+        "metrics.csv": lambda: prediction.metrics,
+        "pulses.parquet": lambda: parquet_bytes(prediction.pulses),
+    }
+    if others:
+        files["side_by_side.csv"] = lambda: csv_as_given(predictions_table([prediction, *others]))
+    if answer.advice is not None:
+        estimates = prediction.estimates
+        files["report.html"] = partial(prediction_report, campaign, estimates, config, display, others, form)
+    offer(of, files, form)
     if answer.advice is not None:
         offer_pulses(campaign, prediction.estimates, answer.advice.approach, config.seed)

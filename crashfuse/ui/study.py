@@ -1,10 +1,11 @@
 """The page Study: ratings of tests left out in turn, the bands, how many tests are enough, and past results."""
 
 import math
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from functools import partial
 
+import pandas as pd
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -26,7 +27,7 @@ from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import learn_curve, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
-from crashfuse.ui.kit.files import choose_report, download_report, download_table, export_button
+from crashfuse.ui.kit.files import choose_report, export_button, offer
 from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
@@ -180,16 +181,16 @@ def _show_bands(outcome: _Outcome) -> None:
 
 def _show_files(outcome: _Outcome) -> None:
     study, view = outcome.study, outcome.view
-    of = view.campaign.name
     report = choose_report(view, view.campaign.test_ids)
-    with st.container(horizontal=True):
-        download_table("scores.csv", lambda: study.scores, of)
-        download_table("metrics.csv", lambda: study.metrics, of)
-        if (groups := study.speed_groups) is not None:
-            download_table("speed_groups.csv", lambda: groups.scores, of)
-        if outcome.whole:
-            of_report = f"{of} {report.form} {' '.join(report.tests)}"
-            download_report(lambda: study_report(study, view.display, report), of_report)
+    files: dict[str, Callable[[], pd.DataFrame | str]] = {
+        "scores.csv": lambda: study.scores,
+        "metrics.csv": lambda: study.metrics,
+    }
+    if (groups := study.speed_groups) is not None:
+        files["speed_groups.csv"] = lambda: groups.scores
+    if outcome.whole:
+        files["report.html"] = lambda: study_report(study, view.display, report)
+    offer(view.campaign.name, files, f"{report.form} {' '.join(report.tests)}")
 
 
 def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -> None:
@@ -224,11 +225,9 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
             show_table(steps, "gains")
             st.caption(ONE_MORE_MEANING)
 
-    def show_files() -> None:
-        with st.container(horizontal=True):
-            download_table("learning_curve.csv", lambda: whole.table, campaign.name)
-            write = partial(learning_curve_report, curve, cost, view.display)
-            download_report(write, campaign.name, "learning_curve.html")
-
+    files = {
+        "learning_curve.csv": lambda: whole.table,
+        "learning_curve.html": partial(learning_curve_report, curve, cost, view.display),
+    }
     with row:
-        export_button(show_files)
+        export_button(partial(offer, campaign.name, files))

@@ -29,7 +29,7 @@ from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.computation import fit_request, jobs, learn_vehicles, study_request
 from crashfuse.ui.kit.editing import can_be_edited, show_last_change, show_refused, use_archive
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_tabs
-from crashfuse.ui.kit.files import download_bytes
+from crashfuse.ui.kit.files import offer
 from crashfuse.ui.kit.frame import choose_settings
 from crashfuse.ui.kit.jobs import Job
 from crashfuse.ui.kit.navigation import open_next, show_link
@@ -163,7 +163,7 @@ def _show_files(view: View) -> None:
         button=_ON_ALL,
     )
     if fitted is not None:
-        download_bytes("models.zip", partial(fitted.models, view.campaign), view.campaign.name)
+        offer(view.campaign.name, {"models.zip": partial(fitted.models, view.campaign)})
 
 
 def _show_diagnostics(view: View) -> None:
@@ -295,7 +295,7 @@ def _learn_archive(view: View, *, editable: bool) -> None:
     if archive is None:
         return
     with st.container(horizontal=True):
-        download_bytes(ARCHIVE, lambda: archive.content)
+        offer("", {ARCHIVE: lambda: archive.content})
         if editable:
             st.button(
                 "Use it for this campaign", icon=":material/check:",

@@ -30,7 +30,7 @@ from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Request, said_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
-from crashfuse.ui.kit.files import download_bytes, download_report, download_table
+from crashfuse.ui.kit.files import offer
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.units import counted
@@ -207,12 +207,13 @@ def show_domain(judgement: Judgement) -> None:
 def show_files(judgement: Judgement) -> None:
     """Offer them; criteria and matrix ask for the same again."""
     verdicts, certification = judgement.verdicts, judgement.certification
-    of = certification.campaign.name
-    with st.container(horizontal=True):
-        download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)
-        download_bytes("certification.csv", lambda: csv_as_given(verdicts.table), of)
-        download_table("track_record.csv", lambda: verdicts.track_record, of)
-        download_table("credibility.csv", lambda: verdicts.credibility, of)
-        download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode(), of)
-        download_bytes("matrix.csv", lambda: csv_as_given(matrix_table(certification.matrix)), of)
-        download_bytes("certification.json", lambda: certification_json(certification), of)
+    files = {
+        "report.html": lambda: certification_report(certification, judgement.display, judgement.notes),
+        "certification.csv": lambda: csv_as_given(verdicts.table),
+        "track_record.csv": lambda: verdicts.track_record,
+        "credibility.csv": lambda: verdicts.credibility,
+        "criteria.toml": lambda: criteria_text(certification.criteria),
+        "matrix.csv": lambda: csv_as_given(matrix_table(certification.matrix)),
+        "certification.json": lambda: certification_json(certification),
+    }
+    offer(certification.campaign.name, files)

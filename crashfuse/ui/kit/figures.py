@@ -12,7 +12,6 @@ import streamlit as st
 
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table, unpacked
-from crashfuse.reporting.figures import Further
 from crashfuse.reporting.plots.canvas import AXIS_TITLE, darkened, room_above, without_links
 from crashfuse.reporting.plots.palette import in_the_dark
 from crashfuse.signals.pulse import FloatArray
@@ -99,13 +98,11 @@ def show_figure(figure: go.Figure, alt: str, key: str | None = None, name: str =
     offer_files(figure, caption(alt, name), key or alt)
 
 
-def show_cached_figure(
-    draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "", beside: Sequence[Further] = ()
-) -> None:
+def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "") -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
     figure, sent = _cached(key, _is_dark(), draw)
     st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS)
-    offer_files(figure, caption(alt, name, beside), alt)
+    offer_files(figure, caption(alt, name), alt)
 
 
 def show_clickable(
