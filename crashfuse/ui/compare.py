@@ -2,17 +2,15 @@
 
 from collections.abc import Hashable, Mapping
 from functools import partial
-from html import escape
 from typing import NamedTuple
 
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.approaches.registry import BASELINE, LABELS
+from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.plots.curves import TEST
-from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.reporting.rating_tables import REPEAT, excursions_table, humps_table
 from crashfuse.reporting.report.study import study_report
 from crashfuse.signals.rating import WEIGHTS
@@ -21,22 +19,21 @@ from crashfuse.study.facts import window_facts
 from crashfuse.study.recommendation import Account, Recommendation, account
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
-from crashfuse.ui.kit import results
+from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import advised, study_request
-from crashfuse.ui.kit.curves import choose_approach, choose_curves, without_clicks
+from crashfuse.ui.kit.curves import choose_curves, without_clicks
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_pulses
-from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plain
 from crashfuse.units import difference
 
 _NO_CHANGE = 0.005  # in rating
-_KEY = "clicked rating"
+_BADGES = {"Excellent": "blue", "Good": "blue", "Fair": "orange", "Poor": "orange"}
 _MOTION, _RESIDUALS = "Motion", "Residuals"
 _CORRIDORS_HELP = "1 inside the inner corridor, 0 outside the outer: ± 5 %, ± 50 % of the test's largest acceleration."
 _CURVES = {
@@ -78,7 +75,6 @@ def show(view: View) -> None:
     tabs = {"Pulses": _show_pulses, "Why": _show_why, "Ratings and metrics": _show_ratings}
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", list(tabs), key="compare_tab")
-        choose_approach("explained", list(fold.ratings), advice)
         st.space("stretch")
         export_button(partial(_show_files, comparison))
     tabs[tab](comparison)
@@ -102,15 +98,9 @@ class _Comparison(NamedTuple):
 
 
 def _show_headline(comparison: _Comparison) -> None:
-    st.html(_row(comparison))
+    _choose_rated(comparison)
     for fact in window_facts(comparison.view.held_out, comparison.window_ms):
         st.caption(plain(comparison.view.display.words(fact.sentence)))
-    with st.container(key="clicks"):  # takes no room; the row is painted without it, only a click has to wait
-        chosen = {"compare_tab": "Why"}
-        component("ratings")(
-            key=_KEY,
-            on_approach_change=lambda: st.session_state.update(chosen, explained=st.session_state[_KEY]["approach"]),
-        )
     if (advice := comparison.advice) is None:
         return
     overall = {name: ratings[comparison.window_ms].overall for name, ratings in comparison.fold.ratings.items()}
@@ -125,36 +115,27 @@ def _show_headline(comparison: _Comparison) -> None:
     results.show_recommendation(headline, [*reasons, *beside], "warning" if missed else "lightbulb")
 
 
-def _row(comparison: _Comparison) -> str:
+def _choose_rated(comparison: _Comparison) -> None:
+    """The ratings, of which one is chosen: what is shown below is by it."""
     rated = {name: by_window[comparison.window_ms] for name, by_window in comparison.fold.ratings.items()}
-    items = []
-    for name, rating in rated.items():
-        change = _change(rating.overall, rated[BASELINE].overall) if BASELINE in rated and name != BASELINE else ""
-        label = f'<span role="button" tabindex="0" data-approach="{name}" title="Why">{escape(LABELS[name])}</span>'
-        grade = f'<span class="cf-grade" style="{results.fill(GRADE_COLOURS[rating.grade])}">{rating.grade}</span>'
-        values = f"<b>{rating.overall:.3f}</b>{change}{grade}"
-        best = comparison.advice is not None and name == comparison.advice.approach
-        items.append(_item(label, values, recommended=best))
+    best = by_preference(rated)[0] if comparison.advice is None else comparison.advice.approach
+
+    def label(name: str) -> str:
+        overall, grade = rated[name].overall, rated[name].grade
+        change = ""
+        if BASELINE in rated and name != BASELINE:
+            change = f" :small[{difference(overall, rated[BASELINE].overall, 3)}]"
+        star = ":material/star: " if name == best and comparison.advice is not None else ""
+        return f"{star}{LABELS[name]} **{overall:.3f}**{change} :{_BADGES[grade]}-badge[{grade}]"
+
+    address.default("explained", best, list(rated))
+    of = f"Ratings over {results.window_label(comparison.window_ms)}, with the change from the raw CAE model"
+    st.segmented_control(
+        of, list(rated), key="explained", format_func=label, required=True, persist_state="session", wrap=True,
+        label_visibility="collapsed", on_change=address.publish,
+    )  # fmt: skip
     if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
-        values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f} (95 %)</small>"
-        items.append(_item(f"<i>{REPEAT}</i>", values))
-    window, basis = results.window_label(comparison.window_ms), comparison.view.campaign.rating_basis
-    label = escape(f"Ratings over {window}, with the change from the raw CAE model: {basis}")
-    return f'<div class="cf-ratings" role="list" aria-label="{label}" title="{label}">{"".join(items)}</div>'
-
-
-def _item(name: str, values: str, *, recommended: bool = False) -> str:
-    mark, style = ("<span>recommended</span>", ' class="cf-best"') if recommended else ("", "")
-    return (
-        f'<div role="listitem"{style}><div class="cf-name"><span>{name}</span>{mark}</div>'
-        f'<div class="cf-values">{values}</div></div>'
-    )
-
-
-def _change(rating: float, raw: float) -> str:
-    by = rating - raw
-    style = "" if abs(by) < _NO_CHANGE else ' class="cf-better"' if by > 0 else ' class="cf-worse"'
-    return f"<small{style}>{difference(rating, raw, 3)}</small>"
+        st.caption(f"{REPEAT}: {repeat.value:.3f}, {repeat.lower:.2f}–{repeat.upper:.2f} (95 %).")
 
 
 def _show_pulses(comparison: _Comparison) -> None:

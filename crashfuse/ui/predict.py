@@ -14,7 +14,7 @@ from streamlit.delta_generator import DeltaGenerator
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.neighbours import nearest_sentences
-from crashfuse.approaches.registry import BASELINE, LABELS
+from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -45,7 +45,6 @@ from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
 from crashfuse.ui.kit.curves import (
     REPRESENTATIVE,
-    choose_approach,
     choose_curves,
     predicted,
     without_clicks,
@@ -120,7 +119,12 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
     tabs = {"Pulses": _show_pulses, "Over speed": _show_over_speed, "Next test": _show_next_test}
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", list(tabs), key="predict_tab")
-        approach = choose_approach("predict_approach", fitted.approaches, advice)
+        best = by_preference(fitted.approaches)[0] if advice is None else advice.approach
+        address.default("predict_approach", best, fitted.approaches)
+        approach = st.selectbox(
+            "Approach", fitted.approaches, format_func=lambda name: f"By {LABELS[name]}", key="predict_approach",
+            width=230, persist_state="session", label_visibility="collapsed", on_change=address.publish,
+        )  # fmt: skip
         answer = _Answer(view, request.key, fitted, prediction, advice, at_pins, approach)
         if advice is not None:
             _show_pins(answer)

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import pandas as pd
 import streamlit as st
@@ -61,18 +62,32 @@ def show(view: View) -> None:
         f"{again}. " + patience(config, "It takes a minute or more the first time; other pages stay free."),
         button=f"Leave out each of {n} tests",
     )
-    outcome = _Outcome(view, config, study, request.key)
+    known = tuple((fold.held_out, *fold.ratings) for way in (study, study.speed_groups) if way for fold in way.folds)
+    is_whole = len(study.folds) == n and study.config.approaches == config.approaches
+    outcome = _Outcome(view, study, is_whole, (request.key, known, tuple(study.repeatability), view.display))
     with row:
         export_button(partial(_show_files, outcome))
     show_training(config, study.config.approaches)
-    reasons = _show_headline(outcome) if outcome.whole else []
+    reasons = _show_headline(outcome) if is_whole else []
     if tab == _BANDS:
         _show_bands(outcome)
     else:
         _show_ratings(outcome, reasons)
 
 
-def _show_headline(outcome: "_Outcome") -> list[str]:
+class _Outcome(NamedTuple):
+    view: View
+    study: Study  # while networks train, of fewer approaches than the settings ask for
+    is_whole: bool  # before that, nothing can be recommended
+    key: Hashable  # of cached figures
+
+    @property
+    def shown(self) -> Study:
+        groups = self.study.speed_groups
+        return groups if groups is not None and st.session_state.get("ways") == _GROUP else self.study
+
+
+def _show_headline(outcome: _Outcome) -> list[str]:
     facts = recommend(outcome.shown).facts  # of the view that is shown, as all figures and tables below
     words = {fact.code: outcome.view.display.words(fact.sentence) for fact in facts if fact.code != SPEED_GROUPS}
     headline = [words.pop(code) for code in ("recommendation.use", "recommendation.ratings")]
@@ -80,30 +95,6 @@ def _show_headline(outcome: "_Outcome") -> list[str]:
         headline.append(f"This is over {results.window_label(longest)}.")  # whatever is chosen in the sidebar
     results.show_recommendation(headline)
     return list(words.values())
-
-
-@dataclass(frozen=True, eq=False)
-class _Outcome:
-    view: View
-    config: StudyConfig  # the settings that were chosen
-    study: Study  # while networks train, of fewer approaches than the settings ask for
-    request_key: Hashable  # equal for equal data and settings
-
-    @property
-    def key(self) -> Hashable:  # of cached figures
-        ways = [way for way in (self.study, self.study.speed_groups) if way is not None]
-        known = tuple((fold.held_out, *fold.ratings) for way in ways for fold in way.folds)
-        return self.request_key, known, tuple(self.study.repeatability), self.view.display
-
-    @property
-    def shown(self) -> Study:
-        groups = self.study.speed_groups
-        return groups if groups is not None and st.session_state.get("ways") == _GROUP else self.study
-
-    @property
-    def whole(self) -> bool:  # before that, nothing can be recommended
-        tests = len(self.study.folds) == len(self.view.campaign.tests)
-        return tests and self.study.config.approaches == self.config.approaches
 
 
 def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
@@ -115,7 +106,7 @@ def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
 def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
     campaign, (study, leave_out) = outcome.view.campaign, _choose_way(outcome)
     _show_tests(outcome, study, leave_out)
-    if outcome.whole:
+    if outcome.is_whole:
         worst = worst_test(study, outcome.view.display.window_ms)
         results.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
@@ -188,7 +179,7 @@ def _show_files(outcome: _Outcome) -> None:
     }
     if (groups := study.speed_groups) is not None:
         files["speed_groups.csv"] = lambda: groups.scores
-    if outcome.whole:
+    if outcome.is_whole:
         files["report.html"] = lambda: study_report(study, view.display, report)
     offer(view.campaign.name, files, f"{report.form} {' '.join(report.tests)}")
 

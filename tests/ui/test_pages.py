@@ -120,8 +120,8 @@ start = partial(begin, test="T1")
 
 def rated(session: Session) -> list[str]:
     """Labels in the row of ratings."""
-    row = next((html.proto.body for html in session.app.get("html") if "cf-ratings" in html.proto.body), "")
-    return re.findall(r'data-approach="\w+" title="Why">([^<]+)</span>', row)
+    row = [group.options for group in session.app.button_group if group.key == "explained"]
+    return [re.sub(r"^:\S+ | \*\*.*", "", option) for options in row for option in options]
 
 
 def running(until: Callable[[Job[Any]], object]) -> Job[Any]:

@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.neighbours import nearest_tests
-from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
+from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.reporting import figures
@@ -16,7 +16,6 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse, by_one
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures_near
-from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config, kept_choice, pinned
 from crashfuse.ui.kit.campaigns import HASHED, View
@@ -65,15 +64,6 @@ def predicted(campaign: Campaign, config: StudyConfig, condition: Condition) -> 
     if (fitted := request.result) is None:
         return None
     return PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config)
-
-
-def choose_approach(key: str, known: Sequence[str], advice: Recommendation | None) -> str:
-    """Let the user choose an approach, at first the recommended one."""
-    address.default(key, by_preference(known)[0] if advice is None else advice.approach, known)
-    return st.selectbox(
-        "Approach", known, format_func=lambda name: f"By {LABELS[name]}", key=key, width=230,
-        persist_state="session", label_visibility="collapsed", on_change=address.publish,
-    )  # fmt: skip
 
 
 def choose_curves(view: View, condition: Condition, approach: str, known: Sequence[str], test: str = "") -> Shown:
