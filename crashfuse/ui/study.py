@@ -216,7 +216,7 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
             show_table(steps, "gains")
             st.caption(ONE_MORE_MEANING)
 
-    files = {
+    files: dict[str, Callable[[], pd.DataFrame | str]] = {
         "learning_curve.csv": lambda: whole.table,
         "learning_curve.html": partial(learning_curve_report, curve, cost, view.display),
     }
