@@ -40,7 +40,7 @@ from crashfuse.study.history import PastResult, keep
 from crashfuse.study.planning import ConditionRange, NextTest, missing_over_speed, rank_next_tests, weights_sentence
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address, results
-from crashfuse.ui.kit.address import MOST_PINS, chosen_config, pinned
+from crashfuse.ui.kit.address import MOST_PINS, chosen_config, kept, pinned
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
 from crashfuse.ui.kit.curves import (
@@ -222,17 +222,14 @@ def _show_pins(answer: _Answer) -> None:
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
 
-    st.button(
-        "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=here in pins or len(pins) >= MOST_PINS,
-        help=f"Keeps up to {MOST_PINS} in figures, link, report and past results.",
-    )  # fmt: skip
+    tip = f"Keeps up to {MOST_PINS} in figures, link, report and past results."
+    is_full = here in pins or len(pins) >= MOST_PINS
+    st.button("Pin this prediction", icon=":material/keep:", on_click=pin, disabled=is_full, help=tip)
     if pins:
         with st.popover(f"{len(pins)} pinned", key="pinned"):
             for text, other in pins.items():
-                st.button(
-                    plain(answer.view.display.briefly(other)), icon=":material/close:", key=f"unpin {text}",
-                    on_click=unpin, args=(text,), help="Unpin", type="tertiary",
-                )  # fmt: skip
+                label, key = plain(answer.view.display.briefly(other)), f"unpin {text}"
+                st.button(f":material/close: {label}", key=key, on_click=unpin, args=(text,), type="tertiary")
 
 
 def _show_pulses(answer: _Answer) -> None:
@@ -291,10 +288,8 @@ def _show_over_speed(answer: _Answer) -> None:
     )
     if sweep is None:
         return
-    metric = st.selectbox(
-        "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep_metric",
-        persist_state="session", help=TTZV,
-    )  # fmt: skip
+    label = METRIC_LABELS.__getitem__
+    metric = st.selectbox("Pulse metric", list(METRIC_LABELS), format_func=label, help=TTZV, **kept("sweep_metric"))
     approaches = answer.approach, BASELINE
     shown = replace(sweep, sweeps=tuple(own for own in sweep.sweeps if own.approach in approaches))
     alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.approach]}, tests as points"

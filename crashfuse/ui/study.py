@@ -24,7 +24,7 @@ from crashfuse.study.recommendation import SPEED_GROUPS, recommend, worst_test
 from crashfuse.study.study import Study
 from crashfuse.ui import past_results
 from crashfuse.ui.kit import results
-from crashfuse.ui.kit.address import choose_held_out, chosen_config
+from crashfuse.ui.kit.address import choose_held_out, chosen_config, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import learn_curve, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
@@ -202,10 +202,8 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
         except DataError as error:
             st.warning(plain(str(error.problems[0])), icon=":material/error:")
     curve = whole.over(view.display.window_ms)
-    amount = st.number_input(
-        "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
-        key="cost", persist_state="session", width=260, help="Gains are then given as the cost of 0.01 of rating, too.",
-    )  # fmt: skip
+    look = {"placeholder": "optional, any currency", "help": "Gains are then given as the cost of 0.01 of rating, too."}
+    amount = st.number_input("Cost of one test", 0.0, None, None, 1000.0, "%.0f", width=260, **kept("cost", **look))
     cost = Cost(amount) if amount and 0 < amount < math.inf else None  # a link may hold any number
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
     alt = "Mean rating, width of the band, decided verdicts over the number of tests"

@@ -24,7 +24,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
 from crashfuse.ui.certify.entry import show_wrong
 from crashfuse.ui.kit import address, campaigns, progress
-from crashfuse.ui.kit.address import choose_held_out, chosen_config
+from crashfuse.ui.kit.address import choose_held_out, chosen_config, kept
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.computation import fit_request, jobs, learn_vehicles, study_request
 from crashfuse.ui.kit.editing import can_be_edited, show_last_change, show_refused, use_archive
@@ -121,10 +121,8 @@ def _choose_tests(view: View) -> tuple[str, ...]:
     if missing := [test for test in asked if test not in known]:
         st.caption(f":material/link_off: No test here is named {plain(', '.join(missing))[:80]}.")
         st.session_state["held_out"] = [test for test in asked if test not in missing]
-    chosen = st.multiselect(
-        "Held-out tests, each in turn", known, key="held_out", persist_state="session",
-        help="While one is predicted, all others train, those listed here, too.",
-    )  # fmt: skip
+    tip = "While one is predicted, all others train, those listed here, too."
+    chosen = st.multiselect("Held-out tests, each in turn", known, help=tip, **kept("held_out"))
     return tuple(test for test in known if test in chosen)
 
 
@@ -145,10 +143,7 @@ def _show_predicted(view: View, study: Study, config: StudyConfig) -> None:
     st.markdown(f":material/check_circle: Rated, {of}, {window_label(window_ms)}: {rated}.")
     with st.container(horizontal=True):
         for fold in study.folds:
-            st.button(
-                f"Compare {plain(fold.held_out)}", icon=":material/arrow_forward:", on_click=_open_test,
-                args=(fold.test,),
-            )  # fmt: skip
+            st.button(f"Compare {plain(fold.held_out)}", on_click=_open_test, args=(fold.test,))
 
 
 def _open_test(test: CrashTest) -> None:
@@ -277,10 +272,8 @@ def _learn_archive(view: View, *, editable: bool) -> None:
     known, state = list(campaigns.open_campaigns()), st.session_state
     if not {*state.get(_PAST, [])} <= {*known}:  # an upload was closed
         state[_PAST] = [name for name in state[_PAST] if name in known]
-    chosen = st.multiselect(
-        "Campaigns to learn from", known, key=_PAST, format_func=campaigns.label, persist_state="session",
-        help="Of vehicles with like CAE models. If this campaign is among them, it is taken out where it is judged.",
-    )  # fmt: skip
+    tip = "Of vehicles with like CAE models. If this campaign is among them, it is taken out where it is judged."
+    chosen = st.multiselect("Campaigns to learn from", known, format_func=campaigns.label, help=tip, **kept(_PAST))
     if len(chosen) < LEAST_VEHICLES:
         st.caption(f":material/info: Choose {LEAST_VEHICLES} or more; {len(known)} are open.")
         show_link("data", "Open another campaign")
@@ -297,11 +290,11 @@ def _learn_archive(view: View, *, editable: bool) -> None:
     with st.container(horizontal=True):
         offer("", {ARCHIVE: lambda: archive.content})
         if editable:
-            st.button(
-                "Use it for this campaign", icon=":material/check:",
-                on_click=lambda: use_archive(view, archive.content),
-                help=f"It is put into the campaign's folder, as {ARCHIVE}.",
-            )  # fmt: skip
+            use, tip = (
+                partial(use_archive, view, archive.content),
+                f"It is put into the campaign's folder, as {ARCHIVE}.",
+            )
+            st.button("Use it for this campaign", icon=":material/check:", on_click=use, help=tip)
     _show_archive(archive, "archive learned")
 
 

@@ -117,8 +117,8 @@ def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
         return read(path)
 
 
-def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], T]) -> T | None:
-    """Ask for a file that is kept on the server, by a name in the address; a CrashfuseError if it is wrong or gone."""
+def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], object]) -> None:
+    """Ask for a file that is kept on the server, by a name in the address."""
     state = st.session_state
 
     def take(content: bytes | None) -> None:
@@ -127,14 +127,11 @@ def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[by
             read(content)
             state[choice] = file_store.keep(content, file)
 
-    error = upload(label, file, key, take)
-    if error is not None and state[choice] is None:
-        raise error
-    return find_kept(file, choice, read)
+    upload(label, file, key, take)
 
 
-def upload(label: str, file: str, key: str, take: Callable[[bytes | None], None]) -> CrashfuseError | None:
-    """Ask for a file whose content is taken, None once it is taken away; returns what was wrong with the last."""
+def upload(label: str, file: str, key: str, take: Callable[[bytes | None], None]) -> None:
+    """Ask for a file whose content is taken, None once it is taken away; show what was wrong with the last."""
     state, wrong = st.session_state, f"{key}: wrong"
 
     def changed() -> None:
@@ -148,12 +145,12 @@ def upload(label: str, file: str, key: str, take: Callable[[bytes | None], None]
             state[wrong] = error
 
     st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=changed)
-    error: CrashfuseError | None = state.get(wrong)
-    return error
+    if (error := state.get(wrong)) is not None:
+        show_wrong(error)
 
 
 def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:
-    """What the address has as this choice; None if it has none. Raises as :func:`choose_kept`."""
+    """What the address has as this choice; None if it has none. A CrashfuseError if it is gone."""
     if (name := st.session_state[choice]) is None:
         return None
     if (content := file_store.find(name)) is None:

@@ -67,10 +67,7 @@ def choose_matrix(view: View) -> Matrix | None:
         campaign = view.campaign
         columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
         label, key = f"Upload {_FILE}, with the columns {columns}", f"matrix file {campaign.fingerprint[:8]}"
-        try:
-            choose_kept(label, _FILE, "uploaded", key, partial(_checked, campaign=campaign))
-        except CrashfuseError as error:
-            wrong = error
+        choose_kept(label, _FILE, "uploaded", key, partial(_checked, campaign=campaign))
     if source == _TYPED:
         _edit(view)
     elif matrix is not None:
@@ -82,7 +79,7 @@ def choose_matrix(view: View) -> Matrix | None:
             st.dataframe(without_formulas(pd.DataFrame(rows)), hide_index=True, alt="The planned tests")
     if wrong is not None:
         show_wrong(wrong)
-    return None if wrong is not None else matrix
+    return matrix
 
 
 def _sources(view: View) -> list[str]:

@@ -35,7 +35,7 @@ from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.units import counted
 
-_CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
+_CHOICE, _KEPT = "earlier", "verdicts that were kept"  # session keys
 _MANY, _MANY_PX = 3, 620  # criteria whose record scrolls
 _RECORD = {
     "What left-out tests showed": (
@@ -148,45 +148,36 @@ def _beside(key: Hashable, _verdicts: Verdicts, _earlier: Earlier) -> Verdicts: 
 
 def _choose_earlier(certification: Certification) -> None:
     campaign, state = certification.campaign, st.session_state
-    kept, of_these = file_store.certifications(campaign), campaign.fingerprint[:8]
-    shown, file_key = f"kept of {of_these}", f"earlier file {of_these}"
-    wrong = state.pop(_WRONG, None)
+    of_these = campaign.fingerprint[:8]
+
+    def read(content: bytes) -> None:
+        parse_earlier(content).require_of(campaign)
+
+    def keep() -> None:
+        try:
+            today = file_store.keep_certification(certification_json(certification), campaign)
+            noted = f"SHA-256 {today.digest}: noted before a test, it shows that the verdicts came first."
+            state[_KEPT] = f"Kept on this machine since {today.date}. {noted}"
+        except CrashfuseError as error:
+            state[_KEPT] = error
+
     with st.container(horizontal=True, vertical_alignment="bottom"):
         place = st.container()
         with st.popover("Upload one", icon=":material/upload:"):
             label = f"The {FILE} of an earlier certification of this vehicle"
-            try:
-                choose_kept(label, FILE, _CHOICE, file_key, lambda content: _read(content, campaign))
-            except CrashfuseError as error:
-                wrong = wrong or (error if state[_CHOICE] is None else None)  # what was chosen is told above
-        st.button("Keep today’s verdicts", icon=":material/bookmark_add:", on_click=_keep, args=(certification,))
+            choose_kept(label, FILE, _CHOICE, f"earlier file {of_these}", read)
+        st.button("Keep today’s verdicts", icon=":material/bookmark_add:", on_click=keep)
+    if isinstance(told := state.pop(_KEPT, None), CrashfuseError):
+        show_wrong(told)
+    elif told is not None:
+        st.success(told, icon=":material/bookmark:")
+    kept, shown = file_store.certifications(campaign), f"kept of {of_these}"
     address.put(shown, state[_CHOICE] if state[_CHOICE] in kept else None)
     place.selectbox(
         "Earlier certification", list(kept), index=None, format_func=lambda name: _described(kept[name]), key=shown,
         placeholder="none chosen" if kept else "none of this vehicle is kept on this machine",
         on_change=lambda: state.update({_CHOICE: state[shown]}),
     )  # fmt: skip
-    if wrong is not None:
-        show_wrong(wrong)
-    elif (message := state.pop(_KEPT, None)) is not None:
-        st.success(message, icon=":material/bookmark:")
-
-
-def _read(content: bytes, campaign: Campaign) -> Earlier:
-    earlier = parse_earlier(content)
-    earlier.require_of(campaign)
-    return earlier
-
-
-def _keep(certification: Certification) -> None:
-    try:
-        kept = file_store.keep_certification(certification_json(certification), certification.campaign)
-        st.session_state[_KEPT] = (
-            f"Kept on this machine since {kept.date}. SHA-256 {kept.digest}: noted before a test, it shows that the "
-            "verdicts came first."
-        )
-    except CrashfuseError as error:
-        st.session_state[_WRONG] = error
 
 
 def _described(earlier: Earlier) -> str:

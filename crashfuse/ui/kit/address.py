@@ -186,6 +186,11 @@ def put(key: str, value: object) -> None:
         state[key] = value
 
 
+def kept(key: str, **look: Any) -> dict[str, Any]:  # noqa: ANN401 - of any widget
+    """A widget's key, under which the session keeps its value also while another page is open, and its look."""
+    return {"key": key, "persist_state": "session", **look}
+
+
 def leave_campaign() -> None:
     """Let another campaign decide what nobody has chosen, and what means nothing there; call it from a callback."""
     state = st.session_state

@@ -22,7 +22,7 @@ from crashfuse.reporting.report.page import REPORT_FORMS, ReportForm, ReportOpti
 from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import address, campaigns
-from crashfuse.ui.kit.address import page_config
+from crashfuse.ui.kit.address import kept, page_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.navigation import component
@@ -149,10 +149,9 @@ def _slides(write: Callable[[], Any]) -> bytes:
 
 def choose_form(short: str, whole: str) -> ReportForm:
     """Ask for the form of the report, and tell what it then has."""
-    form: ReportForm = st.segmented_control(
-        "Report", REPORT_FORMS, default="whole", required=True, key="report form", persist_state="session",
-        format_func=str.capitalize, help=f"Short: two or three pages with {short}. Whole: {whole}, too.",
-    )  # fmt: skip
+    tip = f"Short: two or three pages with {short}. Whole: {whole}, too."
+    look = {"default": "whole", "required": True, "format_func": str.capitalize, "help": tip}
+    form: ReportForm = st.segmented_control("Report", REPORT_FORMS, **kept("report form", **look))
     return form
 
 
@@ -164,10 +163,10 @@ def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
         )
         shown: Sequence[str] = ()
         if len(tests) > 1:
+            usual = "all tests" if form == "whole" else "the worst"
             shown = st.multiselect(
-                "Tests shown one by one", tests, key=f"report tests of {view.name}", persist_state="session",
-                placeholder="all tests" if form == "whole" else "the worst", help="Means are over all tests.",
-            )  # fmt: skip
+                "Tests shown one by one", tests, placeholder=usual, **kept(f"report tests of {view.name}")
+            )
     return ReportOptions(form, tuple(test for test in tests if test in shown), notes_of(view))
 
 
@@ -177,23 +176,17 @@ def offer_pulses(
     """Ask which pulses go out and how; remarks go into the files."""
     with st.expander("Pulse for an occupant model", icon=":material/airline_seat_recline_normal:"):
         st.markdown("The expected pulse, a representative one, and draws: a file each.")
-        form: PulseFormat = st.segmented_control(
-            "Format", PULSE_FORMATS[1:] + PULSE_FORMATS[:1], default="lsdyna", required=True,
-            format_func=_PULSE_LABELS.__getitem__, key="export format", persist_state="session",
-        )  # fmt: skip
+        formats, label = PULSE_FORMATS[1:] + PULSE_FORMATS[:1], _PULSE_LABELS.__getitem__
+        look = {"default": "lsdyna", "required": True, "format_func": label}
+        form: PulseFormat = st.segmented_control("Format", formats, **kept("export format", **look))
         left, right = st.columns(2)
         names = [estimate.approach for estimate in estimates]
-        approach = left.selectbox(
-            "Approach", names, index=names.index(recommended) if recommended in names else 0,
-            format_func=LABELS.__getitem__, key="export approach",
-        )  # fmt: skip
+        place = names.index(recommended) if recommended in names else 0
+        approach = left.selectbox("Approach", names, place, format_func=LABELS.__getitem__, key="export approach")
         estimate = estimates[names.index(approach)]
         draws = 0
         if (drawn := estimate.prediction.draws_mps2) is not None:
-            draws = right.number_input(
-                "Draws", 0, len(drawn), 0, key=f"export draws of {len(drawn)}", persist_state="session",
-                help="Pulses drawn from the band, all equally likely.",
-            )  # fmt: skip
+            draws = right.number_input("Draws", 0, len(drawn), 0, **kept(f"export draws of {len(drawn)}"))
         try:
             location, curve = (_location(), None) if form == "isomme" else (LOCATION, _curve())
             export = PulseExport((form,), draws, seed, location, curve)
@@ -205,35 +198,20 @@ def offer_pulses(
 
 
 def _location() -> str:
-    return st.text_input(
-        "Location code", LOCATION, max_chars=12, key="export location", persist_state="session",
-        help="The first 12 characters of the channel codes.",
-    ).upper()  # fmt: skip
+    code: str = st.text_input("Location code", LOCATION, max_chars=12, **kept("export location"))
+    return code.upper()
 
 
 def _curve() -> SolverCurve:
     left, middle, right = st.columns(3)
-    system = left.selectbox(
-        "Unit system", list(UNIT_SYSTEMS), key="export units", persist_state="session",
-        help="Of the occupant model: length, time, mass.",
-    )  # fmt: skip
-    sign: Literal["negative", "positive"] = middle.segmented_control(
-        "Braking is", ["negative", "positive"], default="negative", required=True, key="export sign",
-        persist_state="session",
-    )  # fmt: skip
-    number = right.number_input(
-        "Curve id", 1, MOST_ID, 1, key="export id", persist_state="session",
-        help="Of the first curve; the others count on.",
-    )  # fmt: skip
+    system = left.selectbox("Unit system", list(UNIT_SYSTEMS), **kept("export units"))
+    signs: list[Literal["negative", "positive"]] = ["negative", "positive"]
+    sign = middle.segmented_control("Braking is", signs, **kept("export sign", default=signs[0], required=True))
+    number = right.number_input("Curve id", 1, MOST_ID, 1, **kept("export id"))
     left, middle, _ = st.columns(3)
-    start_ms = left.number_input(
-        "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.6g", key="export start",
-        persist_state="session", help="In the occupant model's time; zero before.",
-    )  # fmt: skip
-    scale = middle.number_input(
-        "Scale", 0.001, 1000.0, 1.0, step=0.05, format="%.6g", key="export scale", persist_state="session",
-        help="Factor on the accelerations.",
-    )  # fmt: skip
+    exact = {"format": "%.6g"}
+    start_ms = left.number_input("Contact at (ms)", 0.0, LATEST_S / MS, 0.0, 1.0, **kept("export start", **exact))
+    scale = middle.number_input("Scale", 0.001, 1000.0, 1.0, 0.05, **kept("export scale", **exact))
     units = UNIT_SYSTEMS[system]
     st.caption(f"Time in {units.time}, acceleration in {units.acceleration}.")
-    return SolverCurve(system, sign, start_ms * MS, scale, number)
+    return SolverCurve(system, sign or signs[0], start_ms * MS, scale, number)

@@ -21,7 +21,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, telling_test
 from crashfuse.study.facts import campaign_facts
 from crashfuse.ui.kit import address, campaigns, navigation, uploads, visitors
-from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget
+from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import jobs
 from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
@@ -44,31 +44,22 @@ _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 
 def choose_settings() -> tuple[StudyConfig, str]:
     """Ask for the settings; second is what is wrong with them, if anything."""
-    chosen = st.pills(
-        "Approaches", tuple(APPROACHES), selection_mode="multi", format_func=LABELS.__getitem__,
-        key="approaches", persist_state="session",
-    )  # fmt: skip
+    label = LABELS.__getitem__
+    chosen = st.pills("Approaches", tuple(APPROACHES), selection_mode="multi", format_func=label, **kept("approaches"))
     st.caption(f"{LF} {TIME_DOMAIN}")
     left, right = st.columns(2, gap="large")
     acts_on = read_out([LABELS[name] for name in filter(uses_preset, APPROACHES)])
-    left.radio(
-        "Settings", PRESETS, format_func={"fast": "Fast", "paper": "Paper"}.__getitem__, key="preset",
-        captions=["Ours: minutes on a laptop.", f"As published (Zeng et al. 2023): {acts_on}."],
-        persist_state="session",
-    )  # fmt: skip
+    captions = ["Ours: minutes on a laptop.", f"As published (Zeng et al. 2023): {acts_on}."]
+    left.radio("Settings", PRESETS, format_func=str.capitalize, captions=captions, **kept("preset"))
     with right.expander("Advanced", icon=":material/tune:"):
-        st.number_input(  # without bounds, within which a browser would keep the last one and say nothing to the page
-            "Seed", step=1, key="seed", persist_state="session", help="The same seed gives the same results."
-        )
+        # without bounds, within which a browser would keep the last one and say nothing to the page
+        st.number_input("Seed", step=1, help="The same seed gives the same results.", **kept("seed"))
         choose_left_out("train")
         from torch import cuda  # imported while the first pages are read
 
-        st.radio(
-            "Networks are trained on",
-            DEVICES if cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu"),
-            format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
-            key="device", persist_state="session", help="Results differ in their last digits.",
-        )  # fmt: skip
+        names = {"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}
+        devices = DEVICES if cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu")
+        st.radio("Networks are trained on", devices, format_func=names.__getitem__, **kept("device"))
     config = chosen_config()
     if config.preset != st.session_state["preset"]:
         st.warning("The paper's settings act on none of these approaches.", icon=":material/info:")
@@ -357,7 +348,5 @@ def _not_kept() -> str:
 
 def offer_sample() -> None:
     """Offer to load the sample."""
-    st.button(
-        "Load the sample campaign", type="primary", icon=":material/play_arrow:", on_click=choose_campaign,
-        args=(campaigns.SAMPLE,),
-    )  # fmt: skip
+    args = (campaigns.SAMPLE,)
+    st.button("Load the sample campaign", type="primary", on_click=choose_campaign, args=args)
