@@ -171,7 +171,7 @@ def test_what_one_test_less_would_change_is_in_the_files(visit: Visit, monkeypat
     """As the page shows it, beside the variants that are in them anyway."""
     session = certified(visit("certify", **LINK, what_if="without T1")).run().finish()
     taken: list[Judgement] = []
-    monkeypatch.setattr("crashfuse.ui.certify.results.show_files", taken.append)
+    monkeypatch.setattr("crashfuse.ui.certify.results.offer_files", taken.append)
     session.press("Export")
     assert "without T1" in [variant.name for variant in taken[-1].certification.variants]
 
