@@ -3,12 +3,10 @@
 A frame is painted at once; what takes long is imported meanwhile, and not by this module.
 """
 
-import asyncio
 import os
 import secrets
 import signal
 import sys
-import time
 import webbrowser
 from collections.abc import AsyncIterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -16,7 +14,6 @@ from contextlib import asynccontextmanager, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
 
 import streamlit as st
 from click import Abort, echo
@@ -27,7 +24,6 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 from streamlit import net_util
-from streamlit.runtime import Runtime
 from streamlit.runtime.pages_manager import PagesManager
 from streamlit.web.cli import main
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
@@ -39,9 +35,6 @@ from crashfuse.ui.kit.navigation import navigate
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.visitors import BROWSER
 
-if TYPE_CHECKING:
-    from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
-
 _PACKAGE = Path(__file__).resolve().parents[1]
 _PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in a checkout
 _HOSTS = ("localhost", "127.0.0.1")  # else a page elsewhere reaches the server under a name of its own (DNS rebinding)
@@ -49,7 +42,6 @@ _POLICY = {  # no page around this one, and nothing that this one shows, a labor
     "X-Frame-Options": "DENY",
     "Content-Security-Policy": "frame-ancestors 'none'; default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'",
 }
-_LOOK_S, _PATIENCE_S = 5.0, 20.0  # for tabs that were closed, and for their browser to come back
 _A_YEAR_S = 365 * 24 * 3600
 _ANOTHER_NAME = PlainTextResponse(
     "crashfuse does not answer under this name. If it should, start it with crashfuse app --allow-host NAME, or add "
@@ -158,29 +150,14 @@ def _is_own_page(connection: HTTPConnection) -> bool:
     return origin is None or origin in origins or origin.partition("://")[2] == host
 
 
-async def _forget_closed_tabs() -> None:
-    """Free what lies in upload fields of tabs that were closed, unless they come back within seconds."""
-    gone: dict[str, float] = {}
-    while True:
-        await asyncio.sleep(_LOOK_S)
-        runtime, now = Runtime.instance(), time.monotonic()
-        files = cast("MemoryUploadedFileManager", runtime.uploaded_file_mgr)
-        absent = [session for session in list(files.file_storage) if not runtime.is_active_session(session)]
-        gone = {session: gone.get(session, now) for session in absent}
-        for session in [session for session, since in gone.items() if now - since >= _PATIENCE_S]:
-            files.remove_session_files(session)
-
-
 @asynccontextmanager
 async def lifespan(_: object) -> AsyncIterator[None]:
     """As the server starts, import what pages need, and open the browser as ``streamlit run`` does for scripts."""
     start_importing()
-    forgetting = asyncio.create_task(_forget_closed_tabs())
     if not st.get_option("server.headless"):
         address = st.get_option("browser.serverAddress") or "localhost"
         webbrowser.open(f"http://{address}:{st.get_option('server.port')}")
     yield
-    forgetting.cancel()
 
 
 def tell(error: Exception) -> bool:

@@ -141,14 +141,14 @@ def _show_predicted(view: View, study: Study, config: StudyConfig) -> None:
     rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
     of = plain(study.folds[0].held_out) if n == 1 else f"mean of {n} tests"
     st.markdown(f":material/check_circle: Rated, {of}, {window_label(window_ms)}: {rated}.")
+
+    def open_test(test: CrashTest) -> None:
+        choose_held_out(test)
+        open_next("compare")
+
     with st.container(horizontal=True):
         for fold in study.folds:
-            st.button(f"Compare {plain(fold.held_out)}", on_click=_open_test, args=(fold.test,))
-
-
-def _open_test(test: CrashTest) -> None:
-    choose_held_out(test)
-    open_next("compare")
+            st.button(f"Compare {plain(fold.held_out)}", on_click=open_test, args=(fold.test,))
 
 
 def _show_files(view: View) -> None:
@@ -235,9 +235,7 @@ def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str
 
 def _show_past_vehicles(view: View) -> None:
     prior, editable, state = view.campaign.prior, can_be_edited(view.folder), st.session_state
-    wanted = f"past vehicles of {view.name}"  # once in use, or being learned: it is not folded under the mouse
-    state[wanted] = state.get(wanted, False) or prior is not None or bool(state.get(_PAST))
-    with st.expander("Past vehicles", icon=":material/inventory_2:", expanded=state[wanted]):
+    with st.expander("Past vehicles", expanded=prior is not None or bool(state.get(_PAST))):
         show_refused()
         if prior is not None:
             st.markdown(plain(prior.sentence))
@@ -246,25 +244,21 @@ def _show_past_vehicles(view: View) -> None:
         else:
             st.markdown("No archive is in use. Past vehicles teach a campaign before its tests do.")
         if editable:
+            # another widget once it is in use: what was uploaded is then no longer shown
+            key = f"archive file {view.campaign.fingerprint[:8]}"
             with st.container(horizontal=True, vertical_alignment="center"):
                 if prior is not None:
                     st.button("Use none", icon=":material/close:", on_click=use_archive, args=(view, None))
                 show_last_change(view)
-            _offer_upload(view)
+
+            def take() -> None:
+                if (file := state[key]) is not None:
+                    use_archive(view, file.getvalue())
+
+            st.file_uploader("Use an archive from a file", type=Path(ARCHIVE).suffix[1:], key=key, on_change=take)
         else:
             st.caption(":material/lock: Put one into a copy: *Save a copy to edit* on Data, or `crashfuse sample DIR`.")
         _learn_archive(view, editable=editable)
-
-
-def _offer_upload(view: View) -> None:
-    # another widget once it is in use: what was uploaded is then no longer shown
-    key = f"archive file {view.campaign.fingerprint[:8]}"
-
-    def take() -> None:
-        if (file := st.session_state[key]) is not None:
-            use_archive(view, file.getvalue())
-
-    st.file_uploader("Use an archive from a file", type=Path(ARCHIVE).suffix[1:], key=key, on_change=take)
 
 
 def _learn_archive(view: View, *, editable: bool) -> None:
@@ -290,11 +284,8 @@ def _learn_archive(view: View, *, editable: bool) -> None:
     with st.container(horizontal=True):
         offer("", {ARCHIVE: lambda: archive.content})
         if editable:
-            use, tip = (
-                partial(use_archive, view, archive.content),
-                f"It is put into the campaign's folder, as {ARCHIVE}.",
-            )
-            st.button("Use it for this campaign", icon=":material/check:", on_click=use, help=tip)
+            use = partial(use_archive, view, archive.content)
+            st.button("Use it for this campaign", icon=":material/check:", on_click=use)
     _show_archive(archive, "archive learned")
 
 
