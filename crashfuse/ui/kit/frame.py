@@ -20,7 +20,7 @@ from crashfuse.execution.cache import not_kept
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, telling_test
 from crashfuse.study.facts import campaign_facts
-from crashfuse.ui.kit import address, campaigns, navigation, uploads, visitors
+from crashfuse.ui.kit import address, campaigns, navigation, visitors
 from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import jobs
@@ -258,7 +258,6 @@ def enter() -> View | None:
     if missing := st.session_state.get(NOT_FOUND):
         st.warning(plain(missing), icon=":material/link_off:")
     if isinstance(opened, View):
-        uploads.note_use(opened.folder)
         return opened
     if opened:
         show_problems(opened)
