@@ -180,6 +180,7 @@ def _choose_units(page: str) -> None:
         address.want_units()
         visitors.keep_for_visitor(key, st.session_state[key])
 
+    st.markdown(f":small[Units{', sign of braking' if address.acts('sign', page) else ''}]")
     with st.container(horizontal=True, gap="xxsmall", key="units"):
         for key, (label, words) in labels.items():
             if address.acts(key, page):
