@@ -20,7 +20,7 @@ from crashfuse.study.recommendation import Account, Recommendation, account
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import address, results
-from crashfuse.ui.kit.address import chosen_config
+from crashfuse.ui.kit.address import chosen_config, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import advised, study_request
 from crashfuse.ui.kit.curves import choose_curves, without_clicks
@@ -130,10 +130,8 @@ def _choose_rated(comparison: _Comparison) -> None:
 
     address.default("explained", best, list(rated))
     of = f"Ratings over {results.window_label(comparison.window_ms)}, with the change from the raw CAE model"
-    st.segmented_control(
-        of, list(rated), key="explained", format_func=label, required=True, persist_state="session", wrap=True,
-        label_visibility="collapsed", on_change=address.publish,
-    )  # fmt: skip
+    look = {"label_visibility": "collapsed", "required": True, "wrap": True, "format_func": label}
+    st.segmented_control(of, list(rated), **kept("explained", on_change=address.publish, **look))
     if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
         st.caption(f"{REPEAT}: {repeat.value:.3f}, {repeat.lower:.2f}–{repeat.upper:.2f} (95 %).")
 
@@ -142,9 +140,8 @@ def _show_pulses(comparison: _Comparison) -> None:
     test = comparison.view.held_out
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
-        corridors = shown == _MOTION and st.toggle(
-            "Corridors of the rating", key="corridors", persist_state="session", help=_CORRIDORS_HELP
-        )
+        look = kept("corridors", help=_CORRIDORS_HELP)
+        corridors = shown == _MOTION and st.toggle("Corridors of the rating", **look)
         approach, known = st.session_state["explained"], list(comparison.fold.ratings)
         curves = choose_curves(comparison.view, test.condition, approach, known, test.id)
     figure, alt, caption = _CURVES.get(shown, ("motion", "Acceleration, velocity and displacement over time: {}", ""))

@@ -16,7 +16,7 @@ from crashfuse.reporting.result_tables import about_table, quality_table, wall_t
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import import_step
 from crashfuse.ui.kit import address, campaigns, editing, results
-from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config
+from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure
@@ -116,10 +116,10 @@ def _show_tests(view: View) -> None:
     address.default("filter", _AS_READ, options)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         editing.choose_tests_in_use(view)
-        choice = st.segmented_control(
-            "Channel filter class (SAE J211-1)", options, default=_AS_READ, required=True, key="filter",
-            persist_state="session", help="Of this figure: approaches use the pulses as read.",
-        )  # fmt: skip
+        look = kept(
+            "filter", default=_AS_READ, required=True, help="Of this figure: approaches use the pulses as read."
+        )
+        choice = str(st.segmented_control("Channel filter class (SAE J211-1)", options, **look))
     editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
     alt = f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed"

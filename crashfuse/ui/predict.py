@@ -1,6 +1,8 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
+import math
 from collections.abc import Callable, Hashable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -121,10 +123,9 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
         tab = choose("Tab", list(tabs), key="predict_tab")
         best = by_preference(fitted.approaches)[0] if advice is None else advice.approach
         address.default("predict_approach", best, fitted.approaches)
-        approach = st.selectbox(
-            "Approach", fitted.approaches, format_func=lambda name: f"By {LABELS[name]}", key="predict_approach",
-            width=230, persist_state="session", label_visibility="collapsed", on_change=address.publish,
-        )  # fmt: skip
+        look = {"label_visibility": "collapsed", "width": 230, "format_func": lambda name: f"By {LABELS[name]}"}
+        args = kept("predict_approach", on_change=address.publish, **look)
+        approach = st.selectbox("Approach", fitted.approaches, **args)
         answer = _Answer(view, request.key, fitted, prediction, advice, at_pins, approach)
         if advice is not None:
             _show_pins(answer)
@@ -151,10 +152,8 @@ def _choose_condition(campaign: Campaign, display: Display) -> Condition:
     for column, (name, values) in zip(columns[3:], campaign.factors.items(), strict=True):
         if st.session_state.get(key := f"factor_{name}") not in values:  # left from another campaign
             address.put(key, None)
-        factors[name] = column.selectbox(
-            plain(name.capitalize()), values, index=None, placeholder="not given", key=key, persist_state="session",
-            help="If it is not given, the band covers every value.",
-        )  # fmt: skip
+        tip, label = "If it is not given, the band covers every value.", plain(name.capitalize())
+        factors[name] = column.selectbox(label, values, None, placeholder="not given", help=tip, **kept(key))
     fields = zip(columns, _FIELDS, campaign.cae.vectors.T, strict=False)
     condition = Condition.of_vector(
         [_choose_number(column, field, display, runs) for column, field, runs in fields],
@@ -348,12 +347,8 @@ def _range(
     least, most = min(float(runs.min()), *tests), max(float(runs.max()), *tests)
     low = step * int(max(least / in_si, step) / step + 1e-6)
     high = -step * int(-most / in_si / step - 1 + 1e-6)
-    try:
-        first, last = _ends(state[axis.key] or "")
-        lies_in = least / 2 <= first <= last <= 2 * most
-    except (ValueError, KeyError):
-        lies_in = False
-    if not lies_in:  # nothing yet, a link that was cut, or another campaign's
+    first, last = _ends(state[axis.key] or "")
+    if not least / 2 <= first <= last <= 2 * most:  # nothing yet, a link that was cut, or another campaign's
         state[axis.key] = None
     address.default(axis.key, f"{tests[0] / own_in_si:.9g}:{tests[1] / own_in_si:.9g} {own_unit}")
     ends = _ends(state[axis.key])
@@ -364,18 +359,17 @@ def _range(
         first, last = state[slider]
         state[axis.key] = f"{first:.12g}:{last:.12g} {unit}"
 
-    label = view.display.title(axis.label, axis.unit)
-    column.slider(
-        label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
-        help="All conditions in it are weighted equally.",
-    )  # fmt: skip
+    label, form = view.display.title(axis.label, axis.unit), "%.1f" if step < 1 else "%.0f"
+    column.slider(label, low, high, step=step, format=form, key=slider, on_change=take)
     return ends
 
 
 def _ends(text: str) -> tuple[float, float]:
-    numbers, _, unit = text.partition(" ")
-    first, last = numbers.split(":")
-    return float(first) * IN_SI[unit], float(last) * IN_SI[unit]
+    with suppress(ValueError, KeyError):
+        numbers, _, unit = text.partition(" ")
+        first, last = numbers.split(":")
+        return float(first) * IN_SI[unit], float(last) * IN_SI[unit]
+    return math.nan, math.nan
 
 
 def _show_files(answer: _Answer) -> None:

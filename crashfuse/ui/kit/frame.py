@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import streamlit as st
@@ -78,12 +79,10 @@ def choose_left_out(page: str) -> None:
     """Ask what is left out with a test, by a widget of its own on each page: one key at two places loses its value."""
     state, shown = st.session_state, f"leave_out on {page}"
     address.put(shown, state["leave_out"])
-    st.segmented_control(
-        "Left out", address.CHOICES["leave_out"].options, required=True, key=shown, persist_state="session",
-        format_func={"test": "The test", "speed group": "All at its speed"}.__getitem__,
-        on_change=lambda: state.update(leave_out=state[shown]),
-        help=f"At one speed: less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart.",
-    )  # fmt: skip
+    names = {"test": "The test", "speed group": "All at its speed"}
+    tip = f"At one speed: less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart."
+    look = kept(shown, on_change=lambda: state.update(leave_out=state[shown]), format_func=names.__getitem__, help=tip)
+    st.segmented_control("Left out", list(names), required=True, **look)
 
 
 def sidebar(page: str) -> View | Sequence[Problem]:
@@ -106,11 +105,9 @@ def sidebar(page: str) -> View | Sequence[Problem]:
             state[ASKED], state["campaign"] = state["campaign"], None
         if state["campaign"] is None and ASKED not in state:
             state["campaign"] = campaigns.at_start()
-        name = st.selectbox(
-            "Campaign", names, index=None if state["campaign"] is None else 0,  # None: Escape would clear the choice
-            placeholder="none open", key="campaign", persist_state="session", format_func=campaigns.label,
-            on_change=turn_to_campaign,
-        )  # fmt: skip
+        first = None if state["campaign"] is None else 0  # None: Escape would clear the choice
+        look = {"placeholder": "none open", "format_func": campaigns.label, "on_change": turn_to_campaign}
+        name = st.selectbox("Campaign", names, first, **kept("campaign", **look))
         if name is not None:
             try:
                 opened = _choose_view(page, name, campaigns.load(name))
@@ -161,12 +158,10 @@ def _choose_window(page: str) -> None:
             state["window"] = shown
             st.toast(plain(error), icon=":material/edit:")
 
-    st.selectbox(
-        "Rated time window", sorted({*WINDOWS_MS, shown}), format_func=lambda ms: f"0–{ms:g} ms", key="window",
-        accept_new_options=True, on_change=take, persist_state="session", help="Type any from 10 to 100 ms.",
-    )  # fmt: skip
+    look = {"format_func": "0–{:g} ms".format, "accept_new_options": True, "help": "Type any from 10 to 100 ms."}
+    st.selectbox("Rated time window", sorted({*WINDOWS_MS, shown}), **kept("window", on_change=take, **look))
     if page in ("compare", "study"):
-        st.checkbox("Also to zero velocity (TTZV)", key="to_ttzv", persist_state="session", help=TO_TTZV_HELP)
+        st.checkbox("Also to zero velocity (TTZV)", **kept("to_ttzv", help=TO_TTZV_HELP))
 
 
 def _choose_units(page: str) -> None:
@@ -184,10 +179,9 @@ def _choose_units(page: str) -> None:
     with st.container(horizontal=True, gap="xxsmall", key="units"):
         for key, (label, words) in labels.items():
             if address.acts(key, page):
-                st.segmented_control(
-                    label, list(words), required=True, key=key, persist_state="session", format_func=words.__getitem__,
-                    label_visibility="collapsed", width="content", on_change=keep, args=(key,),
-                )  # fmt: skip
+                look = {"format_func": words.__getitem__, "label_visibility": "collapsed", "width": "content"}
+                change = partial(keep, key)
+                st.segmented_control(label, list(words), required=True, **kept(key, on_change=change, **look))
 
 
 def _is_adding(page: str) -> bool:
@@ -201,11 +195,13 @@ def _choose_held_out(tests: Mapping[str, CrashTest], *, was_drawn: bool) -> None
         state.pop(shown, None)
     address.put(shown, state["test"])
     state[_HELD_OUT] = True
-    st.selectbox(
-        "Held-out test", list(tests), key=shown, on_change=lambda: choose_held_out(tests[state[shown]]),
-        format_func=lambda test_id: f"{test_id} · {said(speed(tests[test_id].condition.speed_mps), units)}",
-        help="Nothing that predicts it sees its pulse.",
-    )  # fmt: skip
+
+    def choose() -> None:
+        choose_held_out(tests[state[shown]])
+
+    named = {name: f"{name} · {said(speed(test.condition.speed_mps), units)}" for name, test in tests.items()}
+    tip, label = "Nothing that predicts it sees its pulse.", named.__getitem__
+    st.selectbox("Held-out test", list(tests), key=shown, on_change=choose, format_func=label, help=tip)
 
 
 def _note(sentence: str, asked: str) -> None:
