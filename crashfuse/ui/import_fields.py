@@ -46,16 +46,12 @@ _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positiv
 def _condition_of(source: Source, records: Sequence[Record]) -> tuple[PartialCondition, float | None, UnitSystem]:
     """What replaces the condition, the front axle's share of the mass, and units of sentences, which know no m/s."""
     (left, right), usual = st.columns(2), chosen_units() if st.session_state.get("system") else KPH_KG
-    v = _unit(left, "Speed in", "speed", usual.speed, tuple(UNITS["speed"]), ("speed",), source)
-    w = _unit(right, "Weights in", "mass", usual.weight, ("kg", "lb"), _WEIGHTS, source)
+    v = _choose_unit(left, "Speed in", usual.speed, tuple(UNITS["speed"]), source)
+    w = _choose_unit(right, "Weights in", usual.weight, ("kg", "lb"), source)
     mps, kg = UNITS["speed"][v], UNITS["mass"][w]
-
-    def typed(name: str, unit: float) -> float | None:
-        value = st.session_state.get(f"{source.key} {name}")
-        return None if value is None else value * unit
-
-    speed, share = typed("speed", mps), typed("front share", 0.01)
-    front, rear, mass = (typed(name, kg) for name in _WEIGHTS)
+    speed, share, front, rear, mass = (
+        st.session_state.get(f"{source.key} {name}") for name in ("speed", "front share", *_WEIGHTS)
+    )
     given = PartialCondition(speed, mass, front, rear)
     weights = replace(given.weights, front_share=share)
     conditions = [
@@ -88,34 +84,28 @@ def _ask_number(place: DeltaGenerator, label: str, grey: str, key: str, tip: str
     return value
 
 
-def _unit(
-    place: DeltaGenerator, label: str, quantity: str, usual: str, units: Sequence[str], numbers: Sequence[str],
-    source: Source,
-) -> str:  # fmt: skip
-    key, keys = f"{source.key} {label}", [f"{source.key} {name}" for name in numbers]
-    was = st.session_state.get(key, usual)
+def _choose_unit(place: DeltaGenerator, label: str, usual: str, units: Sequence[str], source: Source) -> str:
+    """The pages' unit, until another one is chosen."""
+    key = f"{source.key} {label}"
     address.default(key, usual)
-    if (unit := st.session_state[key]) != was:  # since then the pages' units were switched
-        _convert(key, UNITS[quantity][was], quantity, keys)
-    args = key, UNITS[quantity][unit], quantity, keys
-    place.selectbox(label, units, on_change=_convert, args=args, **kept(key))
-    return str(st.session_state[key])
-
-
-def _convert(unit_key: str, was: float, quantity: str, keys: Sequence[str]) -> None:
-    for key in keys:
-        if (value := st.session_state.get(key)) is not None:
-            st.session_state[key] = float(f"{value * was / UNITS[quantity][st.session_state[unit_key]]:.7g}")
+    return str(place.selectbox(label, units, **kept(key)))
 
 
 def _number(
     place: DeltaGenerator, key: str, label: str, in_si: Sequence[float | None], unit: float, tip: str | None = None
 ) -> None:
+    """A number that the session keeps in SI, in a field of its unit."""
+    state, shown = st.session_state, f"{key} in units of {unit:g}"
     values = sorted(value / unit for value in in_si if value is not None and value > 0)
     grey = "not found"
     if values:
         grey = f"{values[0]:.5g}" if values[-1] - values[0] < 1e-6 * values[-1] else f"{values[0]:.4g}–{values[-1]:.4g}"
-    _ask_number(place, label, grey, key, tip)
+
+    def take() -> None:
+        state[key] = None if state[shown] is None else state[shown] * unit
+
+    address.put(shown, None if state.get(key) is None else float(f"{state[key] / unit:.7g}"))
+    place.number_input(label, value=None, placeholder=grey, help=tip, key=shown, on_change=take)
 
 
 def reading_of(source: Source) -> Reading:
