@@ -26,7 +26,6 @@ from crashfuse.ui.kit.navigation import open_next
 from crashfuse.ui.kit.results import refused_into, show_problems, show_table, window_label
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import uploaded_data
-from crashfuse.ui.predict import fill_in
 
 _ROW_PX, _MOST_ROWS = 35, 9
 _TICKED = "ticked"  # session key: ids of the results to open or to compare
@@ -127,7 +126,7 @@ def _open(result: PastResult | Earlier, view: View) -> None:
         leave_out="speed group" if config.leave_out == "speed group" else "test", study_tab="Ratings",
     )  # fmt: skip
     if result.condition is not None:
-        fill_in(view.campaign, result.condition)
+        address.choose_condition(view.campaign, result.condition)
         pin_all([result.condition])
         open_next("predict")
     elif len(result.tests) == 1:

@@ -42,7 +42,7 @@ from crashfuse.study.history import PastResult, keep
 from crashfuse.study.planning import ConditionRange, NextTest, missing_over_speed, rank_next_tests, weights_sentence
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address, results
-from crashfuse.ui.kit.address import MOST_PINS, chosen_config, kept, pinned
+from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pinned
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
 from crashfuse.ui.kit.curves import (
@@ -63,8 +63,6 @@ from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import TTZV, plain
 from crashfuse.units import IN_SI, joined
-
-_DECIMALS = 9  # of speeds and weights in the session: 56 km/h come back as 56
 
 
 class _Field(NamedTuple):  # a number of a condition, or its range, in the unit of the session and the address
@@ -165,13 +163,6 @@ def _choose_condition(campaign: Campaign, display: Display) -> Condition:
     return condition
 
 
-def fill_in(campaign: Campaign, condition: Condition) -> None:
-    """Choose a condition on the page Predict; call it from a callback."""
-    given, numbers = dict(condition.factors), zip(_FIELDS, condition.vector, strict=True)
-    st.session_state.update({field.key: round(float(value) / IN_SI[field.unit], _DECIMALS) for field, value in numbers})
-    st.session_state.update({f"factor_{name}": given.get(name) or None for name in campaign.factors})
-
-
 def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs: np.ndarray) -> float:
     """Slider over the CAE runs' range, and a field beyond it; returns SI, kept in mph or lb."""
     name, in_si, step, digits = field.key, IN_SI[field.unit], field.step, field.digits
@@ -180,11 +171,11 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
     least, most = max(low / 2, step), 2 * high  # a decimal comma typed by mistake gives ten times the intended value
     address.default(name, round(float(np.median(runs)) / in_si, digits))
-    asked = round(state[name] * in_si * shown, _DECIMALS)
+    asked = round(state[name] * in_si * shown, DECIMALS)
     value = min(max(asked, least), most)
     if asked != value:  # by a link, left from another campaign, or typed: the field itself would refuse without a word
         st.warning(f"{label} is from {least:g} to {most:g} here, not {asked:g}: {value:g} is taken.")
-        state[name] = round(value / shown / in_si, _DECIMALS)
+        state[name] = round(value / shown / in_si, DECIMALS)
     # A browser sends what its widgets showed before it hears of a new value. So each value that a widget did not give
     # itself makes another widget of it, and what the one before still sends does not count.
     widgets = state.get(f"{name} widgets", {})
@@ -199,7 +190,7 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     def take(key: str, other: str) -> None:
         # a field that a slow browser has only just put into the page may send its default, 0
         if state[key] and key in state[f"{name} widgets"]["keys"]:
-            state[name] = round(state[key] / shown / in_si, _DECIMALS)
+            state[name] = round(state[key] / shown / in_si, DECIMALS)
             state[f"{name} widgets"] = {**widgets, "value": state[name], other: state[name], "keys": (key,)}
 
     form = f"%.{digits}f"
@@ -353,7 +344,7 @@ def _range(
     address.default(axis.key, f"{tests[0] / own_in_si:.9g}:{tests[1] / own_in_si:.9g} {own_unit}")
     ends = _ends(state[axis.key])
     slider = f"{axis.key}, {low:g} to {high:g} {unit}"  # another range is another widget
-    address.put(slider, tuple(round(min(max(end / in_si, low), high), _DECIMALS) for end in ends))
+    address.put(slider, tuple(round(min(max(end / in_si, low), high), DECIMALS) for end in ends))
 
     def take() -> None:
         first, last = state[slider]

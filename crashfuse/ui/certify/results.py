@@ -40,7 +40,6 @@ from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.progress import show_end, show_job
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.predict import fill_in
 from crashfuse.units import counted, joined
 
 _CHOICE, _KEPT = "earlier", "verdicts that were kept"  # session keys
@@ -324,7 +323,7 @@ def _show_reason(certification: Certification, display: Display) -> None:
         st.markdown(f"**{plain(display.words(joined([verdict.criterion.label, verdict.criterion.limits], ', ')))}**")
         st.markdown(plain(display.words(verdict.reason)))
         button, args = "See the predicted pulse there", (certification.campaign, row.condition)
-        if st.button(button, icon=":material/arrow_forward:", on_click=fill_in, args=args):
+        if st.button(button, icon=":material/arrow_forward:", on_click=address.choose_condition, args=args):
             open_page("predict")
 
 

@@ -16,14 +16,17 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.approaches.base import DEVICES, PRESETS
 from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, require_window
-from crashfuse.units import SYSTEMS
+from crashfuse.units import IN_SI, SYSTEMS
 
+DECIMALS = 9  # of speeds and weights in the session: 56 km/h come back as 56
+_CONDITION = {"speed_mph": "mph", "front_weight_lb": "lb", "rear_weight_lb": "lb"}
 MOST_PINS = 6  # each takes ten megabytes, and a column of the table
 Value = str | float | bool | tuple[str, ...] | None
 _PAGE, _DEFAULTS = "page", "defaults"  # session keys: the open page; defaults that depend on the campaign
@@ -103,7 +106,7 @@ CHOICES: dict[str, Choice] = {
     **{f"{page}_also": Choice(tuple, (), pages=(page,), of_campaign=True) for page in ("compare", "predict")},
     **{f"{page}_nearest": Choice(bool, False, pages=(page,)) for page in ("compare", "predict")},
     "pins": Choice(tuple, (), pages=("compare", "predict")),
-    **dict.fromkeys(("speed_mph", "front_weight_lb", "rear_weight_lb"), Choice(float, pages=("predict",))),
+    **dict.fromkeys(_CONDITION, Choice(float, pages=("predict",))),
     "sweep_metric": Choice(str, next(iter(METRIC_LABELS)), tuple(METRIC_LABELS), ("predict",)),
     "criteria": Choice(tuple, pages=("certify",), of_campaign=True),
     **dict.fromkeys(("confidence", "cost_test", "cost_wrong"), Choice(float, pages=("certify",), of_campaign=True)),
@@ -291,6 +294,13 @@ def choose_held_out(test: CrashTest) -> None:
     """Select the test to hold out; call it from a callback, before the sidebar is drawn."""
     st.session_state["test"] = test.id
     forget()
+
+
+def choose_condition(campaign: Campaign, condition: Condition) -> None:
+    """Choose a condition on the page Predict; call it from a callback."""
+    given, numbers = dict(condition.factors), zip(_CONDITION.items(), condition.vector, strict=True)
+    st.session_state.update({key: round(float(value) / IN_SI[unit], DECIMALS) for (key, unit), value in numbers})
+    st.session_state.update({f"factor_{name}": given.get(name) or None for name in campaign.factors})
 
 
 def forget() -> None:
