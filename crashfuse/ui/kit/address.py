@@ -6,7 +6,7 @@ is drawn, and read back when a session begins and on Back and Forward.
 
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -214,13 +214,13 @@ def publish() -> None:
         st.query_params.from_dict(shown)
 
 
-def parameters(page: str, keys: Collection[str] = ()) -> dict[str, list[str]]:
-    """Parameters of a link to a page that shows what this session has chosen; ``keys`` are those of :func:`keys`."""
+def parameters(page: str) -> dict[str, list[str]]:
+    """Parameters of a link to a page that shows what this session has chosen."""
     state = st.session_state
     defaults = state.get(_DEFAULTS, {})
     return {
         key: choice.texts(value)
-        for key, choice in _of(page, keys).items()
+        for key, choice in _of(page).items()
         if (value := state.get(key)) is not None and value not in (defaults.get(key), _in_session(choice.default))
     }
 
@@ -235,16 +235,11 @@ def acts(key: str, page: str) -> bool:
     return CHOICES[key].acts_on(page)
 
 
-def keys() -> frozenset[str]:
-    """All keys of the session and of the address; Streamlit takes milliseconds to list them."""
-    return frozenset({*map(str, st.session_state), *st.query_params})
-
-
-def _of(page: str | None, known: Collection[str] = ()) -> dict[str, Choice]:
+def _of(page: str | None) -> dict[str, Choice]:
     here = {key: choice for key, choice in CHOICES.items() if choice.acts_on(page)}
     for family in [key for key in here if key.endswith(_ANY)]:
         choice, stem = here.pop(family), family.removesuffix(_ANY)
-        here |= {key: choice for key in known or keys() if key.startswith(stem)}
+        here |= {key: choice for key in map(str, (*st.session_state, *st.query_params)) if key.startswith(stem)}
     return here
 
 
