@@ -7,7 +7,7 @@ import hashlib
 import json
 import logging
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
@@ -21,7 +21,7 @@ from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, is_estimate_cached
+from crashfuse.study.estimate import Estimate
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
 
@@ -232,22 +232,3 @@ def _home() -> Path:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def earlier_settings(
-    results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig
-) -> list[StudyConfig]:
-    """Settings of past results with an approach's prediction of a test in the cache, but for the one that is shown."""
-    condition = campaign.test(test_id).condition
-
-    def identity(config: StudyConfig) -> str:
-        return repr((config.create(approach).identity, config.left_out(campaign, test_id)))
-
-    mine = [result for result in results if result.fingerprint == campaign.fingerprint and test_id in result.tests]
-    ways = [way for result in mine if approach in result.config.approaches for way in result.config.split_configs]
-    distinct = {identity(shown): shown}
-    for way in ways:
-        config = replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out)
-        if is_estimate_cached(config.training_campaign(campaign, test_id), condition, approach, config):
-            distinct.setdefault(identity(config), config)
-    return list(distinct.values())[1:]

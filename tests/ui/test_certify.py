@@ -171,7 +171,7 @@ def test_what_one_test_less_would_change_is_in_the_files(visit: Visit, monkeypat
     """As the page shows it, beside the variants that are in them anyway."""
     session = certified(visit("certify", **LINK, what_if="without T1")).run().finish()
     taken: list[Judgement] = []
-    monkeypatch.setattr("crashfuse.ui.certify.results.show_files", taken.append)
+    monkeypatch.setattr("crashfuse.ui.certify.results.offer_files", taken.append)
     session.press("Export")
     assert "without T1" in [variant.name for variant in taken[-1].certification.variants]
 
@@ -246,12 +246,12 @@ def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, vis
     upload.set_value([("mine.toml", b"confidence = 0.8\n[[criterion]]\nmetric = 'peak'\nat_most = 20", "text/plain")])
     session.run()
     assert field(session, "Confidence").value == 0.8
-    assert session.app.session_state["criteria"] == ["peak~~~20~peak"]
+    assert session.app.session_state["criteria"] == ["peak~~~20~peak~g"]
     (upload,) = session.app.file_uploader
     upload.set_value([("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20", "text/plain")])
     session.run()
     assert "mine.toml, criterion 1: expected a metric of peak" in session.words
-    assert session.app.session_state["criteria"] == ["peak~~~20~peak"]
+    assert session.app.session_state["criteria"] == ["peak~~~20~peak~g"]
     assert (asking / "criteria.toml").read_text() == CRITERIA
 
 
@@ -262,17 +262,29 @@ def test_rows_typed_in_are_in_the_link_and_stay_when_the_page_is_left(visit: Vis
     assert "criteria" not in session.app.query_params
     field(session, "At most").set_value(444.0)
     field(session.run(), "Name, row 2").set_value("")
-    typed = ["max_crush~~~444~crush", "rating~40~0.6~~"]
+    typed = ["max_crush~~~444~crush~mm", "rating~40~0.6~~~"]
     assert session.run().app.query_params["criteria"] == typed
     session.go("data").go("certify")
     assert session.app.session_state["criteria"] == typed
     second = visit("certify", **LINK, criteria=typed, confidence="0.8")
     assert (field(second, "At most").value, field(second, "Confidence").value) == (444.0, 0.8)
     field(second, "Metric").set_value("peak")
-    assert second.run().app.session_state["criteria"] == ["peak~~~~", typed[1]]  # a limit of crush is none of peak
+    assert second.run().app.session_state["criteria"] == ["peak~~~~~", typed[1]]  # a limit of crush is none of peak
     assert "expected at_least or at_most" in second.words
     remove(second, "criteria", 0).press("Add a criterion")
-    assert second.app.session_state["criteria"] == [typed[1], "rating~~~~"]
+    assert second.app.session_state["criteria"] == [typed[1], "rating~~~~~"]
+
+
+def test_a_small_limit_whose_unit_the_file_states_is_asked_for_as_it_is(asking: Path, visit: Visit) -> None:
+    """Without its unit it would be refused: it could be in metres."""
+    row = '[[criterion]]\nmetric = "static_crush"\nat_most = 2.5\n'
+    (asking / "criteria.toml").write_text(row)
+    assert "else state the unit" in visit("certify", **LINK).words
+    (asking / "criteria.toml").write_text(row + 'unit = "mm"\n')
+    session = visit("certify", **LINK)
+    assert field(session, "At most").value == 2.5
+    assert "else state the unit" not in session.words
+    assert "Certify" in session.buttons
 
 
 @pytest.mark.usefixtures("asking")

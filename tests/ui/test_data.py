@@ -163,24 +163,6 @@ def test_a_zip_is_opened_under_its_name(campaign_folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_uploads_that_nobody_looks_at_make_room(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beyond the limit those go that were not looked at for longest; what somebody looks at stays."""
-    files = content_of(campaign_folder)
-    monkeypatch.setattr(uploads, "_MOST_BYTES", 1.5 * sum(map(len, files.values())))
-    first = begin().upload({"first.zip": zipped(files)})
-    begin().upload({"second.zip": zipped({**files, "campaign.toml": b"name = 'Second'"})})
-    assert len(kept()) == 2  # both were looked at just now
-    gone = list(campaigns.opened_here())[2]
-    for folder in kept():
-        os.utime(folder, (0, 0))
-    first.run()
-    begin().upload({"third.zip": zipped({**files, "campaign.toml": b"name = 'Third'"})})
-    assert sorted(path.name for folder in kept() for path in folder.iterdir()) == ["first", "third"]
-    assert [campaigns.label(name).partition(" ")[0] for name in campaigns.opened_here()] == ["sample", "first", "third"]
-    assert "You have not opened the campaign" in begin(campaign=gone).words
-
-
-@pytest.mark.slow
 def test_the_files_of_a_campaign_are_opened_together(campaign_folder: Path) -> None:
     """CSV and Parquet side by side; the field is empty afterwards."""
     session = begin().upload({path.name: path.read_bytes() for path in campaign_folder.rglob("*") if path.is_file()})
