@@ -47,8 +47,15 @@ def another_site(folder: Path, page: str) -> Iterator[str]:
         site.shutdown()
 
 
-def test_another_site_cannot_embed_the_dashboard(small_server: Server, user: User, tmp_path: Path) -> None:
-    """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page."""
+def test_another_site_embeds_nothing_and_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
+    small_server: Server, user: User, campaign_on_disk: Path, tmp_path: Path
+) -> None:
+    """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page.
+
+    Files spoilt in eight ways are eight rows, which say which file; after that the good zip takes its place.
+
+    After Escape or a reload it is still theirs, with what was computed of it; another browser lists neither.
+    """
     user.browser.get(small_server.address.replace("127.0.0.1", "evil.localhost") + "/data")  # which resolves to it, too
     user.sees("crashfuse does not answer under this name.", "body")
     assert user.browser.execute_async_script(_KNOCK, small_server.address.replace("http", "ws")) == "refused"
@@ -63,15 +70,6 @@ def test_another_site_cannot_embed_the_dashboard(small_server: Server, user: Use
         user.browser.switch_to.default_content()
     user.open(small_server, "data")
     user.find("#root")
-
-
-def test_an_upload_is_mended_and_seen_by_its_owner_and_whoever_has_the_link(
-    small_server: Server, user: User, campaign_on_disk: Path, tmp_path: Path
-) -> None:
-    """Files spoilt in eight ways are eight rows, which say which file; after that the good zip takes its place.
-
-    After Escape or a reload it is still theirs, with what was computed of it; another browser lists neither.
-    """
     folder = shutil.copytree(campaign_on_disk, tmp_path / "car")
     told = spoil(folder)
     spoilt = tmp_path / "spoilt.zip"

@@ -31,12 +31,22 @@ def study(user: User, server: Server, **view: str) -> None:
     user.rests()  # with the last result drawn
 
 
-def test_a_cell_opens_its_test_by_keyboard_and_mouse_and_back_leads_to_the_question(
+def _tick(user: User, row: int) -> None:
+    """The box of a row, 18 pixels from the left."""
+    grid = user.find('[data-testid="stDataFrame"] canvas')
+    user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
+    across, down = round(18 - grid.rect["width"] / 2), round(52 + 35 * row - grid.rect["height"] / 2)
+    ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()
+
+
+def test_a_cell_opens_its_test_and_studies_are_reported_compared_and_opened_again(
     small_server: Server, user: User
 ) -> None:
     """Arrows move from cell to cell, Enter does what a click anywhere in the cell does, as does a field below.
 
-    Back leads to the study with all at about a test's speed left out; Space opens a rating.
+    Back leads to the study with all at about a test's speed left out; Space opens a rating. The report is short, of
+    one test, in kg and m/s². Two ticks: means, differences, a table to take along; a button opens one. Escape closes
+    the dialog of files, and Back does not open it again.
     """
     study(user, small_server)
     heat_map = f'{FIGURE}[tabindex="0"]'
@@ -86,15 +96,7 @@ def test_a_cell_opens_its_test_by_keyboard_and_mouse_and_back_leads_to_the_quest
 
     user.wait(explained, "Space opened no explanation.")
     assert user.browser.execute_script("return document.querySelector('[data-testid=stMain]').scrollTop") == 0
-
-
-def test_studies_are_reported_in_the_units_of_the_page_compared_and_opened_again(
-    small_server: Server, user: User
-) -> None:
-    """Short, of one test, in kg and m/s². Two ticks: means, differences, a table to take along; a button opens one.
-
-    Escape closes the dialog of files, and Back does not open it again.
-    """
+    user.becomes_another()
     user.sits_at(1440, 1000)
     study(user, small_server)
     user.press("km/h, kg", f"{SIDEBAR} button")
@@ -127,14 +129,6 @@ def test_studies_are_reported_in_the_units_of_the_page_compared_and_opened_again
     user.press("Open 20", f"{MAIN} button")
     user.sees("Mean over the tests")
     assert "seed=4" in user.browser.current_url
-
-
-def _tick(user: User, row: int) -> None:
-    """The box of a row, 18 pixels from the left."""
-    grid = user.find('[data-testid="stDataFrame"] canvas')
-    user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
-    across, down = round(18 - grid.rect["width"] / 2), round(52 + 35 * row - grid.rect["height"] / 2)
-    ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()
 
 
 def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
