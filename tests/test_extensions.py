@@ -159,7 +159,6 @@ def test_its_approach_stands_on_the_pages(shown: dict[str, Any]) -> None:
 
 
 def test_its_format_is_recognised_and_imported(shown: dict[str, Any]) -> None:
-    """By the name of a file, as ours are."""
     ended, out, err = shown["import"]
     assert ended == 0, err
     assert out.startswith("P2: 34.8 mph (56.0 km/h)")

@@ -146,7 +146,6 @@ def shown(program: Path, campaign_on_disk: Path, tmp_path_factory: pytest.TempPa
 
 
 def test_a_new_approach_keeps_the_contract(shown: dict[str, Any]) -> None:
-    """Registered, it is run by the contract test."""
     ended, said = shown["contract"]
     assert ended == 0, said
     assert re.search(r"^10 passed", said, flags=re.MULTILINE), said
@@ -171,15 +170,12 @@ def test_a_new_format_is_recognised_and_imported(shown: dict[str, Any]) -> None:
 
 
 def test_a_new_metric_is_read_off_every_pulse(shown: dict[str, Any]) -> None:
-    """With its unit and interval."""
     assert shown["metric"] == ["300.0 [300.0, 300.0]", "mm", "Crush at 20 ms"]
 
 
 def test_a_new_figure_draws_what_it_is_given(shown: dict[str, Any]) -> None:
-    """A curve for each test, over ms."""
     assert shown["figure"] == [4, 100, "Jerk (g/ms)"]
 
 
 def test_a_new_page_is_in_the_navigation_and_shows_its_figure(shown: dict[str, Any]) -> None:
-    """Reached through app.py, as the others are."""
     assert shown["page"] == ["Jerk", 1]
