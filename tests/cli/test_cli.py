@@ -393,19 +393,18 @@ def test_what_the_parser_refuses_is_wrong_usage(arguments: list[str], shell: She
 
 @pytest.mark.slow
 def test_saved_models_predict_without_learning_again(
-    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
+    campaign_on_disk: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    shell: Shell,
+    fitting_is_an_error: Callable[[], None],
 ) -> None:
     """All that train saved is used; with an empty cache nothing is trained."""
     printed = shell.prints("train", campaign_on_disk, "--out", tmp_path / "models")
     assert "Learned from 4 tests and 24 CAE runs" in printed
     assert {path.stem for path in (tmp_path / "models").iterdir()} == set(APPROACHES)
-
-    def forbidden(*_: object, **__: object) -> None:
-        raise AssertionError("trained again")
-
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path / "empty"))
-    monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", forbidden)
-    monkeypatch.setattr("crashfuse.approaches.displacement_domain.gaussian_process.GaussianProcess.fit", forbidden)
+    fitting_is_an_error()
     out = tmp_path / "out"
     command = ["predict", campaign_on_disk, *at_condition(22, 2060, 1520), "--out", out]
     assert run(*command, "--models", tmp_path / "models") == cli.DONE
