@@ -386,6 +386,14 @@ def _wait_until_up(server: Server, process: "subprocess.Popen[bytes]") -> None:
     pytest.fail(f"The dashboard did not start:\n{server.log}")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Every test here is slow."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent:
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture
 def cold_server(tmp_path: Path) -> Iterator[Server]:
     """A dashboard of the test's own that no session has used yet, with no campaign open."""

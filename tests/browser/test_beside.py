@@ -1,12 +1,9 @@
 """Anything beside anything in a real browser: curves that stay as chosen, pins, the nearest tests."""
 
-import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
 from tests.browser.conftest import FIGURE, MAIN, PILL, TABLE, Server, User
-
-pytestmark = pytest.mark.slow
 
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 

@@ -9,7 +9,6 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
-import pytest
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -18,9 +17,6 @@ from tests.browser.conftest import SIDEBAR, TABLE, Server, User, serve
 from tests.browser.identity_provider import CLIENT, SECRET, identity_provider
 from tests.campaign_folder.test_uploads import spoil
 from tests.conftest import content_of
-
-pytestmark = pytest.mark.slow
-
 
 _KNOCK = """
 const socket = new WebSocket(arguments[0] + "/_stcore/stream", ["streamlit"]);

@@ -3,11 +3,7 @@
 from collections.abc import Iterator
 from urllib.parse import parse_qs, urlsplit
 
-import pytest
-
 from tests.browser.conftest import FIGURE, LINK, MAIN, SIDEBAR, Server, User
-
-pytestmark = pytest.mark.slow
 
 VIEW = {"campaign": "sample", "test": "T03", "window": "40", "unit": "m/s²", "sign": "Deceleration", "seed": "3"}
 SHOWN = ["sample", "T03 · 16.7 mph", "0–40 ms", "m/s²", "+"]

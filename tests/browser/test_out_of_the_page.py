@@ -21,8 +21,6 @@ from crashfuse.units import G
 from tests.browser.conftest import FIGURE, PAIRED, PILL, Server, User, press_tool, rows
 from tests.conftest import ROOT
 
-pytestmark = pytest.mark.slow
-
 BANDED = ("time_domain", "displacement_domain", "fused")
 
 

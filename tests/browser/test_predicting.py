@@ -2,15 +2,12 @@
 
 import re
 
-import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
 from tests.browser.conftest import FIGURE, MAIN, PILL, QUICK, TABLE, Server, User, bands
-
-pytestmark = pytest.mark.slow
 
 
 def presses(user: User, slider: "WebElement", key: str) -> None:

@@ -1,12 +1,9 @@
 """Results in a real browser: what a page shows first, figures that are switched, files that arrive, reasons."""
 
-import pytest
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from tests.browser.conftest import DIALOG, FIGURE, LINK, MAIN, PAIRED, POPOVER, TABLE, Server, User, press_tool, rows
-
-pytestmark = pytest.mark.slow
 
 _CLIPBOARD = "navigator.clipboard.readText().then(arguments[0], () => arguments[0](''))"
 

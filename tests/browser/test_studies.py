@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
@@ -12,9 +11,6 @@ from crashfuse.campaign import Campaign
 from tests.browser.conftest import DIALOG, FIGURE, MAIN, PILL, QUICK, SIDEBAR, SOON, Server, User
 from tests.conftest import write_campaign
 from tests.study.test_outliers import at_one_speed
-
-pytestmark = pytest.mark.slow
-
 
 _LOOKS = """
 return document.querySelector(".js-plotly-plot").data.map(

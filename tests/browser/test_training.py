@@ -1,10 +1,6 @@
 """Computations in a real browser: watched, shared and stopped while they run, or ended by want of memory."""
 
-import pytest
-
 from tests.browser.conftest import MAIN, QUICK, Server, User
-
-pytestmark = pytest.mark.slow
 
 
 def test_a_training_ends_when_nobody_waits_for_it_and_what_failed_succeeds_the_next_time(

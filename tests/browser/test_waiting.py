@@ -2,13 +2,10 @@
 
 import re
 
-import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.approaches.registry import LABELS
 from tests.browser.conftest import MAIN, POPOVER, SIDEBAR, Server, User, bands
-
-pytestmark = pytest.mark.slow
 
 
 def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_server: Server, user: User) -> None:
