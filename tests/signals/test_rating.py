@@ -44,7 +44,6 @@ def curves(case: str) -> tuple[FloatArray, FloatArray]:
 
 @pytest.mark.parametrize("case", [*OURS, *OTHERS])
 def test_vector_scores_agree(case: str) -> None:
-    """All five scores equal the published vectors' unrounded ones."""
     reference, comparison = curves(case)
     expected = [float(EXPECTED[case][name]) for name in SCORES]
     np.testing.assert_allclose(scores(rate_iso18571(reference, comparison, dt_s=DT_S)), expected, rtol=0, atol=1e-9)

@@ -210,7 +210,6 @@ def test_a_refused_page_is_told_with_what_to_do_once_a_minute(capsys: Capture, m
 
 @pytest.mark.parametrize(("text", "asks"), [(GOOD, True), (NAMED, True), ("other = 1", False), ("", False)])
 def test_what_streamlit_understands_is_taken(text: str, asks: bool, tmp_path: Path) -> None:
-    """One provider, several by name, or none."""
     file = tmp_path / "secrets.toml"
     file.write_text(text)
     assert visitors.check_login([file, tmp_path / "nowhere.toml"]) is asks
