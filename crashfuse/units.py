@@ -84,6 +84,16 @@ def difference(value: float, base: float, digits: int) -> str:
     return signed(round(value, digits) - round(base, digits), digits)
 
 
+def interval_texts(value: str | None, lower: str | None, upper: str | None, is_open: bool) -> tuple[str, str]:
+    """A value and its interval, whose ends may be open: ``25.3``, ``[24.1, 26.0]``; ``≤ 15.3``, ``(95 %, …)``."""
+    if lower is None and upper is None:
+        return value or "–", "[open]" if value and is_open else ""
+    known = f"≤ {upper}" if lower is None else f"≥ {lower}" if upper is None else None
+    if value is None:
+        return known or f"{lower}–{upper}", "(95 %, record too short)"
+    return value, f"[{known or f'{lower}, {upper}'}]"
+
+
 def probability_text(probability: float | None, confidence: float) -> str:
     """A probability to three digits, never 0 or 1; a dash if it is not known.
 

@@ -11,6 +11,8 @@ import pyarrow.parquet as pq
 from markupsafe import Markup
 
 from crashfuse.files.csv_text import neutral
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.table import PARTS, Table
 
 
 def json_bytes(values: Mapping[str, object]) -> bytes:
@@ -41,8 +43,16 @@ _ONE_ENDED = (  # intervals that a record leaves open, as such with two ends
 _NUMBER = re.compile(r"[+-][\d.]+ ± [\d.]+")  # with its error, as no formula is
 
 
-def spreadsheet_text(table: pd.DataFrame) -> str:
+def spreadsheet_text(table: Table | pd.DataFrame, display: Display = DEFAULT) -> str:
     """Return a table as lines with tabs, which a spreadsheet takes: intervals and grades in columns of their own."""
+    if isinstance(table, Table):
+        shown = []
+        for heading, (column, cells) in table.cells(display).items():
+            cell_of = _text_cell if column.kind == "text" else _number_cell
+            for place, end in enumerate(PARTS.get(column.kind, ("",))):
+                parts = [(cell.parts or (cell.text,))[place] for cell in cells]
+                shown.append([_text_cell(f"{heading}{end}"), *map(cell_of, parts)])
+        return "\n".join(map("\t".join, zip(*shown, strict=True)))
     columns: list[list[str]] = []
     for name, own in table.items():
         cells = [_plain(cell) for cell in own]
@@ -56,6 +66,14 @@ def spreadsheet_text(table: pd.DataFrame) -> str:
         else:
             columns.append([str(name), *cells])
     return "\n".join("\t".join(map(_cell, row)) for row in zip(*columns, strict=True))
+
+
+def _number_cell(text: str) -> str:
+    return "" if text == "–" else text.replace("−", "-")  # no value; the minus sign of print
+
+
+def _text_cell(text: str) -> str:
+    return neutral(_number_cell(" ".join(text.split())))
 
 
 def _plain(cell: object) -> str:

@@ -16,7 +16,7 @@ from crashfuse.errors import require_a
 from crashfuse.signals import pulse_shape
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel, occupant_load_criterion, vehicle_pulse_index
 from crashfuse.signals.pulse import DT_S, TAIL, FloatArray, Kinematics, checked_pulse, kinematics, with_late_stops
-from crashfuse.units import KPH, MS, G, Sentence, joined
+from crashfuse.units import KPH, MS, G, Sentence, interval_texts, joined
 
 _WINDOW_S = 0.025  # of SM25
 
@@ -60,15 +60,12 @@ class Metric:
         return self._text(f" {self.unit}" if self.unit else "")
 
     def _text(self, unit: str) -> str:
-        value, lower, upper = (
-            None if number is None else f"{number:.{self.digits}f}" for number in (self.value, self.lower, self.upper)
-        )
-        if lower is None and upper is None:
-            return "–" if value is None else f"{value}{' [open]' if self.drawn else ''}{unit}"
-        known = f"≤ {upper}" if lower is None else f"≥ {lower}" if upper is None else None
-        if value is None:
-            return f"{known or f'{lower}–{upper}'}{unit} (95 %, record too short)"
-        return f"{value} [{known or f'{lower}, {upper}'}]{unit}"
+        ends = self.value, self.lower, self.upper
+        texts = (None if end is None else f"{end:.{self.digits}f}" for end in ends)
+        value, detail = interval_texts(*texts, self.drawn)
+        if self.value is None:
+            return f"{value}{unit} {detail}" if detail else value
+        return f"{value} {detail}{unit}" if detail else f"{value}{unit}"
 
 
 def _sm25(motion: Kinematics) -> FloatArray:

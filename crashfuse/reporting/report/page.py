@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Literal, get_args
 
 import pandas as pd
@@ -26,6 +26,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.result_tables import about_table, archive_table, metric_texts, quality_table, wall_table
+from crashfuse.reporting.table import Table
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -47,8 +48,23 @@ def _templates(display: Display) -> Environment:
         lstrip_blocks=True,
         finalize=lambda value: display.words(value) if hasattr(value, "in_units") else value,
     )
-    templates.filters["tabbed"] = spreadsheet_text
+    templates.filters["tabbed"] = partial(spreadsheet_text, display=display)
+    templates.filters["shown"] = partial(_shown, display=display)
     return templates
+
+
+def _shown(table: Table | pd.DataFrame, display: Display) -> pd.DataFrame:
+    """A table's headings and cells: what stands out in bold, no line broken within an interval."""
+    if isinstance(table, pd.DataFrame):
+        return table
+    shown = {}
+    for heading, (column, cells) in table.cells(display).items():
+        marks = table.marked.get(column.title, [False] * len(cells))
+        shown[heading] = [
+            Markup("<b>{}</b>").format(cell.unbroken) if is_marked else cell.unbroken
+            for cell, is_marked in zip(cells, marks, strict=False)
+        ]
+    return pd.DataFrame(shown, dtype=object)
 
 
 def render(

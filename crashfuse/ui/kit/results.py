@@ -20,6 +20,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
 from crashfuse.reporting.rating_tables import REPEAT, TTZV_COLUMN
 from crashfuse.reporting.result_tables import metric_texts, next_tests_table
+from crashfuse.reporting.table import Cell, Column, Table
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows
@@ -39,15 +40,46 @@ _MOST_ROWS = 50  # shown; the downloaded file has all
 TEST_COLUMN = "Test"  # heading of what was measured, beside the approaches
 
 
-def show_table(table: Styler | pd.DataFrame, key: str, remark: str = "", meanings: Sequence[str] = ()) -> None:
+def show_table(table: Table | Styler | pd.DataFrame, key: str, remark: str = "", meanings: Sequence[str] = ()) -> None:
     """Show a table with a button that copies it, a remark, and what its rows mean as tooltips."""
-    styler = aligned(table if isinstance(table, Styler) else literal(table))
-    st.table(styler, border="horizontal")
+    if isinstance(table, Table):
+        units, flipped = chosen_units(), st.session_state.get("sign") == "Deceleration"
+        display = Display(unit=units.acceleration, deceleration=flipped, system=units)
+        st.table(styled(table, display), border="horizontal")
+        text = spreadsheet_text(table, display)
+    else:
+        styler = aligned(table if isinstance(table, Styler) else literal(table))
+        st.table(styler, border="horizontal")
+        text = spreadsheet_text(styler.data.rename(columns=as_read))
     copy = component("copy_table", css="buttons.css")
-    text = spreadsheet_text(styler.data.rename(columns=as_read))
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         copy(data={"text": text, "meanings": list(meanings)}, key=f"copy {key}", width="content")
         st.caption(remark)
+
+
+def styled(table: Table, display: Display) -> Styler:
+    """A table on a page: numbers at the right, intervals lighter, grades and what stands out in colours."""
+    columns = table.cells(display)
+    texts = {heading: [_markdown(column, cell) for cell in cells] for heading, (column, cells) in columns.items()}
+    shown = pd.DataFrame(texts).rename(columns=plain)
+    styler, right = shown.style.hide(axis="index"), "text-align: right !important"
+    for place, (name, (column, cells)) in enumerate(zip(shown, columns.values(), strict=True)):
+        if column.is_numeric:
+            styler.set_properties(subset=[name], **{"text-align": "right !important"})
+            styler.set_table_styles([{"selector": f"th.col{place}", "props": right}], overwrite=False)
+        marks = table.marked.get(column.title, [False] * len(cells))
+        colours = [GRADE_COLOURS["Fair"] if is_marked else "" for is_marked in marks]
+        if column.kind == "grade":
+            colours = [GRADE_COLOURS.get(cell.detail, "") for cell in cells]
+        styler.apply(lambda _, css: css, css=[colour and fill(colour) for colour in colours], subset=[name])
+    return styler
+
+
+def _markdown(column: Column, cell: Cell) -> str:
+    if not cell.detail:
+        return plain(cell.text)
+    detail = f":gray[{plain(cell.detail)}]" if column.kind == "interval" else plain(cell.detail)
+    return f"{plain(cell.value)} {detail}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def literal(table: pd.DataFrame) -> Styler:
@@ -177,22 +209,28 @@ def ratings_table(
     repeats: Mapping[float, Repeatability],
     draws: Mapping[str, tuple[float, float]],
     to_ttzv: Mapping[str, float],
-) -> Styler:
+) -> Table:
     """Ratings by prediction and window, parts and draws over one window; last, a repeat."""
-    table = pd.DataFrame(
+    rows = [
         {
             "Approach": label_of(name),
-            **{window_label(w): graded(rating.overall) for w, rating in by_window.items()},
-            **({TTZV_COLUMN: graded(to_ttzv[name])} if name in to_ttzv else {}),
-            **{part.capitalize(): f"{getattr(by_window[window_ms], part):.3f}" for part in WEIGHTS},
-            "Single draws": "–".join(f"{end:.3f}" for end in draws.get(name, ())) or "–",
+            **{window_label(w): rating.overall for w, rating in by_window.items()},
+            **({TTZV_COLUMN: to_ttzv[name]} if name in to_ttzv else {}),
+            **{part.capitalize(): getattr(by_window[window_ms], part) for part in WEIGHTS},
+            **dict(zip(("least", "most"), draws.get(name, ()), strict=False)),
         }
         for name, by_window in by_approach.items()
+    ]
+    repeat = {window_label(w): own.value for w, own in repeats.items()}
+    frame = pd.DataFrame([*rows, *([{"Approach": REPEAT, **repeat}] if repeats else [])])
+    parts = [part.capitalize() for part in WEIGHTS]
+    columns = (
+        Column("Approach"),
+        *(Column(name, "grade") for name in frame.columns.drop(["Approach", *parts, "least", "most"], errors="ignore")),
+        *(Column(part, "number", form=".3f") for part in parts),
+        Column("Single draws", "range", form=".3f", further=("least", "most")),
     )
-    if repeats:
-        repeat = {window_label(w): graded(own.value) for w, own in repeats.items()}
-        table = pd.concat([table, pd.DataFrame([{"Approach": REPEAT, **repeat}])], ignore_index=True).fillna("–")
-    return coloured(table)
+    return Table("ratings", frame, columns)
 
 
 def metrics_tables(
