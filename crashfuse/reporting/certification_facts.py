@@ -16,6 +16,7 @@ from crashfuse.reporting import evidence_facts
 from crashfuse.reporting.certification_tables import at_once_text
 from crashfuse.reporting.evidence_facts import fact, listed
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.table import CONDITION, Column, Table, of_condition
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import Sentence, counted, joined, number, read_out
@@ -115,18 +116,15 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
     return tuple(found)
 
 
-def planned_table(certification: Certification, display: Display) -> pd.DataFrame:
+def planned_table(certification: Certification, display: Display) -> Table:  # noqa: ARG001
     """The same as a table for readers."""
-    return pd.DataFrame(
-        {
-            "Planned test": row.id,
-            **display.columns(row.condition),
-            **dict(row.condition.factors),
-            "Answer": row.word,
-            "Why": display.words(row.why),
-        }
-        for row in planned(certification)
+    rows = planned(certification)
+    frame = pd.DataFrame(
+        {"Planned test": own.id, **of_condition(own.condition), "Answer": own.word, "Why": own.why} for own in rows
     )
+    factors = dict.fromkeys(name for own in rows for name, _ in own.condition.factors)
+    columns = (Column("Planned test"), *CONDITION, *map(Column, factors), Column("Answer"), Column("Why"))
+    return Table("planned tests", frame, columns)
 
 
 def shown(certification: Certification, place: Place) -> tuple[Fact, ...]:

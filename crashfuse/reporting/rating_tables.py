@@ -156,9 +156,11 @@ def ratings_shown(ratings: pd.DataFrame, kind: Literal["grade", "number"] = "gra
     """Ratings by approach, or by test and approach: with their grades, or as numbers of which the best are marked."""
     ratings = ratings.rename(index=label_of, level=-1)
     frame, keys = ratings.rename_axis([*ratings.index.names[:-1], "Approach"]).reset_index(), ratings.index.nlevels
-    columns = (Column(name, "text" if at < keys else kind, form=".3f") for at, name in enumerate(map(str, frame)))
-    marked = {str(name): of_window.tolist() for name, of_window in best(ratings).items()} if kind == "number" else {}
-    return Table("ratings", frame, tuple(columns), marked)
+    columns = (
+        *(Column(name) for name in frame.columns[:keys]),
+        *(Column(name, kind, form=".3f", marks=f"{name} best" if kind == "number" else "") for name in ratings),
+    )
+    return Table("ratings", frame.join(best(ratings).reset_index(drop=True).add_suffix(" best")), columns)
 
 
 def best(table: pd.DataFrame) -> pd.DataFrame:

@@ -3,17 +3,18 @@
 Units, sign and words are chosen by whoever renders it, from a :class:`~crashfuse.reporting.plots.display.Display`.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
 
 from crashfuse import views
+from crashfuse.condition import Condition
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.rating import grade, rating_text
-from crashfuse.units import interval_texts, number, probability_text, unbroken
+from crashfuse.units import LB, MPH, interval_texts, number, probability_text, unbroken
 
 Kind = Literal[
     "text", "number", "spread", "share", "interval", "range", "estimate", "difference", "grade", "probability"
@@ -29,6 +30,7 @@ class Cell(NamedTuple):
     value: str
     detail: str = ""
     parts: tuple[str, ...] = ()
+    is_marked: bool = False
 
     @property
     def text(self) -> str:
@@ -43,43 +45,24 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """What a column means.
+    """What a column means: its title, which has no unit, and how its numbers are shown.
 
-    Parameters
-    ----------
-    title : str
-        Its heading, without unit.
-    kind : str
-        ``text``: words, sentences with quantities, yes or no. ``spread``: a half width. ``share``: of 1, shown in per
-        cent. ``estimate``: with its standard error. ``difference``: of what is shown.
-    unit, units : str
-        That of the numbers in the frame; or the frame's column that has the unit of each row.
-    form, ends_form : str
-        Format of its numbers; of the ends of its intervals, if another one.
-    source : str
-        Name of the frame's column, by default the title.
-    further : tuple of str
-        Names of those with the ends of an interval (infinite where open) or a range, by default ``… lower`` and ``…
-        upper``, with the error of an estimate, or with what a difference subtracts.
-    missing : str
-        What stands where there is no value.
-    flips : bool
-        Whether its sign is that of the acceleration, which a reader chooses.
-    confidence : float
-        Beside which probabilities have more digits.
+    ``spread`` is a half width, ``share`` one of 1, shown in per cent, ``difference`` that of what is shown. The ends of
+    an interval are infinite where open.
     """
 
     title: str
     kind: Kind = "text"
-    unit: str = ""
+    unit: str = ""  # of the numbers in the frame
     form: str = ".1f"
-    source: str = ""
-    units: str = ""
-    ends_form: str = ""
-    further: tuple[str, ...] = ()
+    source: str = ""  # the frame's column, by default that of the title
+    units: str = ""  # the frame's column with the unit of each row
+    ends_form: str = ""  # of an interval's ends, if not as the value
+    further: tuple[str, ...] = ()  # columns of an interval's ends, an estimate's error, what a difference subtracts
+    marks: str = ""  # the frame's column that says which cells stand out
     missing: str = "–"
-    flips: bool = False
-    confidence: float = 1.0
+    flips: bool = False  # the sign is that of the acceleration, which a reader chooses
+    confidence: float = 1.0  # beside which probabilities have more digits
 
     @property
     def is_numeric(self) -> bool:
@@ -93,23 +76,27 @@ class Column:
 
     def cell(self, row: Mapping[Any, Any], display: Display) -> Cell:
         """A row's cell, in the reader's unit."""
+        return self._cell(row, display)._replace(is_marked=bool(self.marks and row[self.marks]))
+
+    def _cell(self, row: Mapping[Any, Any], display: Display) -> Cell:
         name, unit = self.source or self.title, row[self.units] if self.units else self.unit
         value, form = row.get(name), _RATIO if self.units and not unit else self.form
         if self.kind == "text":
             shown = _words(value, display) or self.missing
-            return Cell(display.title(shown, unit) if unit else shown)
+            return Cell(display.title(shown, unit))
         factor = display.units.factor(unit) * (-1 if self.flips and display.deceleration else 1)
         factor *= 100 if self.kind == "share" else 1
 
         def text(value: float | None, form: str = form) -> str | None:
-            return None if value is None or not np.isfinite(value) else number(value * factor, form)
+            return None if value is None or not np.isfinite(value) else number(float(value) * factor, form)
 
         further = [row.get(own) for own in self.further or (f"{name} lower", f"{name} upper")]
         ends = [text(end, self.ends_form or form) for end in further]
         main = text(value)
         if self.kind == "interval":
             is_open = any(end is not None and np.isinf(end) for end in further)
-            return Cell(*interval_texts(main, *ends, is_open), tuple(end or "" for end in (main, *ends)))
+            shown, detail = interval_texts(main, ends[0], ends[1], is_open=is_open)
+            return Cell(shown, detail, tuple(end or "" for end in (main, *ends)))
         if self.kind == "range" and None not in ends:
             return Cell("–".join(map(str, ends)))
         if main is None or value is None:
@@ -126,6 +113,19 @@ class Column:
         return Cell(f"{main} %" if self.kind == "share" and not unit else main)
 
 
+CONDITION = (
+    Column("Speed", "number", "mph", source="speed_mph"),
+    Column("Front weight", "number", "lb", ".0f", source="front_weight_lb"),
+    Column("Rear weight", "number", "lb", ".0f", source="rear_weight_lb"),
+)
+
+
+def of_condition(condition: Condition) -> dict[str, object]:
+    """What :data:`CONDITION` and its factors take of a condition."""
+    weights = {"front_weight_lb": condition.front_weight_kg / LB, "rear_weight_lb": condition.rear_weight_kg / LB}
+    return {"speed_mph": condition.speed_mps / MPH, **weights, **dict(condition.factors)}
+
+
 def _words(value: object, display: Display) -> str:
     if value is None or value != value:  # not a number
         return ""
@@ -134,15 +134,11 @@ def _words(value: object, display: Display) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table of results; ``frame`` has its numbers, in SI or the units of the files.
-
-    ``marked`` has the rows that stand out, by the titles of their columns.
-    """
+    """A table of results; ``frame`` has its numbers, in SI or the units of the files."""
 
     name: str
     frame: pd.DataFrame
     columns: tuple[Column, ...]
-    marked: Mapping[str, Sequence[bool]] = field(default_factory=dict)
 
     @classmethod
     def of_texts(cls, name: str, frame: pd.DataFrame) -> Self:
@@ -153,6 +149,11 @@ class Table:
     def empty(self) -> bool:
         """Whether it has no row."""
         return self.frame.empty
+
+    @property
+    def is_marked(self) -> bool:
+        """Whether any of its cells stands out."""
+        return any(bool(self.frame[column.marks].any()) for column in self.columns if column.marks)
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -174,6 +175,10 @@ class Table:
         """The table as words."""
         columns = self.cells(display).items()
         return pd.DataFrame({heading: [cell.text for cell in cells] for heading, (_, cells) in columns}, dtype=object)
+
+    def to_string(self, display: Display = DEFAULT) -> str:
+        """The table as lines, for a terminal."""
+        return str(self.texts(display).to_string(index=False))
 
     def _repr_html_(self) -> str:
         return views.card(self.name, self)

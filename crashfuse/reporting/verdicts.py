@@ -50,7 +50,7 @@ class Verdicts:
     @property
     def counts(self) -> pd.DataFrame:
         """Number of verdicts of each kind, one row a criterion."""
-        return tables.counts_table(self.certification)
+        return tables.counts_frame(self.certification)
 
     def beside(self, earlier: str | Path) -> Self:
         """The verdicts held against an earlier certification, by its file or folder; a DataError if that is none."""
@@ -94,8 +94,8 @@ class Verdicts:
 
     def _repr_html_(self) -> str:
         display = Display(system=self.certification.campaign.units)
-        table = tables.SHOWN["verdicts"](self.certification, display).drop(columns="Reason")
-        return card(repr(self)[1:-1], table, facts_words(self.certification.campaign, display))
+        table = tables.SHOWN["verdicts"](self.certification, display).without("Reason")
+        return card(repr(self)[1:-1], table, facts_words(self.certification.campaign, display), display)
 
 
 FIGURES: Mapping[str, Callable[[Certification, Display], go.Figure]] = {

@@ -107,7 +107,8 @@ def test_measures_beside_the_rating_are_columns_where_they_are_asked_for(campaig
     assert asked.scores.drop(columns=columns).equals(usual.scores)
     cae = asked.scores.set_index("approach").loc["cae", columns[:2]].to_numpy()
     np.testing.assert_allclose(cae, np.tile([-0.3, 0.0], (4, 1)), atol=1e-6)
-    assert list(tables.further_table(asked, asked.folds[0], 60.0).texts()["Sprague–Geers magnitude"]) == ["−0.300", "0.000"]
+    shown = tables.further_table(asked, asked.folds[0], 60.0).texts()
+    assert list(shown["Sprague–Geers magnitude"]) == ["−0.300", "0.000"]
     assert tables.further_table(usual, usual.folds[0], 60.0).empty
     assert PastResult.of_study(asked).id == PastResult.of_study(usual).id
 

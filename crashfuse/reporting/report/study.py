@@ -120,7 +120,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         "beyond": [fact.sentence for fact in window_facts(test, window)],
         "repeat": repeat and repeat.sentence(rating.overall, LABELS[advice.approach]),
         "motion": study.plot(test.id, notes=notes, display=display),
-        "details": details(study.campaign, fold.estimates, display, test, said=advice.sentences),
+        "details": details(study.campaign, fold.estimates, test, said=advice.sentences),
     }
     if options.form == "short":
         return shown

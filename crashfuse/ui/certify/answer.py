@@ -15,6 +15,7 @@ from crashfuse.reporting.certification_tables import changed_text
 from crashfuse.reporting.evidence_facts import saved_and_missed
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.table import Table
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify import results
@@ -176,7 +177,7 @@ def _show_variants(certification: Certification) -> None:
         else:
             show_end(job)
     if table:
-        show_table(pd.DataFrame(table), key="what if")
+        show_table(Table.of_texts("what if", pd.DataFrame(table)))
 
 
 def show_files(judgement: Judgement) -> None:
