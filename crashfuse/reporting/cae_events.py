@@ -7,7 +7,7 @@ import pandas as pd
 from crashfuse.approaches.displacement_domain.events import CaeEvent, CaeEvents, cae_events
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.table import Column, Table
+from crashfuse.reporting.table import Column, Table, frame_of
 from crashfuse.study.study import Study
 from crashfuse.units import MS, Quantity, Sentence
 
@@ -66,7 +66,7 @@ def events_table(found: CaeEvents) -> Table:
         }
         for event in found.events
     ]
-    return Table("CAE events", events_frame(found).join(pd.DataFrame(rows)), _EVENTS)
+    return Table("CAE events", events_frame(found).join(frame_of(rows)), _EVENTS)
 
 
 def events_sentences(found: CaeEvents) -> list[str]:

@@ -6,8 +6,6 @@ from functools import lru_cache
 from itertools import chain, groupby
 from typing import Literal, NamedTuple
 
-import pandas as pd
-
 from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import Verdict, all_met
@@ -16,7 +14,7 @@ from crashfuse.reporting import evidence_facts
 from crashfuse.reporting.certification_tables import at_once_text
 from crashfuse.reporting.evidence_facts import fact, listed
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.table import CONDITION, Column, Table, of_condition
+from crashfuse.reporting.table import CONDITION, Table, of_condition
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import Sentence, counted, joined, number, read_out
@@ -116,15 +114,13 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
     return tuple(found)
 
 
-def planned_table(certification: Certification, display: Display) -> Table:  # noqa: ARG001
+def planned_table(certification: Certification, _: Display) -> Table:
     """The same as a table for readers."""
-    rows = planned(certification)
-    frame = pd.DataFrame(
-        {"Planned test": own.id, **of_condition(own.condition), "Answer": own.word, "Why": own.why} for own in rows
+    rows = (
+        {"Planned test": own.id, **of_condition(own.condition), "Answer": own.word, "Why": own.why}
+        for own in planned(certification)
     )
-    factors = dict.fromkeys(name for own in rows for name, _ in own.condition.factors)
-    columns = (Column("Planned test"), *CONDITION, *map(Column, factors), Column("Answer"), Column("Why"))
-    return Table("planned tests", frame, columns)
+    return Table.of("planned tests", rows, *CONDITION)
 
 
 def shown(certification: Certification, place: Place) -> tuple[Fact, ...]:

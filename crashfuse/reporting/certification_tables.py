@@ -16,7 +16,7 @@ from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.evidence_facts import measured_text, support_text
 from crashfuse.reporting.plots.canvas import tick_name
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.table import Column, Table
+from crashfuse.reporting.table import Column, Table, frame_of
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import MASS, SPEED, Sentence, joined, probability_text, read_out, unbroken
 
@@ -133,7 +133,7 @@ def share_columns(share: WrongShare) -> dict[str, float | None]:
 def counts_frame(certification: Certification) -> pd.DataFrame:
     """Number of verdicts of each kind by criterion, with its limits."""
     columns = [[verdict.word for verdict in column] for column in zip(*certification.verdicts, strict=True)]
-    return pd.DataFrame(
+    return frame_of(
         {"criterion": criterion.name, "limit": criterion.limits, **{word: words.count(word) for word in WORDS}}
         for criterion, words in zip(certification.criteria.items, columns, strict=True)
     )
@@ -165,13 +165,6 @@ def at_once_text(certification: Certification, condition: str) -> str:
     return f"all met at once: {only}{probability_text(probability, certification.criteria.confidence)}{but}"
 
 
-def _table(name: str, rows: Iterable[Mapping[str, object]], certification: Certification) -> Table:
-    """Verdicts as a table, whose columns are named as they are headed."""
-    frame, confidence = pd.DataFrame(rows), certification.criteria.confidence
-    numbers = {"Probability": Column("Probability", "probability", confidence=confidence)}
-    return Table(name, frame, tuple(numbers.get(title, Column(title)) for title in frame))
-
-
 def _cells(verdict: Verdict) -> dict[str, object]:
     criterion = verdict.criterion
     return {
@@ -185,9 +178,13 @@ def _cells(verdict: Verdict) -> dict[str, object]:
     }
 
 
-def _verdicts(certification: Certification, display: Display) -> Table:  # noqa: ARG001
+def _probability(certification: Certification) -> Column:
+    return Column("Probability", "probability", confidence=certification.criteria.confidence)
+
+
+def _verdicts(certification: Certification, _: Display) -> Table:
     rows = ({"Condition": i, **_cells(verdict)} for i, verdict in certification.cells)
-    return _table("verdicts", rows, certification)
+    return Table.of("verdicts", rows, _probability(certification))
 
 
 def _trials(name: str, certification: Certification, trials: Sequence[Trial]) -> Table:
@@ -201,13 +198,13 @@ def _trials(name: str, certification: Certification, trials: Sequence[Trial]) ->
         }
         for trial in trials
     )
-    return _table(name, rows, certification).without("Limit", "Reason")
+    return Table.of(name, rows, _probability(certification)).without("Limit", "Reason")
 
 
-def _record(certification: Certification, display: Display) -> Table:  # noqa: ARG001
+def _record(certification: Certification, _: Display) -> Table:
     record, confidence = certification.record, certification.criteria.confidence
     bounds = {unit: unbroken(f"Wrong at most (95 %), by {unit[:-1]}") for unit in record.bounds()}
-    frame = pd.DataFrame(
+    rows = (
         {
             "Criterion": "All" if criterion is None else criterion.name,
             "Limit": "" if criterion is None else criterion.limits,
@@ -220,24 +217,21 @@ def _record(certification: Certification, display: Display) -> Table:  # noqa: A
         }
         for criterion in (*certification.criteria.items, None)
     )
-    columns = (Column(name, "share" if name in bounds.values() else "text") for name in frame)
-    return Table("counts", frame, tuple(columns))
+    return Table.of("counts", rows, *(Column(title, "share") for title in bounds.values()))
 
 
 def _criteria(certification: Certification, display: Display) -> Table:
-    frame = pd.DataFrame(  # in both, if the reader's units are not those that limits are declared in
+    rows = (  # in both, if the reader's units are not those that limits are declared in
         {"Criterion": own.name, "Quantity": own.label, "Limit": own.limits, "As declared": str(own.limits)}
         for own in certification.criteria.items
     )
-    table = Table.of_texts("criteria", frame)
     differ = any(display.words(own.limits) != str(own.limits) for own in certification.criteria.items)
-    return table if differ else table.without("As declared")
+    return Table.of("criteria", rows).without(*([] if differ else ["As declared"]))
 
 
-def _counts(certification: Certification, display: Display) -> Table:  # noqa: ARG001
-    frame = counts_frame(certification)
-    words = (Column(word.capitalize(), "number", form=".0f", source=word) for word in WORDS)
-    return Table("counts", frame, (Column("Criterion", source="criterion"), Column("Limit", source="limit"), *words))
+def _counts(certification: Certification, _: Display) -> Table:
+    counts = counts_frame(certification).rename(columns=str.capitalize)
+    return Table.of("counts", counts, *(Column(word.capitalize(), "number", form=".0f") for word in WORDS))
 
 
 SHOWN: Mapping[str, Callable[[Certification, Display], Table]] = {

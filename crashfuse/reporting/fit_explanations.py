@@ -4,11 +4,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.table import Column, Table
+from crashfuse.reporting.table import Column, Table, frame_of
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.units import IN_SI, Quantity, Sentence
@@ -20,7 +19,7 @@ _SAME = 0.02  # differences of a metric up to here are not told: others are what
 
 def coverage_table(coverage: Mapping[str, Calibration]) -> Table:
     """One row per approach: shares of time inside the band, and counts of tests."""
-    frame = pd.DataFrame(
+    rows = (
         {
             "Approach": LABELS[name],
             **{heading: calibration.share(column) for column, heading in _HEADINGS.items()},
@@ -28,8 +27,7 @@ def coverage_table(coverage: Mapping[str, Calibration]) -> Table:
         }
         for name, calibration in coverage.items()
     )
-    shares = (Column(heading, "share", form=".0f") for heading in _HEADINGS.values())
-    return Table("coverage", frame, (Column("Approach"), *shares, *map(Column, _COUNTS.values())))
+    return Table.of("coverage", rows, *(Column(heading, "share", form=".0f") for heading in _HEADINGS.values()))
 
 
 _FIT = (
@@ -50,8 +48,7 @@ def fit_table(approach: str, state: Mapping[str, Any]) -> Table:
         if unit:
             row |= {"name": Sentence("{} in {}", quantity, Quantity((), unit)), "value": value / IN_SI[unit]}
         rows.append(row)
-    frame = pd.DataFrame(rows)
-    return Table(f"fit of {approach}", frame, _FIT)
+    return Table(f"fit of {approach}", frame_of(rows), _FIT)
 
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from html import escape
 
-import pandas as pd
-
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.rating_tables import mean_values, ratings_shown
@@ -41,11 +39,11 @@ def campaign_html(campaign: Campaign) -> str:
     display = Display(system=campaign.units)
     speeds, *_ = zip(*campaign.cae.range, strict=True)
     runs = f"{len(campaign.cae):,} CAE runs at {display.words(speed(*speeds))}"
-    frame = pd.DataFrame({"Test": test.id, **of_condition(test.condition)} for test in campaign.tests)
+    rows = ({"Test": test.id, **of_condition(test.condition)} for test in campaign.tests)
     factors = (Column(name.capitalize(), source=name) for name in campaign.factors)
     return card(
         f"{campaign.name}: {len(campaign.tests)} tests",
-        Table("tests", frame, (Column("Test"), *CONDITION, *factors)),
+        Table.of("tests", rows, *CONDITION, *factors),
         (f"{runs}; fingerprint {campaign.fingerprint[:12]}.", *facts_words(campaign, display)),
         display,
     )

@@ -62,7 +62,7 @@ def studies_table(first: PastResult, second: PastResult, display: Display = DEFA
     """What two studies are, one row for each property."""
     rows = history_table([first, second], display).T
     rows.loc["Id"] = [first.id, second.id]
-    return Table.of_texts("studies", rows.set_axis(["First", "Second"], axis=1).rename_axis("Study").reset_index())
+    return Table.of("studies", rows.set_axis(["First", "Second"], axis=1).rename_axis("Study").reset_index())
 
 
 def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:

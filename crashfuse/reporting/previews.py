@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack, get_args
 
-import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.campaign_folder.condition_tables import Role
@@ -44,9 +43,9 @@ class Preview:
 
     def _repr_html_(self) -> str:
         if (own := self.settled) is None:
-            found = ({"Channel": channel.shown, "Unit": channel.unit or ""} for channel in self.record.channels)
-            channels = Table.of_texts("channels", pd.DataFrame(found))
-            return card(f"{self.record.id}: not yet to be imported", channels, [*map(str, self.problems)])
+            rows = ({"Channel": channel.shown, "Unit": channel.unit or ""} for channel in self.record.channels)
+            title = f"{self.record.id}: not yet to be imported"
+            return card(title, Table.of("channels", rows), [*map(str, self.problems)])
         row = {
             "Channels": ", ".join(own.channels),
             "Unit": own.unit,
@@ -55,8 +54,7 @@ class Preview:
             "Filtered here": "none" if own.channel_filter_class is None else f"CFC {own.channel_filter_class:g}",
         }
         zero = Column("Time zero", "number", "ms", ".4g")
-        columns = tuple(zero if name == zero.title else Column(name) for name in row)
-        return card(f"{own.id}: {own.condition}", Table("preview", pd.DataFrame([row]), columns), own.steps)
+        return card(f"{own.id}: {own.condition}", Table.of("preview", [row], zero), own.steps)
 
 
 def preview_source(

@@ -110,9 +110,9 @@ _FURTHER = {
 def further_table(study: Study, fold: Fold, window_ms: float) -> Table:
     """Measures beside the rating that were asked for, one row an approach; empty if none were."""
     measured = {LABELS[name]: fold.further(name, window_ms, study.config.also) for name in fold.ratings}
-    frame = pd.DataFrame({"Approach": name, **values} for name, values in measured.items() if values)
-    numbers = (Column(title, "number", form=".3f", source=name) for name, title in _FURTHER.items() if name in frame)
-    return Table("further measures", frame, (Column("Approach"), *numbers))
+    rows = ({"Approach": name, **values} for name, values in measured.items() if values)
+    numbers = (Column(title, "number", form=".3f", source=name) for name, title in _FURTHER.items())
+    return Table.of("further measures", rows, *numbers)
 
 
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:

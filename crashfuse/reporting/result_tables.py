@@ -14,7 +14,7 @@ from crashfuse.cae.quality import QualityVerdict
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.condition import ABOUT, About
-from crashfuse.reporting.table import CONDITION, PARTS, Column, Kind, Table, of_condition
+from crashfuse.reporting.table import CONDITION, PARTS, Column, Kind, Table, frame_of, of_condition
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, Metric
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
@@ -143,7 +143,7 @@ def metrics_shown(
     for who, metrics in shown.items():
         frame[f"{who} missed"] = [metric.holds(measured.get(metric.name)) is False for metric in metrics]
         kind: Kind = "interval" if frame[f"{who} lower"].notna().any() else "number"
-        of.append(Column(who, kind, units="unit", marks=f"{who} missed"))
+        of.append(Column(who, kind, units="unit", unitless=".2f", marks=f"{who} missed"))
     is_main = frame.index.isin(MAIN_METRICS)
     return Table("metrics", frame[is_main], tuple(of)), Table("more metrics", frame[~is_main], tuple(of))
 
@@ -277,7 +277,7 @@ def about_table(campaign: Campaign) -> Table:
     """Where tests and CAE runs come from, as far as that is stated; empty if it is not."""
     rows = [(test.id, [test.about]) for test in campaign.tests if test.about]
     rows += [(f"{len(campaign.cae):,} CAE runs", list(campaign.cae.about))] if any(campaign.cae.about) else []
-    return Table.of_texts("origins", pd.DataFrame({"Of": of, **_about_cells(about)} for of, about in rows))
+    return Table.of("origins", ({"Of": of, **_about_cells(about)} for of, about in rows))
 
 
 _WALLS = (
@@ -319,7 +319,7 @@ _OF = {
 
 def quality_table(verdict: QualityVerdict) -> Table:
     """What the solver says of the CAE runs, one row a quantity; empty if nothing is recorded."""
-    frame = pd.DataFrame(
+    frame = frame_of(
         {
             **row,
             "label": f"{row['quantity'].capitalize()}, largest",

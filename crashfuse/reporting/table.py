@@ -3,7 +3,7 @@
 Units, sign and words are chosen by whoever renders it, from a :class:`~crashfuse.reporting.plots.display.Display`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, Self
 
@@ -21,7 +21,6 @@ Kind = Literal[
 ]
 PARTS: Mapping[str, tuple[str, ...]] = {"interval": ("", " lower", " upper"), "grade": ("", " grade")}
 """Ends of the headings of a kind's columns where each number has its own."""
-_RATIO = ".2f"  # of rows without a unit where others have one
 
 
 class Cell(NamedTuple):
@@ -57,6 +56,7 @@ class Column:
     form: str = ".1f"
     source: str = ""  # the frame's column, by default that of the title
     units: str = ""  # the frame's column with the unit of each row
+    unitless: str = ""  # format of rows without a unit, if another one
     ends_form: str = ""  # of an interval's ends, if not as the value
     further: tuple[str, ...] = ()  # columns of an interval's ends, an estimate's error, what a difference subtracts
     marks: str = ""  # the frame's column that says which cells stand out
@@ -80,7 +80,7 @@ class Column:
 
     def _cell(self, row: Mapping[Any, Any], display: Display) -> Cell:
         name, unit = self.source or self.title, row[self.units] if self.units else self.unit
-        value, form = row.get(name), _RATIO if self.units and not unit else self.form
+        value, form = row.get(name), self.form if unit or not self.units else self.unitless or self.form
         if self.kind == "text":
             shown = _words(value, display) or self.missing
             return Cell(display.title(shown, unit))
@@ -106,8 +106,9 @@ class Column:
         if self.kind == "probability":
             return Cell(probability_text(value, self.confidence))
         if self.kind == "difference":
-            first, second = (float(format(one * factor, form)) for one in (value, further[0]))
-            return Cell(self.missing if np.isnan(second) else number(first - second, f"+{form}"))
+            base = np.nan if further[0] is None else further[0]
+            shown_difference = float(format(value * factor, form)) - float(format(base * factor, form))
+            return Cell(self.missing if np.isnan(base) else number(shown_difference, f"+{form}"))
         if self.kind == "estimate" and (error := text(further[0], form.removeprefix("+"))) is not None:
             return Cell(f"{main} ± {error}")
         return Cell(f"{main} %" if self.kind == "share" and not unit else main)
@@ -126,6 +127,13 @@ def of_condition(condition: Condition) -> dict[str, object]:
     return {"speed_mph": condition.speed_mps / MPH, **weights, **dict(condition.factors)}
 
 
+def frame_of(rows: Iterable[Mapping[str, object]]) -> pd.DataFrame:
+    """Rows as a frame, whose sentences can still be said in other units: pandas would make plain strings of them."""
+    frame = pd.DataFrame(rows, dtype=object)
+    types = {name: set(map(type, frame[name])) for name in frame}
+    return frame.astype({name: float for name, own in types.items() if float in own <= {float, int, type(None)}})
+
+
 def _words(value: object, display: Display) -> str:
     if value is None or value != value:  # not a number
         return ""
@@ -141,9 +149,12 @@ class Table:
     columns: tuple[Column, ...]
 
     @classmethod
-    def of_texts(cls, name: str, frame: pd.DataFrame) -> Self:
-        """A table of words alone, whose headings are the frame's."""
-        return cls(name, frame, tuple(Column(str(title)) for title in frame))
+    def of(cls, name: str, rows: pd.DataFrame | Iterable[Mapping[str, object]], *columns: Column) -> Self:
+        """A table of rows as they stand; what has no column among these is words, headed by its name."""
+        frame = rows if isinstance(rows, pd.DataFrame) else frame_of(rows)
+        known = {column.source or column.title: column for column in columns}
+        ends = {f"{name} {end}" for name in known for end in ("lower", "upper")}
+        return cls(name, frame, tuple(known.get(own, Column(str(own))) for own in frame if own not in ends))
 
     @property
     def empty(self) -> bool:
@@ -153,7 +164,7 @@ class Table:
     @property
     def is_marked(self) -> bool:
         """Whether any of its cells stands out."""
-        return any(bool(self.frame[column.marks].any()) for column in self.columns if column.marks)
+        return bool(self.frame[[column.marks for column in self.columns if column.marks]].to_numpy().any())
 
     def __len__(self) -> int:
         return len(self.frame)

@@ -69,7 +69,7 @@ def test_an_interval_that_a_record_leaves_open_has_the_ends_that_are_known() -> 
 def test_no_cell_of_a_copied_table_is_a_formula() -> None:
     """Text that a spreadsheet would run stays text; numbers with a sign stay numbers."""
     cells = ["=HYPERLINK(1)", "+cmd|' /C calc'!A0", "-1+cmd|x", "@SUM(1)", "-5", "-1.5e-3"]
-    first, *rest = spreadsheet_text(Table.of_texts("x", pd.DataFrame({"=x": cells}))).split("\n")
+    first, *rest = spreadsheet_text(Table.of("x", pd.DataFrame({"=x": cells}))).split("\n")
     assert first == "'=x"
     assert rest == [f"'{cell}" for cell in cells[:4]] + cells[4:]
     gain = Table("x", pd.DataFrame({"x": [0.01], "e": [0.02]}), (Column("x", "estimate", form="+.2f", further=("e",)),))

@@ -20,7 +20,7 @@ NAN = np.nan
         (Column("x"), {"x": Sentence("at {}", Quantity((10.0,), "mph"))}, "at 16.1 km/h"),
         (Column("x", units="u"), {"x": "Peak", "u": "g"}, "Peak (m/s²)"),
         (Column("x", units="u"), {"x": "Ratio", "u": ""}, "Ratio"),
-        (Column("x", "number", units="u"), {"x": 0.123, "u": ""}, "0.12"),
+        (Column("x", "number", units="u", unitless=".2f"), {"x": 0.123, "u": ""}, "0.12"),
         (Column("x", "number", "mph"), {"x": 10.0}, "16.1"),
         (Column("x", "number", "g", "+.1f", flips=True), {"x": -1.0}, "+9.8"),
         (Column("x", "number", "g", "+.1f"), {"x": -1.0}, "−9.8"),
@@ -58,3 +58,11 @@ def test_headings_have_the_unit_of_the_reader() -> None:
     assert list(table.texts(METRIC)) == ["Speed (km/h)", "Band (± m/s²)", "Ratio"]
     assert table.without("Band").head(1).to_string().split() == ["Speed", "(mph)", "Ratio", "1.0", "1.0"]
     assert "Speed (mph)" in table._repr_html_()
+
+
+def test_sentences_of_a_table_can_still_be_said_in_other_units() -> None:
+    """Where all cells are sentences, or some are empty; numbers beside them stay numbers."""
+    at = Sentence("at {}", Quantity((10.0,), "mph"))
+    table = Table.of("x", [{"Where": at, "n": 1.0}, {"Where": None, "n": 2}, {"n": None}], Column("n", "number"))
+    assert table.texts(METRIC).to_numpy().tolist() == [["at 16.1 km/h", "1.0"], ["–", "2.0"], ["–", "–"]]
+    assert table.frame["n"].dtype == float

@@ -51,7 +51,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         said={place: sentences(certification, place) for place in PLACES},
         exceptions=exceptions(certification),
         table_of=tables,
-        credibility=Table.of_texts("credibility", credibility_table(certification, display).set_axis(_SHEET, axis=1)),
+        credibility=Table.of("credibility", credibility_table(certification, display).set_axis(_SHEET, axis=1)),
         n_conditions=len(certification.matrix.ids),
         quantities=list(dict.fromkeys(criterion.label for criterion in criteria.items)),
         notes=[(note.test, note.when, note.text) for note in notes],

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cache, partial
 from typing import Literal, get_args
 
-import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -32,7 +31,7 @@ from crashfuse.reporting.result_tables import (
     quality_table,
     wall_table,
 )
-from crashfuse.reporting.table import CONDITION, Column, Table, of_condition
+from crashfuse.reporting.table import CONDITION, PARTS, Column, Table, of_condition
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import Fact, campaign_facts
@@ -154,7 +153,7 @@ def render_in_frame(
 
 def tests_table(campaign: Campaign) -> Table:
     """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
-    frame = pd.DataFrame(
+    rows = (
         {
             "Test": test.id,
             **of_condition(test.condition),
@@ -165,8 +164,7 @@ def tests_table(campaign: Campaign) -> Table:
         for test in campaign.tests
         for run in [campaign.cae.paired_run(test.condition)]
     )
-    others = frame.columns.drop(["Test", *(column.source for column in CONDITION)])
-    return Table("tests", frame, (Column("Test"), *CONDITION, *map(Column, others)))
+    return Table.of("tests", rows, *CONDITION)
 
 
 def _listed(value: object) -> str:
@@ -213,15 +211,14 @@ def repeats_table(
         return None
     rows = []
     for test, own in known.items():
-        row: dict[str, object] = {"Test": test, "repeats": ", ".join(next(iter(own.values())).repeats) if own else ""}
+        row: dict[str, object] = {"Test": test}
         for window in windows_ms:
-            ends = ("", " lower", " upper")
-            values = (own[window].value, own[window].lower, own[window].upper) if window in own else [np.nan] * 3
-            row |= {f"0–{window:g} ms{end}": value for end, value in zip(ends, values, strict=True)}
-        rows.append(row | {"repeats": row["repeats"] or None})
-    of_windows = (Column(f"0–{window:g} ms", "interval", form=".3f", ends_form=".2f") for window in windows_ms)
-    repeats = Column("Repeats among the tests", source="repeats", missing="none")
-    return Table("repeats", pd.DataFrame(rows), (Column("Test"), *of_windows, repeats))
+            values = (own[window].value, own[window].lower, own[window].upper) if window in own else [None] * 3
+            row |= {f"0–{window:g} ms{end}": value for end, value in zip(PARTS["interval"], values, strict=True)}
+        repeats = next(iter(own.values())).repeats if own else ()
+        rows.append(row | {"Repeats among the tests": ", ".join(repeats) or "none"})
+    windows = (Column(f"0–{window:g} ms", "interval", form=".3f", ends_form=".2f") for window in windows_ms)
+    return Table.of("repeats", rows, *windows)
 
 
 ReportForm = Literal["short", "whole"]

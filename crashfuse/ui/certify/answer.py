@@ -3,7 +3,6 @@
 from dataclasses import replace
 from functools import partial
 
-import pandas as pd
 import streamlit as st
 
 from crashfuse.campaign import Campaign
@@ -177,7 +176,7 @@ def _show_variants(certification: Certification) -> None:
         else:
             show_end(job)
     if table:
-        show_table(Table.of_texts("what if", pd.DataFrame(table)))
+        show_table(Table.of("what if", table))
 
 
 def show_files(judgement: Judgement) -> None:

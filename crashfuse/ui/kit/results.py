@@ -102,7 +102,7 @@ def show_problems(
     n = len(problems)
     st.error(f"**{what}: {n} problem{'s' * (n != 1)}.** {result}", icon=":material/error:")
     key = f"problems {place} {hash((what, *problems))}"
-    table = Table.of_texts("problems", problem_table(problems, merged=True))
+    table = Table.of("problems", problem_table(problems, merged=True))
     with st.container(border=True, height=420 if len(table) > 8 else "content"):
         show_table(table.head(_MOST_ROWS), f"table of {key}")
     if len(table) > _MOST_ROWS:
@@ -135,26 +135,23 @@ def window_label(window_ms: float) -> str:
 @st.cache_data(show_spinner=False, max_entries=4, hash_funcs=HASHED)
 def conditions_table(campaign: Campaign) -> Table:
     """Every test with its condition, and the rating of its paired CAE run over each window."""
-    cae, rows = campaign.cae, []
+    cae, rows, (speed, *weights) = campaign.cae, [], CONDITION
     for test in campaign.tests:
         run = cae.paired_run(test.condition)
         rated = {} if run is None else rate_windows(test.pulse, Pulse(GRID_S, cae.accel_mps2[run]), WINDOWS_MS)
-        rows.append(
+        at = of_condition(test.condition)
+        rows.append(  # the most important first: the rest may be cut off on a narrow page
             {
                 "Test": test.id,
-                **of_condition(test.condition),
-                **{window_label(window): rating.overall for window, rating in rated.items()},
+                speed.source: at.pop(speed.source),
+                **{window_label(w): rated[w].overall if w in rated else None for w in WINDOWS_MS},
                 "In CAE range": not cae.extrapolation(test.condition),
-                "Paired run": None if run is None else cae.ids[run],
+                **{own.source: at.pop(own.source) for own in weights},
+                **{name.capitalize(): value for name, value in at.items()},
+                "Paired run": "none" if run is None else cae.ids[run],
             }
         )
-    speed, *weights = CONDITION
-    columns = (  # the most important first: the rest may be cut off on a narrow page
-        *(Column("Test"), speed, *(Column(window_label(window), "grade") for window in WINDOWS_MS)),
-        *(Column("In CAE range"), *weights, *(Column(name.capitalize(), source=name) for name in campaign.factors)),
-        Column("Paired run", missing="none"),
-    )
-    return Table("conditions", pd.DataFrame(rows), columns)
+    return Table.of("conditions", rows, *CONDITION, *(Column(window_label(w), "grade") for w in WINDOWS_MS))
 
 
 def ratings_table(
@@ -165,26 +162,22 @@ def ratings_table(
     to_ttzv: Mapping[str, float],
 ) -> Table:
     """Ratings by prediction and window, parts and draws over one window; last, a repeat."""
-    rows = [
+    rows: list[dict[str, object]] = [
         {
             "Approach": label_of(name),
             **{window_label(w): rating.overall for w, rating in by_window.items()},
             **({TTZV_COLUMN: to_ttzv[name]} if name in to_ttzv else {}),
             **{part.capitalize(): getattr(by_window[window_ms], part) for part in WEIGHTS},
-            **dict(zip(("least", "most"), draws.get(name, ()), strict=False)),
+            "Single draws": None,
+            **dict(zip(("Single draws lower", "Single draws upper"), draws.get(name, ()), strict=False)),
         }
         for name, by_window in by_approach.items()
     ]
-    repeat = {window_label(w): own.value for w, own in repeats.items()}
-    frame = pd.DataFrame([*rows, *([{"Approach": REPEAT, **repeat}] if repeats else [])])
-    parts = [part.capitalize() for part in WEIGHTS]
-    columns = (
-        Column("Approach"),
-        *(Column(name, "grade") for name in frame.columns.drop(["Approach", *parts, "least", "most"], errors="ignore")),
-        *(Column(part, "number", form=".3f") for part in parts),
-        Column("Single draws", "range", form=".3f", further=("least", "most")),
-    )
-    return Table("ratings", frame, columns)
+    rows += [{"Approach": REPEAT, **{window_label(w): own.value for w, own in repeats.items()}}] if repeats else []
+    windows = {window_label(w) for by_window in by_approach.values() for w in by_window}
+    grades = (Column(name, "grade") for name in (*windows, TTZV_COLUMN))
+    parts = (Column(part.capitalize(), "number", form=".3f") for part in WEIGHTS)
+    return Table.of("ratings", rows, *grades, *parts, Column("Single draws", "range", form=".3f"))
 
 
 def show_recommendation(headline: Sequence[str], reasons: Sequence[str] = (), icon: str = "lightbulb") -> None:
