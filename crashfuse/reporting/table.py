@@ -82,8 +82,8 @@ class Column:
         name, unit = self.source or self.title, row[self.units] if self.units else self.unit
         value, form = row.get(name), self.form if unit or not self.units else self.unitless or self.form
         if self.kind == "text":
-            shown = _words(value, display) or self.missing
-            return Cell(display.title(shown, unit))
+            missing = value is None or value != value  # not a number
+            return Cell(self.missing if missing else display.title(_words(value, display), unit))
         factor = display.units.factor(unit) * (-1 if self.flips and display.deceleration else 1)
         factor *= 100 if self.kind == "share" else 1
 
@@ -131,12 +131,11 @@ def frame_of(rows: Iterable[Mapping[str, object]]) -> pd.DataFrame:
     """Rows as a frame, whose sentences can still be said in other units: pandas would make plain strings of them."""
     frame = pd.DataFrame(rows, dtype=object)
     types = {name: set(map(type, frame[name])) for name in frame}
-    return frame.astype({name: float for name, own in types.items() if float in own <= {float, int, type(None)}})
+    floats, others = {float, np.float64}, {int, type(None)}
+    return frame.astype({name: float for name, own in types.items() if own & floats and own <= floats | others})
 
 
 def _words(value: object, display: Display) -> str:
-    if value is None or value != value:  # not a number
-        return ""
     return ("no", "yes")[value] if isinstance(value, bool) else display.words(value)
 
 

@@ -48,11 +48,10 @@ def show_table(table: Table, key: str = "", remark: str = "", meanings: Sequence
 
 def styled(table: Table, display: Display) -> Styler:
     """A table on a page: numbers at the right, intervals lighter, grades and what stands out in colours."""
-    columns = table.cells(display)
-    texts = {heading: [_markdown(column, cell) for cell in cells] for heading, (column, cells) in columns.items()}
-    shown = pd.DataFrame(texts).rename(columns=plain)
+    columns, shown = table.cells(display), table.texts(display).rename(columns=plain)
     styler, right = shown.style.hide(axis="index"), "right !important"
     for place, (name, (column, cells)) in enumerate(zip(shown, columns.values(), strict=True)):
+        styler.format({cell.text: _markdown(column, cell) for cell in cells}.__getitem__, subset=[name])
         colours = [GRADE_COLOURS["Fair"] if cell.is_marked else "" for cell in cells]
         if column.kind == "grade":
             colours = [GRADE_COLOURS.get(cell.detail, "") for cell in cells]
