@@ -158,12 +158,13 @@ class Table:
     @property
     def empty(self) -> bool:
         """Whether it has no row."""
-        return self.frame.empty
+        return not len(self.frame)
 
     @property
     def is_marked(self) -> bool:
         """Whether any of its cells stands out."""
-        return bool(self.frame[[column.marks for column in self.columns if column.marks]].to_numpy().any())
+        marks = [column.marks for column in self.columns if column.marks]
+        return bool(np.any(self.frame[marks].to_numpy()))
 
     def __len__(self) -> int:
         return len(self.frame)

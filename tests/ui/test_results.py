@@ -17,13 +17,12 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import page as report_page
 from crashfuse.reporting.result_tables import metrics_shown, next_tests_table
 from crashfuse.reporting.table import Column, Table
-from crashfuse.signals.metrics import Metric, pulse_metrics
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.planning import NextTest
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.results import styled
 from crashfuse.ui.kit.text import as_read
-from crashfuse.units import KPH_KG, LB, MPH, AccelerationUnit, G
+from crashfuse.units import KPH_KG, LB, MPH, G
 
 UNBROKEN = "\N{NO-BREAK SPACE}"
 
@@ -41,24 +40,6 @@ def test_numbers_stand_at_the_right_and_words_at_the_left() -> None:
     cells = [as_read(str(cell["display_value"])) for cell in drawn["body"][0] if cell["is_visible"]]
     assert cells == ["T_1", "25.3 :gray[[24.1, 26.0]]", "0.850 Good"]
     assert UNBROKEN in drawn["body"][0][3]["display_value"]
-
-
-def test_accelerations_follow_the_unit_and_other_metrics_do_not(campaign: Campaign) -> None:
-    """10 g are 98.1 m/s², interval included; what is missing stays missing, and mm stay mm."""
-    accel = campaign.tests[0].pulse.accel_mps2
-    draws = np.multiply.outer(np.linspace(0.9, 1.1, 101), accel)
-    found = pulse_metrics(accel, campaign.tests[0].condition.speed_mps, draws_mps2=draws)
-    peak, ratio = (next(m for m in found if m.name == name) for name in ("peak", "loading_ratio"))
-    units: tuple[tuple[AccelerationUnit, float], ...] = (("g", 1.0), ("m/s²", G))
-    for unit, factor in units:
-        tables = metrics_shown([("Test", found)], campaign)
-        main, more = (table.texts(Display(unit=unit)).set_index("Pulse metric")["Test"] for table in tables)
-        assert list(main.index)[:2] == [f"Peak deceleration ({unit})", "Time of peak (ms)"]
-        value, lower, upper = ((n or 0.0) * factor for n in (peak.value, peak.lower, peak.upper))
-        assert main.iloc[0] == Metric("peak", value, lower, upper, unit).text
-        assert f"OLC, occupant load criterion, filtered as supplied ({unit})" in main.index
-        assert more["Front-to-back loading ratio"] == ratio.text
-        assert f"Two-step pulse, G1 ({unit})" in more.index
 
 
 def test_settings_of_the_occupant_stand_beside_its_metrics(campaign: Campaign) -> None:
