@@ -7,8 +7,9 @@ import pandas as pd
 from crashfuse.approaches.displacement_domain.events import CaeEvent, CaeEvents, cae_events
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.table import Column, Table, frame_of
 from crashfuse.study.study import Study
-from crashfuse.units import MS, number, probability_text
+from crashfuse.units import MS, Quantity, Sentence
 
 _MM, _KN = 1e-3, 1e3
 _SHOWN = {"_m": ("_mm", _MM), "_s": ("_ms", MS), "_n": ("_kn", _KN)}
@@ -40,23 +41,32 @@ def events_frame(found: CaeEvents) -> pd.DataFrame:
     return frame.assign(rating_cae=found.rating_cae, rating_mended=found.rating_mended, window_ms=found.window_ms)
 
 
-def events_table(found: CaeEvents) -> pd.DataFrame:
-    """The events as a readable table, one row each."""
-    return pd.DataFrame(
+_EVENTS = (
+    Column("Rank", "number", form=".0f", source="rank"),
+    Column("Crush", "range", "mm", ".0f", further=("from_mm", "to_mm")),
+    Column("Time (ms)", source="time"),
+    Column("The CAE model is", source="size"),
+    Column("95 %", "range", "kN", ".0f", further=("least", "most")),
+    Column("Probability", "probability", source="probability"),
+    Column("Tests", source="which"),
+    Column("Rating, this alone mended", "number", form=".3f", source="rating_alone"),
+    Column("Rating, all but this mended", "number", form=".3f", source="rating_but"),
+    Column("Share of what is lost", "share", "%", ".0f", source="share"),
+)
+
+
+def events_table(found: CaeEvents) -> Table:
+    """The events, one row each."""
+    rows = [
         {
-            "Rank": rank,
-            "Crush (mm)": _between(event.from_m / _MM, event.to_m / _MM, ".0f"),
-            "Time (ms)": f"{_between(event.from_s / MS, event.to_s / MS, '.1f')} in {event.timed_in}",
-            "The CAE model is": _size(event),
-            "95 % (kN)": _interval(event),
-            "Probability": probability_text(event.probability, 1.0),
-            "Tests": _which(event),
-            "Rating, this alone mended": f"{event.rating_alone:.3f}",
-            "Rating, all but this mended": f"{event.rating_but:.3f}",
-            "Share of what is lost (%)": number(100 * event.share, ".0f"),
+            "time": Sentence("{} in {}", Quantity((event.from_s / MS, event.to_s / MS), ""), event.timed_in),
+            "size": _size(event),
+            "which": _which(event),
+            **dict(zip(("least", "most"), _ends_kn(event), strict=True)),
         }
-        for rank, event in enumerate(found.events, start=1)
-    )
+        for event in found.events
+    ]
+    return Table("CAE events", events_frame(found).join(frame_of(rows)), _EVENTS)
 
 
 def events_sentences(found: CaeEvents) -> list[str]:
@@ -75,21 +85,18 @@ def _sentence(found: CaeEvents, event: CaeEvent) -> str:
     tests = "tests" if len(event.reached) == len(found.tests) else "tests that crush as far"
     return (
         f"From {event.from_m / _MM:.0f} to {event.to_m / _MM:.0f} mm the CAE model is {_size(event)} "
-        f"({_interval(event)}) in {_which(event)} {tests}: {100 * event.share:.0f} % of what is lost."
+        f"({Quantity(_ends_kn(event), '', '.0f')}) in {_which(event)} {tests}: {100 * event.share:.0f} % of what is "
+        "lost."
     )
-
-
-def _between(lower: float, upper: float, form: str) -> str:
-    return f"{number(lower, form)}–{number(upper, form)}"
 
 
 def _size(event: CaeEvent) -> str:
     return f"{abs(event.force_n) / _KN:.0f} kN too {'soft' if event.force_n > 0 else 'stiff'}"
 
 
-def _interval(event: CaeEvent) -> str:
-    ends = (event.lower_n, event.upper_n) if event.force_n > 0 else (-event.upper_n, -event.lower_n)
-    return _between(ends[0] / _KN, ends[1] / _KN, ".0f")
+def _ends_kn(event: CaeEvent) -> tuple[float, float]:
+    lower, upper = (event.lower_n, event.upper_n) if event.force_n > 0 else (-event.upper_n, -event.lower_n)
+    return lower / _KN, upper / _KN
 
 
 def _which(event: CaeEvent) -> str:

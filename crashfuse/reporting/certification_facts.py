@@ -5,8 +5,6 @@ from dataclasses import asdict, replace
 from itertools import chain, groupby
 from typing import Literal, NamedTuple
 
-import pandas as pd
-
 from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
@@ -15,6 +13,7 @@ from crashfuse.reporting import evidence_facts
 from crashfuse.reporting.certification_tables import at_once_text
 from crashfuse.reporting.evidence_facts import fact, listed
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.table import CONDITION, Table, of_condition
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import Sentence, counted, joined, number, read_out
@@ -112,18 +111,13 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
     return tuple(found)
 
 
-def planned_table(certification: Certification, display: Display) -> pd.DataFrame:
+def planned_table(certification: Certification, _: Display) -> Table:
     """The same as a table for readers."""
-    return pd.DataFrame(
-        {
-            "Planned test": row.id,
-            **display.columns(row.condition),
-            **dict(row.condition.factors),
-            "Answer": row.word,
-            "Why": display.words(row.why),
-        }
-        for row in planned(certification)
+    rows = (
+        {"Planned test": own.id, **of_condition(own.condition), "Answer": own.word, "Why": own.why}
+        for own in planned(certification)
     )
+    return Table.of("planned tests", rows, *CONDITION)
 
 
 def shown(certification: Certification, place: Place) -> tuple[Fact, ...]:

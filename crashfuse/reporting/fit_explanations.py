@@ -4,46 +4,51 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting.table import Column, Table, frame_of
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
-from crashfuse.units import MPH_LB, Quantity, Sentence, UnitSystem
+from crashfuse.units import IN_SI, Quantity, Sentence
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration", "whole": "Whole pulse, 0–60 ms"}
 _SAME = 0.02  # differences of a metric up to here are not told: others are what repeats scatter
 
 
-def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:
-    """One row per approach: shares of time inside the band, and counts of tests; all text, for display."""
-    return pd.DataFrame(
+def coverage_table(coverage: Mapping[str, Calibration]) -> Table:
+    """One row per approach: shares of time inside the band, and counts of tests."""
+    rows = (
         {
             "Approach": LABELS[name],
-            **{heading: _percent(calibration.share(column)) for column, heading in _HEADINGS.items()},
+            **{heading: calibration.share(column) for column, heading in _HEADINGS.items()},
             **{title: f"{calibration.count(column)} of {len(calibration.tests)}" for column, title in _COUNTS.items()},
         }
         for name, calibration in coverage.items()
     )
+    return Table.of("coverage", rows, *(Column(heading, "share", form=".0f") for heading in _HEADINGS.values()))
 
 
-def fit_table(state: Mapping[str, Any], units: UnitSystem = MPH_LB) -> pd.DataFrame:
+_FIT = (
+    Column("Hyperparameter", source="name"),
+    Column("Value", "number", units="unit", form=".3g", source="value"),
+    Column("Known to a factor of", "number", form=".2f", source="spread"),
+    Column("At its bound", source="touched"),
+)
+
+
+def fit_table(approach: str, state: Mapping[str, Any]) -> Table:
     """Hyperparameters of a bias model and their uncertainty; empty for an approach without any."""
     spread, touched, rows = state.get("spread_factors", {}), state.get("touched_bounds", []), []
     for name, value in state.get("hyperparameters", {}).items():
         quantity, _, si = name.rpartition(" in ")
-        unit = {"m/s": "mph", "kg": "lb"}.get(si)
-        rows.append(
-            {
-                "Hyperparameter": f"{quantity} in {units.unit(unit)}" if unit else name,
-                "Value": f"{value / (units.in_si(unit) if unit else 1):.3g}",
-                "Known to a factor of": f"{spread[name]:.2f}" if name in spread else "–",
-                "At its bound": "yes" if name in touched else "no",
-            }
-        )
-    return pd.DataFrame(rows)
+        unit = {"m/s": "mph", "kg": "lb"}.get(si, "")
+        row = {"name": name, "value": value, "spread": spread.get(name), "touched": name in touched, "unit": unit}
+        if unit:
+            row |= {"name": Sentence("{} in {}", quantity, Quantity((), unit)), "value": value / IN_SI[unit]}
+        rows.append(row)
+    return Table(f"fit of {approach}", frame_of(rows), _FIT)
 
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:

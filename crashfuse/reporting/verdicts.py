@@ -37,8 +37,8 @@ def certification_figure(certification: Certification, figure: str, **display: U
 def certification_html(certification: Certification) -> str:
     """A certification in a notebook."""
     display = Display(system=certification.campaign.units)
-    table = tables.SHOWN["verdicts"](certification, display).drop(columns="Reason")
-    return card(repr(certification)[1:-1], table, facts_words(certification.campaign, display))
+    table = tables.SHOWN["verdicts"](certification, display).without("Reason")
+    return card(repr(certification)[1:-1], table, facts_words(certification.campaign, display), display)
 
 
 def certify(

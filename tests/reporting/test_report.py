@@ -65,7 +65,7 @@ def test_a_study_has_its_figures_and_every_part_a_certification_review_asks_for(
 def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
     """In a table by window, as a row of the means that is never bold, and in a sentence with each test."""
     repeats = {"T1": {60.0: Repeatability(0.95, 0.91, 0.97, ("T9",))}, "T2": {60.0: Repeatability(1.0, 0.9, 1.0)}}
-    text = study_report(replace(study, repeatability=repeats))
+    text = study_report(replace(study, repeatability=repeats)).replace("\N{NO-BREAK SPACE}", " ")
     assert "<h2>How well tests repeat" in text
     assert re.search(r"<td>T1</td><td>–</td><td>–</td><td>0.950 \[0.91, 0.97\]</td><td>T9</td>", text)
     assert re.search(r"<td>A repeat</td><td>–</td><td>–</td><td>0.975</td>", text)

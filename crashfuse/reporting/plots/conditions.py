@@ -13,7 +13,7 @@ from crashfuse.reporting.plots.canvas import marks_of_runs, points_figure
 from crashfuse.reporting.plots.curves import Curve, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
-from crashfuse.signals.metrics import Metric
+from crashfuse.signals.metrics import METRIC_UNITS, Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.planning import NextTest, Sweep, uncovered_speeds
 from crashfuse.units import MPH
@@ -122,7 +122,7 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, displ
     low, high = float(speeds.min() - margin), float(speeds.max() + margin)
     _mark_speeds(figure, campaign, low, high, display)
     figure.update_xaxes(range=[display.speeds(low), display.speeds(high)])
-    figure.update_yaxes(title=display.heading(campaign.metric_headings[metric]))
+    figure.update_yaxes(title=display.title(campaign.metric_headings[metric], METRIC_UNITS[metric]))
     return figure
 
 

@@ -10,7 +10,7 @@ from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse, by_one, cautions, side_by_side
 from crashfuse.reporting.provenance import learning_curve_command, next_test_command, prediction_command, sweep_command
-from crashfuse.reporting.report.page import ReportForm, details, render, unbroken_interval
+from crashfuse.reporting.report.page import ReportForm, details, render
 from crashfuse.reporting.result_tables import curve_table, gains_table, next_tests_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
@@ -60,7 +60,7 @@ def prediction_report(
         motion=prediction.plot(display=display),
         over_displacement=prediction.plot("displacement", display=display),
         beside=beside and _beside([prediction, *beside], advice.approach, display),
-        about=details(campaign, estimates, display, said=advice.sentences),
+        about=details(campaign, estimates, said=advice.sentences),
         **({"bias": campaign.plot("bias", display=display)} if whole else {}),
     )
 
@@ -71,7 +71,7 @@ def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Displ
         "approach": LABELS[approach],
         "motion": first.plot(also=others, display=display),  # in the colours of the page
         "metrics": [
-            side_by_side([first, *others[start : start + _ABREAST]], display).map(unbroken_interval)
+            side_by_side([first, *others[start : start + _ABREAST]], display)
             for start in range(0, len(others), _ABREAST)
         ],
         "cautions": cautions([first, *others], display),
@@ -100,7 +100,7 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
         over=over,
         meaning=NEXT_TEST_MEANING,
         drawn=ranking.plot(display=display),
-        best=next_tests_table(ranking.ranked[:_SHOWN], display.units),
+        best=next_tests_table(ranking.ranked[:_SHOWN]),
         ranked=len(ranking.ranked),
     )
 
@@ -128,5 +128,5 @@ def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, displa
         law=ONE_MORE_MEANING,
         drawn=curve.plot(display=display),
         steps=gains_table(curve, cost),
-        means=curve_table(curve, display),
+        means=curve_table(curve),
     )
