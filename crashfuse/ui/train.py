@@ -21,6 +21,7 @@ from crashfuse.reporting.cae_events import events_sentences, events_table
 from crashfuse.reporting.figures import ONE_PROCESS, Draw
 from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.displacement import missing_force
+from crashfuse.reporting.plots.drawing import drawing_of
 from crashfuse.reporting.result_tables import archive_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
@@ -251,7 +252,7 @@ def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str
     def both() -> dict[str, go.Figure]:
         raw = [name for name in (BASELINE,) if name in fold.ratings]
         figures = {name: plot("acceleration", approaches=[*raw, name], band=name) for name in states}
-        share_y_range(figures.values())
+        share_y_range(map(drawing_of, figures.values()))
         return figures
 
     def draw(name: str) -> go.Figure:

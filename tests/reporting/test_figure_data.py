@@ -16,6 +16,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
 from crashfuse.reporting.figure_files import FiguresOfReport, ReportFigure, embedded, figures_of
+from crashfuse.reporting.plots.canvas import new_drawing
 from crashfuse.reporting.plots.curves import WHOLE
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
@@ -131,6 +132,7 @@ def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
 
 
 def test_a_name_is_no_formula() -> None:
-    figure = go.Figure(go.Scatter(x=[0.0, 1.0], y=[2.0, 3.0], name="=cmd|x"))
-    figure.update_layout(xaxis_title="Time (ms)", yaxis_title="Acceleration (g)")
-    assert csv_bytes(figure_table(figure)).startswith(b"Time (ms),'=cmd|x: Acceleration (g)\n")
+    drawing = new_drawing(300)
+    drawing.line([0.0, 1.0], [2.0, 3.0], name="=cmd|x")
+    drawing.axis("y", "Acceleration", "g")
+    assert csv_bytes(figure_table(drawing.figure())).startswith(b"Time (ms),'=cmd|x: Acceleration (g)\n")

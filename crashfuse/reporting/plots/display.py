@@ -93,7 +93,16 @@ class Display:
     @property
     def accel_title(self) -> str:
         """Title of an acceleration axis, with its unit."""
-        return f"{'Deceleration' if self.deceleration else 'Acceleration'} ({self.unit})"
+        return "{} ({})".format(*self.accel_axis)
+
+    @property
+    def accel_axis(self) -> tuple[str, str]:
+        """Quantity and unit of an acceleration axis."""
+        return "Deceleration" if self.deceleration else "Acceleration", self.unit
+
+    def axis(self, label: str, unit: str) -> tuple[str, str]:
+        """Quantity and unit of an axis for a quantity in this unit: the reader's."""
+        return label, self.units.unit(unit)
 
     def speeds(self, values_mps: Number) -> Number:
         """Speeds in the reader's unit, as numbers."""
@@ -149,7 +158,7 @@ class Display:
 
     def title(self, label: str, unit: str) -> str:
         """A label with the reader's unit for quantities in this unit: an axis, a column or a field."""
-        return f"{label} ({self.units.unit(unit)})"
+        return "{} ({})".format(*self.axis(label, unit))
 
     def heading(self, text: str) -> str:
         """A label that ends in its unit in parentheses, with the reader's instead."""

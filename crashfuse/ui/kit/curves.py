@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.neighbours import nearest_tests
@@ -16,6 +15,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.reporting import figures
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.drawing import DrawnFigure, drawing_of
 from crashfuse.reporting.predicted import PredictedPulse, by_one
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, find_estimate
@@ -204,9 +204,10 @@ def choose_curves(subject: Subject, known: Sequence[str]) -> Shown:
     return Shown(approach, tuple(name for name in offered if name in chosen), also)
 
 
-def without_clicks(figure: go.Figure) -> go.Figure:
+def without_clicks(figure: DrawnFigure) -> DrawnFigure:
     """The same, with a legend that takes no clicks: what they hide would come back."""
-    return figure.update_layout(legend={"itemclick": False, "itemdoubleclick": False})
+    drawing_of(figure).update(legend={"itemclick": False, "itemdoubleclick": False})
+    return figure
 
 
 def _label(curve: str) -> str:

@@ -16,8 +16,8 @@ from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial, sh
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.figure_data import figure_table
-from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
+from crashfuse.reporting.plots.drawing import darkened
 from crashfuse.reporting.plots.palette import IN_THE_DARK, VERDICT_COLOURS
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH

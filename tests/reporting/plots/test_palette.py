@@ -11,8 +11,8 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots import palette
-from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.reporting.plots.drawing import darkened
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion, overlay
 from crashfuse.signals.pulse import FloatArray
 from tests.conftest import ROOT
@@ -160,7 +160,7 @@ def test_in_the_dark_only_colours_change(figures: list[go.Figure]) -> None:
         before = figure.to_json()
         dark = darkened(figure)
         assert figure.to_json() == before != dark.to_json()
-        np.testing.assert_equal(without_colours(dark.to_plotly_json()), without_colours(figure.to_plotly_json()))
+        np.testing.assert_equal(*(without_colours(drawn.to_dict()) for drawn in (dark, figure)))
 
 
 def test_thirty_further_curves_read_on_both_pages_and_no_two_look_alike() -> None:
