@@ -1,7 +1,7 @@
 """Common style of all drawings: axes, rows, words and the rated window, independent of their content."""
 
-import re
 from collections.abc import Collection, Iterable, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -9,7 +9,6 @@ from crashfuse.reporting.plots.drawing import Drawing, Look, Sheer
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, CURSOR, GRID, INK, PAPER, WINDOW, WINDOW_INK
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
-_LINK = re.compile(r"(?:<|\\u003c)(?=/?\s*a\b)", re.IGNORECASE)
 _USUAL_NAMES = 6  # of the approaches and the test
 _ROW_PX, _ROW_MARGIN_PX = 21, 23  # of names above a figure, and the room that ticks and Plotly's own spaces take
 _LETTER_PX, _SYMBOL_PX = 6.4, 46  # of a name, on average, with the symbol and the space beside it
@@ -21,42 +20,29 @@ _FEW_RUNS = 150  # more are a cloud, in which tests have to be seen
 _UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
 
 # the names above leave half a line for the uppermost tick
-_Y_AXIS = {"gridcolor": GRID, "zerolinecolor": AXIS, "linecolor": AXIS, "automargin": "left"}
-_X_AXIS = {
-    **_Y_AXIS,
-    "automargin": True,
-    "range": [0, 100],
-    "unifiedhovertitle": {"text": "%{x:.1f} ms"},
-    "ticks": "outside",
-    "showspikes": True,
-    "spikemode": "across",
-    "spikesnap": "cursor",
-    "spikethickness": 1,
-    "spikecolor": CURSOR,
-}
-PROMISED: Look = {"mode": "lines", "name": "As promised", "line_color": AXIS, "line_dash": "dot", "hoverinfo": "skip"}
+_Y_AXIS = Look(gridcolor=GRID, zerolinecolor=AXIS, linecolor=AXIS, automargin="left")
+_SPIKES = Look(showspikes=True, spikemode="across", spikesnap="cursor", spikethickness=1, spikecolor=CURSOR)
+_OVER_TIME = Look(automargin=True, range=[0, 100], unifiedhovertitle={"text": "%{x:.1f} ms"}, ticks="outside")
+PROMISED = Look(mode="lines", name="As promised", line_color=AXIS, line_dash="dot", hoverinfo="skip")
 """Look of the diagonal, on which what was promised came true."""
 
-_NOT_OVER_TIME: Look = {"range": None, "zeroline": False, "showspikes": False, "unifiedhovertitle": None}
-_LAYOUT: Look = {
-    "font": {"family": _FONT, "size": 14, "color": INK},
-    "paper_bgcolor": PAPER,
-    "plot_bgcolor": PAPER,
+_NOT_OVER_TIME = Look(range=None, zeroline=False, showspikes=False, unifiedhovertitle=None)
+_LAYOUT = Look(
+    font={"family": _FONT, "size": 14, "color": INK},
+    paper_bgcolor=PAPER,
+    plot_bgcolor=PAPER,
     # with room for ticks, their title and a row of names: found too small, Plotly draws everything once more
-    "margin": {"l": 64, "r": 44, "t": 44, "b": 56},
-    "modebar": {"orientation": "v", "remove": _UNWANTED_TOOLS, "color": CURSOR, "activecolor": INK},
-    "hovermode": "x unified",
-    "hoverlabel": {"namelength": -1, "bgcolor": Sheer(PAPER, 0.92)},
-    "legend": {
-        **{"x": 0, "y": 1, "yref": "container", "xanchor": "left", "yanchor": "top", "orientation": "h"},
-        "tracegroupgap": 0,  # between rows
-    },
-}
+    margin={"l": 64, "r": 44, "t": 44, "b": 56},
+    modebar=Look(orientation="v", remove=_UNWANTED_TOOLS, color=CURSOR, activecolor=INK),
+    hovermode="x unified",
+    hoverlabel={"namelength": -1, "bgcolor": Sheer(PAPER, 0.92)},
+    legend=Look(x=0, y=1, yref="container", xanchor="left", yanchor="top", orientation="h", tracegroupgap=0),
+)
 
 
 def new_drawing(height: int, quantity: str = "Time", unit: str = "ms", **x_axis: object) -> Drawing:
     """An empty drawing, usually over time, in the common style: legend above it, tools beside it."""
-    drawing = Drawing({**_LAYOUT, "height": height}, {"x": {**_X_AXIS, **x_axis}, "y": _Y_AXIS})
+    drawing = Drawing({**_LAYOUT, "height": height}, {"x": _Y_AXIS | _OVER_TIME | _SPIKES | x_axis, "y": _Y_AXIS})
     drawing.axis("x", quantity, unit)
     return drawing
 
@@ -70,7 +56,7 @@ def drawing_of_points(height: int, quantity: str = "", unit: str = "", **x_axis:
 
 def drawing_over_tests(height: int, ticks: Sequence[str]) -> Drawing:
     """An empty drawing of points over held-out tests, which stand at 0, 1, 2 …, by the texts of their ticks."""
-    places: Look = {"tickvals": list(range(len(ticks))), "ticktext": list(ticks), "range": [-0.6, len(ticks) - 0.4]}
+    places = Look(tickvals=list(range(len(ticks))), ticktext=list(ticks), range=[-0.6, len(ticks) - 0.4])
     return drawing_of_points(height, "Held-out test", showgrid=False, **places)
 
 
@@ -86,7 +72,7 @@ def stack(drawing: Drawing, count: int, spacing: float) -> None:
     for number, domain in enumerate(rows_of_plots(spacing, [1.0] * count), start=1):
         x, y = (name if number == 1 else f"{name}{number}" for name in "xy")
         last = "x" if count == 1 else f"x{count}"
-        upper: Look = {} if x == last else {"matches": last, "showticklabels": False}
+        upper = Look() if x == last else Look(matches=last, showticklabels=False)
         drawing.axis(x, anchor=y, domain=[0.0, 1.0], **upper)
         drawing.axis(y, anchor=x, domain=list(domain))
 
@@ -107,15 +93,15 @@ def make_clickable(
 ) -> None:
     """Put invisible marks on the cells of a heat map, row by row: cells can't be clicked."""
     x, y = [*columns] * len(rows), [row for row in rows for _ in columns]
-    invisible: Look = {"marker_size": size, "marker_opacity": 0, "showlegend": False}
-    drawing.add({"x": x, "y": y, "customdata": values, **invisible, **look})
+    invisible = Look(marker_size=size, marker_opacity=0, showlegend=False)
+    drawing.add(Look(x=x, y=y, customdata=values) | invisible | look)
 
 
 def fix_cells(drawing: Drawing, columns: int, rows: int) -> None:
     """Let a heat map with names above stay where it is, and the mark of a cell be the nearest anywhere in it."""
     tools = [*_UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]
     drawing.update(hoverdistance=-1, dragmode=False, modebar_remove=tools)
-    plain: Look = {"type": "category", "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
+    plain = Look(type="category", ticks="", showline=False, zeroline=False, showgrid=False)
     drawing.axis("x", **plain, side="top", tickangle=0, range=[-0.5, columns - 0.5])
     drawing.axis("y", **plain, range=[rows - 0.5, -0.5])  # the marks would widen it
 
@@ -144,7 +130,9 @@ def room_above(drawing: Drawing) -> int:
 
 def without_links(text: str) -> str:
     """Words of a figure, or all of it as JSON, in which Plotly makes no link of what a laboratory wrote."""
-    return _LINK.sub("&lt;", text)
+    for begin, tag in product(("<", "\\u003c"), ("a", "A", "/a", "/A")):
+        text = text.replace(f"{begin}{tag}", f"&lt;{tag}")
+    return text
 
 
 def shade_window(drawing: Drawing, window_ms: float, *, rows: int = 1) -> None:

@@ -61,7 +61,8 @@ def verdict_matrix(
     above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
     drawing = drawing_of_points(above + _BELOW_PX + _ROW_PX * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
-    answers = [answer_texts(certification)[i] for i in ids]
+    answer_of = answer_texts(certification)
+    answers = [answer_of[i] for i in ids]
     codes = np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8)
     scale = [(end / len(WORDS), VERDICT_COLOURS[w]) for i, w in enumerate(WORDS) for end in (i, i + 1)]
     texts = [[_cell(verdict, confidence) for verdict in row] for row in rows]
@@ -69,11 +70,11 @@ def verdict_matrix(
     columns = ([text.replace("<br>", " ") for text in column] for column in zip(*texts, strict=True))
     table = {"Row": labels, **dict(zip(heads, columns, strict=True)), ANSWER: answers}
     size = min(12, max(_LETTERS // len(names), 6))
-    words_look: Look = {"text": texts, "texttemplate": "%{text}", "hoverinfo": "skip"}
-    words_look |= {"textfont_color": MEASURED_COLOUR, "textfont_size": size}
-    heat: Look = {"type": "heatmap", "z": codes, "x": names, "y": labels, "colorscale": scale, "zmin": -0.5}
-    heat |= {"zmax": len(WORDS) - 0.5, "showscale": False, "xgap": 2, "ygap": 2 if with_words else 0}
-    drawing.add(heat | (words_look if with_words else _over(hover)), table)
+    heat = Look(type="heatmap", z=codes, x=names, y=labels, colorscale=scale, zmin=-0.5, zmax=len(WORDS) - 0.5)
+    heat |= Look(showscale=False, xgap=2, ygap=2 if with_words else 0)
+    if with_words:
+        heat |= Look(text=texts, texttemplate="%{text}", textfont={"color": MEASURED_COLOUR, "size": size})
+    drawing.add(heat | ({"hoverinfo": "skip"} if with_words else _over(hover)), table)
     if with_words:
         cells = [f"{i} | {verdict.criterion.name}" for i, row in zip(ids, rows, strict=True) for verdict in row]
         over = _over([text for row in hover for text in row])
@@ -163,7 +164,7 @@ def worst(verdicts: Sequence[Verdict]) -> Word:
 
 def reliability(record: TrackRecord) -> DrawnFigure:
     """Draw the share of left-out tests that met a criterion over the probability given, open if bounds exclude it."""
-    axis: Look = {"range": [-0.09, 1.09], "tickvals": [0, 0.2, 0.4, 0.6, 0.8, 1], "zeroline": False}
+    axis = Look(range=[-0.09, 1.09], tickvals=[0, 0.2, 0.4, 0.6, 0.8, 1], zeroline=False)
     drawing = drawing_of_points(440, "Probability given in advance", **axis)
     if not record.reliability:
         return _said(drawing, "No left-out test lies inside what the others check." if record.trials else _NONE)
@@ -180,7 +181,7 @@ def reliability(record: TrackRecord) -> DrawnFigure:
                 for b in bins
             ]
             drawing.points(
-                probability, met, name=name, mode="markers+text", cliponaxis=False, interval=(lower, upper),
+                probability, met, name=name, mode="markers+text", cliponaxis=False, ends=(lower, upper),
                 error_y_thickness=1.5, error_y_width=4, text=[f"n = {each.n}" for each in bins],
                 textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins],
                 marker=_marker(colour, symbol, 11, 2, colour), **_over(texts),
@@ -196,18 +197,16 @@ def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: D
     trials = [trial for trial in record.counted if trial.verdict.criterion in criteria]
     trials.sort(key=lambda trial: trial.verdict.condition.speed_mps)
     tests = list(dict.fromkeys(trial.held_out for trial in trials))
-    places: Look = {"range": [-0.6, len(tests) - 0.4], "tickvals": list(range(len(tests)))}
-    places["ticktext"] = [tick_name(test) for test in tests]
+    places = Look(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=[*map(tick_name, tests)])
     drawing = drawing_of_points(max(120 + 210 * len(criteria), 330), **(places if criteria else {}))
     if not criteria:
         return _said(drawing, _NONE)
     stack(drawing, len(criteria), 0.24 / (len(criteria) + 0.6))
     for row, criterion in enumerate(criteria, start=1):
         own = [trial for trial in trials if trial.verdict.criterion == criterion]
-        x, y = ("x", "y") if row == 1 else (f"x{row}", f"y{row}")
-        title = None if row == len(criteria) else ""
-        drawing.axis(x, "Left-out test, in order of speed", title=title)
-        _draw_trials(drawing, own, criterion, tests, (x, y), display)
+        number = "" if row == 1 else f"{row}"
+        drawing.axis(f"x{number}", "Left-out test, in order of speed", title=None if row == len(criteria) else "")
+        _draw_trials(drawing, own, criterion, tests, number, display)
     for word in WORDS:
         marker = _marker(VERDICT_COLOURS[word], "square", 10, 1, INK)
         drawing.entry(f"predicted, {word}", marker=marker, hoverinfo="skip")
@@ -223,20 +222,15 @@ def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: D
 
 
 def _draw_trials(
-    drawing: Drawing,
-    trials: Sequence[Trial],
-    criterion: Criterion,
-    tests: list[str],
-    axes: tuple[str, str],
-    display: Display,
+    drawing: Drawing, trials: Sequence[Trial], criterion: Criterion, tests: list[str], number: str, display: Display
 ) -> None:
-    factor, (x, y) = display.units.factor(criterion.unit), axes
+    factor, x, y = display.units.factor(criterion.unit), f"x{number}", f"y{number}"
 
     def draw(some: Sequence[Trial], values: FloatArray, **look: Any) -> None:  # noqa: ANN401 - as Plotly takes it
         at = [tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14) for trial in some]
         over = _over([_told(trial, display) for trial in some])
-        key: Look = {"numbers": {"x": [trial.held_out for trial in some]}, "showlegend": False, "xaxis": x, "yaxis": y}
-        drawing.points(at, values, **key, **look, **over)
+        places = {"x": [trial.held_out for trial in some]}
+        drawing.points(at, values, numbers=places, showlegend=False, xaxis=x, yaxis=y, **look, **over)
 
     for left_out, symbol in (("test", "square"), ("speed group", "diamond")):
         own = [trial for trial in trials if trial.left_out == left_out and trial.verdict.value is not None]
@@ -244,7 +238,7 @@ def _draw_trials(
         value, lower, upper = factor * np.array(ends, dtype=np.float64).reshape(-1, 3).T
         colours = [VERDICT_COLOURS[trial.verdict.word] for trial in own]
         marker = _marker(colours, symbol, 10, 1, INK)
-        draw(own, value, interval=(lower, upper), error_y_width=0, error_y_color=_INTERVAL, marker=marker)
+        draw(own, value, ends=(lower, upper), error_y_width=0, error_y_color=_INTERVAL, marker=marker)
     for name, some, marker in (
         ("measured", trials, _marker(MEASURED_COLOUR, "circle", 7, 1, PAPER)),
         ("wrong", [t for t in trials if t.wrong], _marker(_DISAGREES, "circle-open", 20, 2.5, None)),

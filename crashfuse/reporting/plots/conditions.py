@@ -49,7 +49,7 @@ def condition_space(
         drawing.axis(x, *display.axis("Impact speed", "mph"), title="" if row == 1 else None, range=speeds)
         weights = [bottom[row] - margin[row], top[row] + margin[row]]
         drawing.axis(y, *display.axis(weight.capitalize(), "lb"), title_standoff=8, range=weights)
-        place: Look = {"xaxis": x, "yaxis": y, "showlegend": row == 1}
+        place = Look(xaxis=x, yaxis=y, showlegend=row == 1)
         drawing.points(
             some[:, 0], some[:, row], name=f"{len(runs):,} CAE runs", legendgroup="runs", hoverinfo="skip",
             marker=marks_of_runs(len(some)), **place,

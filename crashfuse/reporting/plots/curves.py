@@ -12,7 +12,7 @@ from crashfuse.approaches.registry import CLASSES, by_preference, label_of
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, Sheer, drawing_of
+from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, Look, Sheer, drawing_of
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES, MEASURED_COLOUR, PAPER, further_line, speed_lines
 from crashfuse.signals.pulse import FloatArray
 
@@ -147,8 +147,8 @@ def add_marks(figure: DrawnFigure, notes: Sequence[Note]) -> DrawnFigure:
         on_top = zero_is_below and not late
         for row in rows:
             if end is None:
-                look = {"type": "line", "line_color": CURSOR, "line_width": 1.5, "line_dash": "dot", "layer": None}
-                drawing.shade(start, start, row, **look)
+                dotted = Look(type="line", line_color=CURSOR, line_width=1.5, line_dash="dot", layer=None)
+                drawing.shade(start, start, row, **dotted)
             else:
                 drawing.shade(start, end, row, fillcolor=CURSOR, opacity=0.15)
         lines = wrap(shorten(mark.text, _WIDTH * _LINES, placeholder=" …"), _WIDTH, max_lines=_LINES, placeholder=" …")

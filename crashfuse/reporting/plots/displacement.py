@@ -226,13 +226,14 @@ def bias_parts(
         drawing.axis(x, "Displacement", "mm", title=title, anchor=y, domain=[left, right], nticks=4)
         first = is_total or column == 0
         title = None if is_total else f"Bias ({display.unit})" if first else ""
-        drawing.axis(y, _BIAS, display.unit, title=title, plot=heading, anchor=x, domain=[bottom, top])
+        drawing.axis(y, _BIAS, display.unit, title=title, anchor=x, domain=[bottom, top])
         drawing.axis(y, range=ranges[is_total], showticklabels=first)  # so that the parts can be compared
-        style: Look = {"showlegend": is_total, "xaxis": x, "yaxis": y}
+        drawing.axes[y].plot = heading
+        style = Look(showlegend=is_total, xaxis=x, yaxis=y)
         ends = part.lower_mps2 * scale, part.upper_mps2 * scale
         drawing.band(at_mm, *ends, name="95 % band", legendgroup="band", colour=colour, **style)
-        style |= {"line_color": colour, "line_width": 2}
-        drawing.line(at_mm, part.mean_mps2 * scale, name="Expected", legendgroup="mean", **style)
+        style |= Look(name="Expected", legendgroup="mean", line_color=colour, line_width=2)
+        drawing.line(at_mm, part.mean_mps2 * scale, **style)
     if measured is not None:
         at_mm, bias = measured.displacement_m / _MM, measured.bias_mps2 * scale
         drawing.line(at_mm, bias, name="Measured in this test", line=curve_line(TEST), xaxis="x", yaxis="y")

@@ -1,6 +1,5 @@
 """Display settings of all figures, tables and reports: units, the rated window, the sign of accelerations."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self, TypedDict, TypeVar, Unpack, cast
@@ -17,7 +16,6 @@ from crashfuse.units import MPH_LB, SYSTEMS, AccelerationUnit, G, UnitSystem, sa
 Number = TypeVar("Number", float, FloatArray)
 
 _UNITS: dict[str, AccelerationUnit] = {"g": "g", "m/s²": "m/s²", "m/s2": "m/s²"}
-_LAST_UNIT = re.compile(r"\(([^()]+)\)$")
 
 
 class DisplayOptions(TypedDict, total=False):
@@ -162,7 +160,8 @@ class Display:
 
     def heading(self, text: str) -> str:
         """A label that ends in its unit in parentheses, with the reader's instead."""
-        return _LAST_UNIT.sub(lambda found: f"({self.units.unit(found[1])})", text)
+        label, _, unit = text.removesuffix(")").rpartition(" (")
+        return self.title(label, unit) if label and text.endswith(")") else text
 
     def metric(self, metric: Metric) -> Metric:
         """A metric in the reader's unit."""

@@ -5,7 +5,7 @@ Looks are in Plotly's words, as plain dicts. Files and tables of a drawing are m
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
@@ -16,6 +16,7 @@ from crashfuse.reporting.plots.palette import in_the_dark
 from crashfuse.signals.pulse import FloatArray
 
 Values = Sequence[Any] | np.ndarray[Any, Any]
+Ends = tuple[Values, Values]
 Look = dict[str, Any]
 """How something is drawn, in Plotly's words; ``line_width``, say, is the width of the line."""
 
@@ -51,7 +52,7 @@ class Numbers(NamedTuple):
 
     name: str
     columns: dict[str, Any]
-    kind: Literal["line", "band", "points", "cells"] = "line"
+    kind: str = "line"  # or a band, points or cells
     axis: str = "y"
     plot: str = ""
 
@@ -81,18 +82,10 @@ class Drawing:
             self.axis(name)
 
     def axis(
-        self,
-        name: str,
-        quantity: str | None = None,
-        unit: str = "",
-        *,
-        plot: str = "",
-        title: str | None = None,
-        **look: object,
+        self, name: str, quantity: str | None = None, unit: str = "", *, title: str | None = None, **look: object
     ) -> None:
         """Say what an axis, ``y2`` say, shows, and how; its title is that, unless another or none ("") is given."""
         axis = self.axes.setdefault(name, Axis(_merged({}, self._looks[name[0]])))
-        axis.plot = plot or axis.plot
         if quantity is not None:
             axis.quantity, axis.unit = quantity, unit
             text = axis.heading() if title is None else title
@@ -106,40 +99,27 @@ class Drawing:
     def line(self, x: Values, y: Values, **look: object) -> None:
         """Draw one curve, see :meth:`points`; a lower one of stacked plots is selected by its ``yaxis``."""
         # a template's own format, not yhoverformat, would write negative numbers with a hyphen
-        usual: Look = {"mode": "lines", "hovertemplate": "%{y}", "yhoverformat": ".1f"}
+        usual = Look(mode="lines", hovertemplate="%{y}", yhoverformat=".1f")
         self.points(x, y, **usual | look)
 
     def points(
-        self,
-        x: Values,
-        y: Values,
-        *,
-        interval: tuple[Values, Values] | None = None,
-        numbers: Mapping[str, Values] = {},
-        **look: object,
+        self, x: Values, y: Values, *, ends: Ends | None = None, numbers: Mapping[str, Values] = {}, **look: object
     ) -> None:
-        """Draw points, with intervals of their values; other ``numbers`` stand in tables, places for ``x``, say.
+        """Draw points with the ends of their intervals; tables have other ``numbers``, a place for ``x`` say.
 
         ``legend`` is a name in the legend other than that in tables.
         """
         shown: Look = {"x": x, "y": y, **numbers}
-        if interval is not None:
-            lower, values, upper = (np.asarray(end, dtype=np.float64) for end in (interval[0], y, interval[1]))
+        if ends is not None:
+            lower, values, upper = (np.asarray(own, dtype=np.float64) for own in (ends[0], y, ends[1]))
             shown |= {"lower": lower, "upper": upper}
-            look |= {"error_y_array": upper - values, "error_y_arrayminus": values - lower}
+            look |= Look(error_y_array=upper - values, error_y_arrayminus=values - lower)
         if "text" in look:
             shown["label"] = look["text"]
         self.add({"x": x, "y": y, **look}, shown)
 
     def band(
-        self,
-        x: FloatArray,
-        lower: FloatArray,
-        upper: FloatArray,
-        *,
-        colour: str,
-        filled: bool = True,
-        **look: object,
+        self, x: FloatArray, lower: FloatArray, upper: FloatArray, *, colour: str, filled: bool = True, **look: object
     ) -> None:
         """Shade between two curves, or draw their edges, with a gap where either is unknown; its numbers are all."""
         lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)  # deceleration turns them over
@@ -155,37 +135,37 @@ class Drawing:
             forth, back = (np.array([x[stretch], end[stretch]]) for end in (lower, upper))
             outline += [forth, *([] if filled else [gap]), back[:, ::-1], gap]  # edges are joined by no line
         across, up = np.hstack(outline[:-1]).astype(np.float32)
-        filling = {"fill": "toself", "fillcolor": Sheer(colour)} if filled else {}
-        trace = {"mode": "lines", "x": across, "y": up, "line_color": colour, **filling}
-        self.add({**trace, "line_width": int(not filled), "hoverinfo": "skip", **look}, numbers)
+        filling = Look(fill="toself", fillcolor=Sheer(colour), line_width=0) if filled else Look(line_width=1)
+        trace = Look(x=across, y=up, mode="lines", line_color=colour, hoverinfo="skip")
+        self.add(trace | filling | look, numbers)
 
     def entry(self, name: str, **look: object) -> None:
         """Add a name to the legend."""
-        self.add({"x": [None], "y": [None], "name": name, **look})
+        self.add(Look(x=[None], y=[None], name=name) | look)
 
     def rule(self, axis: str, at: float, colour: str, width: float | None = 1, dash: str | None = None) -> None:
         """Draw a line across a plot, at a place of its axis, ``y2`` say."""
         across, along = axis[0], "yx"[axis[0] == "y"]
         place = {f"{across}ref": axis, f"{across}0": at, f"{across}1": at}
         place |= {f"{along}ref": f"{along}{axis[1:]} domain", f"{along}0": 0, f"{along}1": 1}
-        self._put("shapes", {"type": "line", **place, "line_color": colour, "line_width": width, "line_dash": dash})
+        self._put("shapes", place | Look(type="line", line_color=colour, line_width=width, line_dash=dash))
 
     def shade(self, start: float, end: float, axis: str = "y", **look: object) -> None:
         """Shade a plot, by its vertical axis, between two positions."""
-        place: Look = {"x0": start, "x1": end, "xref": "x", "y0": 0, "y1": 1, "yref": f"{axis} domain"}
-        self._put("shapes", {"type": "rect", **place, "layer": "below", "line_width": 0, **look})
+        place = Look(x0=start, x1=end, xref="x", y0=0, y1=1, yref=f"{axis} domain")
+        self._put("shapes", Look(type="rect", layer="below", line_width=0) | place | look)
 
     def note(self, text: str, x: float, y: float, yref: str = "paper", **look: object) -> None:
         """Write words at a place: ``x`` on its axis, or of the width of the figure, if ``y`` is of its height."""
-        place: Look = {"x": x, "y": y, "xref": "paper" if yref == "paper" else "x", "yref": yref}
-        self._put("annotations", {"text": text, "showarrow": False, **place, **look})
+        place = Look(x=x, y=y, xref="paper" if yref == "paper" else "x", yref=yref)
+        self._put("annotations", Look(text=text, showarrow=False) | place | look)
 
     def _put(self, where: str, look: Look) -> None:
         self.layout.setdefault(where, []).append(_merged({}, look))
 
     def add(self, look: Look, numbers: Mapping[str, Any] = {}) -> None:
         """Draw what a trace of Plotly draws, usually points; without numbers it is in no table."""
-        trace = _merged({"type": "scatter", "mode": "markers"} if "type" not in look else {}, look)
+        trace = _merged({} if "type" in look else Look(type="scatter", mode="markers"), look)
         name = trace.get("name", "")
         if legend := trace.pop("legend", ""):
             trace["name"] = legend
@@ -202,9 +182,7 @@ class Drawing:
         headings = {"x": x.heading() or "x", "y": y.heading() or "y", "label": "Label"}
         headings |= {"lower": y.heading(", lower"), "upper": y.heading(", upper")}
         headings |= {"x_lower": x.heading(", lower"), "x_upper": x.heading(", upper")}
-        kind: Literal["points", "line", "band"] = "line" if "y" in mark.numbers else "band"
-        if {"label", "x_lower"} & {*mark.numbers}:
-            kind = "points"
+        kind = "points" if {"label", "x_lower"} & {*mark.numbers} else "line" if "y" in mark.numbers else "band"
         columns = {headings[role]: values for role, values in mark.numbers.items()}
         return Numbers(mark.name, columns, kind, mark.look.get("yaxis", "y"), y.plot)
 
@@ -212,8 +190,7 @@ class Drawing:
         """Traces and layout for Plotly, in the colours of a light or a dark page."""
         colours = in_the_dark() if dark else {}
         axes = {f"{name[0]}axis{name[1:]}": axis.look for name, axis in self.axes.items()}
-        layout: Look = _coloured({**self.layout, **axes}, colours)
-        return [_coloured(mark.look, colours) for mark in self.marks], layout
+        return [_coloured(mark.look, colours) for mark in self.marks], _coloured(self.layout | axes, colours)
 
     def figure(self, *, dark: bool = False) -> "DrawnFigure":
         """The drawing as a Plotly figure, which holds it; ``meta`` of each trace names its numbers, or has them."""
@@ -241,7 +218,7 @@ def drawing_of(figure: go.Figure) -> Drawing:
     """The drawing that a figure shows; a UsageError if it was not drawn here."""
     require_a(go.Figure, figure, "campaign.plot(), say")
     if getattr(figure, "drawing", None) is None:
-        raise UsageError("This figure was not drawn by crashfuse; take the one that campaign.plot() returns, say.")
+        raise UsageError("This figure was not drawn by crashfuse.")
     drawing: Drawing = figure.drawing
     return drawing
 
@@ -270,8 +247,6 @@ def _coloured(part: Any, colours: Mapping[str, str], *, is_colour: bool = False)
     if isinstance(part, Mapping):
         named = ((name, own, name.endswith(("color", "colorscale"))) for name, own in part.items() if own is not None)
         return {name: _coloured(own, colours, is_colour=is_one) for name, own, is_one in named}
-    if is_colour and isinstance(part, list | tuple):
-        return [_coloured(own, colours, is_colour=True) for own in part]
-    if isinstance(part, list) and part and isinstance(part[0], Mapping):  # shapes, and words at a place
-        return [_coloured(own, colours) for own in part]
+    if isinstance(part, list | tuple) and (is_colour or isinstance(part and part[0], Mapping)):  # the latter: shapes
+        return [_coloured(own, colours, is_colour=is_colour) for own in part]
     return colours.get(part, part) if is_colour and isinstance(part, str) else part

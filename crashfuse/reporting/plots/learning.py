@@ -8,7 +8,7 @@ import pandas as pd
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.reporting.plots.canvas import drawing_of_points, new_drawing
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, Look
+from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import one_more, summary
@@ -65,8 +65,7 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> Dr
     Behind the judged approach: the central 80 % of single ratings. Open diamond: expected with one test more.
     """
     table, n, unit = summary(curve), len(curve.campaign.tests), display.unit
-    places: Look = {"range": [-0.4, n + 1.5], "dtick": 1 if n < 16 else 5}
-    drawing = drawing_of_points(640, "Number of tests learned from", **places)
+    drawing = drawing_of_points(640, "Number of tests learned from", dtick=1 if n < 16 else 5, range=[-0.4, n + 1.5])
     lower: dict[str, tuple[str, str, str]] = {}  # two lines of the title, and the unit
     if table["half_width_g"].notna().any():
         lower["y2"] = "Half width of", "the 95 % band", unit
@@ -89,7 +88,7 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> Dr
         _ratings(drawing, even, f"{LABELS[name]}, evenly over speed", colour, "circle", -_SHIFT)
         _ratings(drawing, random, f"{LABELS[name]}, at random", colour, "circle-open", _SHIFT)
         half_width, hover = even["half_width_g"] * display.units.factor("g"), "%{customdata:.0f} % of a(t) inside"
-        _below(drawing, even, half_width, name, "y2", f"± %{{y:.1f}} {unit}, {hover}", even["inside"])
+        _below(drawing, even, half_width, name, "y2", f"± %{{y:.1f}} {unit}, {hover}", 100 * even["inside"].to_numpy())
         if "decided" in even:
             _below(drawing, even, 100 * even["decided"], name, "y3", "%{y:.0f} % of verdicts decided")
     _expect(drawing, curve)
@@ -104,7 +103,7 @@ def _ratings(drawing: Drawing, rows: pd.DataFrame, name: str, colour: str, symbo
     sizes, ratings, errors = rows[["n_tests", "rating", "error"]].fillna({"error": 0.0}).to_numpy(dtype=np.float64).T
     drawing.points(
         sizes + shift, ratings, name=name, numbers={"x": rows["n_tests"].tolist()},
-        mode="lines+markers" if symbol == "circle" else "markers", interval=(ratings - errors, ratings + errors),
+        mode="lines+markers" if symbol == "circle" else "markers", ends=(ratings - errors, ratings + errors),
         error_y_width=0, error_y_thickness=1.5, error_y_color=colour, line_color=colour, line_width=2,
         marker_color=colour, marker_symbol=symbol, marker_size=9,
         hovertemplate=f"{_RATING}<extra>{name}</extra>",
@@ -118,14 +117,14 @@ def _below(
     name: str,
     yaxis: str,
     hover: str,
-    shares: pd.Series | None = None,
+    customdata: object = None,
 ) -> None:
     if not values.isna().all():
         hover = f"%{{x:.0f}} tests: {hover}<extra>{LABELS[name]}</extra>"
         drawing.points(
             rows["n_tests"].to_numpy(), values.to_numpy(), yaxis=yaxis, mode="lines+markers", name=LABELS[name],
             showlegend=False, line_color=COLOURS[name], line_width=2, marker_size=9, hovertemplate=hover,
-            customdata=None if shares is None else 100 * shares.to_numpy(),
+            customdata=customdata,
         )  # fmt: skip
 
 
@@ -139,7 +138,7 @@ def _expect(drawing: Drawing, curve: LearningCurve) -> None:
     drawing.points(
         [last.name, more.n_tests + 1], ratings, mode="lines+markers",
         name=f"{LABELS[name]}, expected with one test more", line_color=colour, line_width=2, line_dash="dot",
-        interval=(ratings - down, ratings + up),
+        ends=(ratings - down, ratings + up),
         error_y_width=4, error_y_color=colour, marker_color=colour, marker_symbol="diamond-open", marker_size=[0.1, 11],
         hovertemplate=f"{more.n_tests + 1} tests: %{{y:.3f}}; the last one adds {gain} ({lower} to {upper})"
         f"<extra>{LABELS[name]}, expected</extra>",

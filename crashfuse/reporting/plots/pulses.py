@@ -246,13 +246,13 @@ def imported_pulse(
     if settled is not None:
         factor = ACCELERATION_UNITS[settled.unit] * (1 if settled.deceleration_sign == "negative" else -1) * scale
         zero_s = settled.time_zero_s
-    recorded: Look = {"name": "As recorded", "legendgroup": "recorded", "line_color": COLOURS["cae"], "line_width": 1}
+    recorded = Look(name="As recorded", legendgroup="recorded", opacity=0.6, hoverinfo="skip")
+    recorded |= Look(line_color=COLOURS["cae"], line_width=1)
     for place, channel in enumerate(channels[:_MOST_CHANNELS]):
         time = channel.time_s - zero_s
         shown = np.flatnonzero((time >= _FROM_S) & (time <= _TO_S)) if settled is not None else np.arange(time.size)
         shown = shown[:: -(-shown.size // _MOST_POINTS) or 1]
-        recorded |= {"showlegend": place == 0, "opacity": 0.6, "hoverinfo": "skip"}
-        drawing.line(time[shown] / MS, channel.values[shown] * factor, **recorded)
+        drawing.line(time[shown] / MS, channel.values[shown] * factor, showlegend=place == 0, **recorded)
     if settled is None:
         drawing.axis("x", "Time in the file", "ms", autorange=True, range=None)
         drawing.axis("y", "As in the file")

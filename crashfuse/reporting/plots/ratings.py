@@ -39,27 +39,22 @@ def rating_heatmap(
     if mean:
         z = np.vstack([z, z.mean(axis=0)])
     names = [head.replace(" domain", "<br>domain") if head != "A repeat" else f"<i>{head}</i>" for head in heads]
-    rows, ticks = (
-        [*(f"Test {name(test)}" for test in tests), *(f"<b>{m}</b>" for m in mean)] for name in (str, tick_name)
-    )
+    rows, ticks = ([f"Test {own(test)}" for test in tests] + [f"<b>{m}</b>" for m in mean] for own in (str, tick_name))
     text = [["" if np.isnan(value) else graded(value) for value in row] for row in z]
     limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
     steps = zip(GRADE_COLOURS.values(), limits[:-1], limits[1:], strict=True)
     scale = [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]
     drawing = drawing_of_points(_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     table = {"Row": [*(f"Test {test}" for test in tests), *mean], **dict(zip(heads, z.T, strict=True))}
-    cells: Look = {"type": "heatmap", "z": z, "x": names, "y": rows, "zmin": 0, "zmax": 1, "xgap": 2, "ygap": 2}
-    cells |= {"text": text, "texttemplate": "%{text}", "textfont_color": MEASURED_COLOUR, "textfont_size": 12}  # fixed
-    drawing.add({**cells, "hoverinfo": "skip", "colorscale": scale, "showscale": False}, table)
+    heat = Look(type="heatmap", z=z, x=names, y=rows, colorscale=scale, zmin=0, zmax=1, xgap=2, ygap=2, showscale=False)
+    heat |= Look(text=text, texttemplate="%{text}", textfont={"color": MEASURED_COLOUR, "size": 12}, hoverinfo="skip")
+    drawing.add(heat, table)  # without a size, words would shrink with their cells
     columns = [*(f":{name}" for name in approaches), ""][: len(names)]  # a repeat is by no approach
     clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
-    told = [
-        f"{row}, {name.replace('<br>', ' ')}: {text[i][j]}"
-        for i, row in enumerate(rows)
-        for j, name in enumerate(names)
-    ]
-    hover = {"hovertext": told, "hovertemplate": "%{hovertext}<extra></extra>"}
-    canvas.make_clickable(drawing, names, rows, clicked, 26, **hover)
+    plain = [name.replace("<br>", " ") for name in names]
+    told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(plain)]
+    hover = "%{hovertext}<extra></extra>"
+    canvas.make_clickable(drawing, names, rows, clicked, 26, hovertext=told, hovertemplate=hover)
     canvas.fix_cells(drawing, len(names), len(rows))
     drawing.update(margin_t=_NAMES_PX, margin_b=_BELOW_PX)
     drawing.axis("x", tickfont_size=12)
@@ -76,18 +71,18 @@ def rating_spread(
     if known := [(i, repeats[test]) for i, test in enumerate(tests) if repeats and test in repeats]:
         values = [(repeat.value, repeat.lower, repeat.upper) for _, repeat in known]
         _, lower, upper = np.array(values).T
-        bars: Look = {"type": "bar", "x": [i for i, _ in known], "base": lower, "y": upper - lower, "width": 0.7}
-        bars |= {"marker_color": AXIS, "marker_opacity": 0.25, "marker_line_width": 0, "customdata": values}
-        bars["hovertemplate"] = "%{customdata[0]:.3f}, %{customdata[1]:.3f} to %{customdata[2]:.3f}"
+        bars = Look(type="bar", x=[i for i, _ in known], base=lower, y=upper - lower, width=0.7, name="A repeat (95 %)")
+        bars |= Look(marker_color=AXIS, marker_opacity=0.25, marker_line_width=0, customdata=values)
+        bars |= Look(hovertemplate="%{customdata[0]:.3f}, %{customdata[1]:.3f} to %{customdata[2]:.3f}")
         numbers = {"x": [tests[i] for i, _ in known], "lower": lower, "upper": upper}
-        drawing.add({**bars, "name": "A repeat (95 %)"}, numbers)
+        drawing.add(bars, numbers)
     approaches = [name for name in CLASSES.declared if any(name in own for own in ratings.values())]
     for place, name in enumerate(approaches):
         own = [(i, *ratings[test][name]) for i, test in enumerate(tests) if name in ratings[test]]
         number, overall, lower, upper = np.array(own).T
         drawing.points(
             number + 0.18 * (place - (len(approaches) - 1) / 2), overall, name=LABELS[name],
-            numbers={"x": [tests[i] for i, *_ in own]}, interval=(lower, upper), error_y_width=0, error_y_thickness=1.5,
+            numbers={"x": [tests[i] for i, *_ in own]}, ends=(lower, upper), error_y_width=0, error_y_thickness=1.5,
             marker_color=COLOURS[name], marker_size=9, customdata=np.column_stack([lower, upper]),
             hovertemplate="%{y:.3f}, single draws %{customdata[0]:.3f} to %{customdata[1]:.3f}",
         )  # fmt: skip
@@ -166,9 +161,10 @@ def rated_curves(
         is_first, is_last, axis = number == 1, number == len(_DOMAINS), "y" if number == 1 else f"y{number}"
         heading = f"{part.capitalize()} {getattr(explanation.rating, part):.3f}"
         unit = f"{display.unit}/ms" if is_last else display.unit
-        drawing.axis(axis, unit, domain=[bottom, top], plot=f"{heading}: {how}")
+        drawing.axis(axis, unit, domain=[bottom, top])
+        drawing.axes[axis].plot = f"{heading}: {how}"
         drawing.note(f"<b>{heading}</b>: {how}", 0, top, xanchor="left", yanchor="bottom")
-        key: Look = {} if is_first else {"yaxis": axis, "showlegend": False}
+        key = Look() if is_first else Look(yaxis=axis, showlegend=False)
         key["yhoverformat"] = ".2f" if is_last else ".1f"
         factor = scale * MS if is_last else scale
         for name, values in ((TEST, drawn.reference), (approach, drawn.comparison)):
@@ -212,7 +208,7 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
         error = np.array([0.0] * gains.size + [0.0 if np.isnan(mean["standard_error"]) else 2 * mean["standard_error"]])
         drawing.points(
             [*(tests.index(test) + shift for test in gains.index), len(tests) + shift], values, name=label_of(name),
-            numbers={"x": [*gains.index, "Mean"]}, interval=(values - error, values + error),
+            numbers={"x": [*gains.index, "Mean"]}, ends=(values - error, values + error),
             error_y_width=0, error_y_thickness=1.5, marker_color=COLOURS.get(name, AXIS), marker_size=8,
             marker_symbol=["circle"] * gains.size + ["diamond"],
             hovertemplate=[difference(second, first, 3) for second, first in pairs],

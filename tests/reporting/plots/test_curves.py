@@ -107,5 +107,4 @@ def test_titles_of_axes_are_no_larger_than_text() -> None:
     drawing = new_drawing(300)
     drawing.axis("y", "Velocity", "km/h")
     layout = drawing.figure().layout
-    assert layout.yaxis.title.text == "Velocity (km/h)"
     assert layout.xaxis.title.font.size == layout.yaxis.title.font.size == layout.font.size

@@ -15,6 +15,7 @@ from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.canvas import new_drawing
 from crashfuse.reporting.plots.curves import WHOLE
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.drawing import drawing_of
 from crashfuse.reporting.plots.pulses import imported_pulse
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, motion
@@ -169,7 +170,7 @@ def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -
 def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaign: Campaign) -> None:
     pulse = campaign.tests[1].pulse
     figure = plots.add_corridors(new_drawing(400).figure(), pulse, Display(window_ms=40.0))
-    outer, inner = (mark.numbers for mark in figure.drawing.marks)
+    outer, inner = (mark.numbers for mark in drawing_of(figure).marks)
     largest = np.abs(pulse.accel_mps2[GRID_S < 0.04]).max() / G
     for corridor, share in ((outer, 0.5), (inner, 0.05)):
         lower, upper = corridor["lower"], corridor["upper"]
@@ -182,7 +183,7 @@ def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(te
     """Each draw integrated over all of its samples, then the central 95 % at each point of the band."""
     draws, speed = np.random.default_rng(0).normal(-150, 80, (40, N_SAMPLES)), test.condition.speed_mps
     figure = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)}, speed)
-    _, _, *bands = [own.numbers for own in figure.drawing.marks if "lower" in own.numbers]
+    _, _, *bands = [own.numbers for own in drawing_of(figure).marks if "lower" in own.numbers]
     for band, drawn, unit in zip(bands, motion(draws, speed, DT_S), (MPH, 1e-3), strict=True):
         lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0) / unit
         np.testing.assert_allclose(band["lower"], lower)
