@@ -8,12 +8,13 @@ import pandas as pd
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.reporting.plots.canvas import drawing_of_points, new_drawing
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure
+from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, Look
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import one_more, summary
 from crashfuse.units import signed
 
+_MARKED = Look(mode="lines+markers", line_width=2, marker_size=9)
 _SPARE = 0.05  # decades beside the curves
 _NAMES = {"train loss": "Training error", "validation loss": "Error on held-back CAE runs"}
 
@@ -41,10 +42,8 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
     """Draw the RMS error for each strength of fine-tuning: on tests used for it, and on tests left out in turn."""
     drawing = new_drawing(height=260)
     for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):
-        drawing.points(
-            list(values), list(values.values()), name=name, mode="lines+markers", line_color=colour, line_width=2,
-            marker_size=9, hovertemplate="%{y:.3f}",
-        )  # fmt: skip
+        look = _MARKED | Look(name=name, line_color=colour, hovertemplate="%{y:.3f}")
+        drawing.points(list(values), list(values.values()), **look)
     place = list(errors).index(chosen)
     drawing.rule("x", place, colour=CURSOR, width=None, dash="dot")
     side = "right" if place > len(errors) / 2 else "left"
@@ -76,10 +75,8 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> Dr
         rows, colour = table[table["approach"] == name], COLOURS[name]
         if not CLASSES[name].learns_from_tests:
             rating, label = float(curve.by_test(name).iloc[:, -1].mean()), f"{LABELS[name]}, without any test"
-            drawing.points(
-                [0, n + 1], [rating, rating], mode="lines+markers", name=label, line_color=colour, line_width=2,
-                line_dash=DASHES[name], marker_size=[9, 0.1], hovertemplate=f"{rating:.3f}<extra>{label}</extra>",
-            )  # fmt: skip
+            look = _MARKED | Look(name=label, line_color=colour, line_dash=DASHES[name], marker_size=[9, 0.1])
+            drawing.points([0, n + 1], [rating, rating], hovertemplate=f"{rating:.3f}<extra>{label}</extra>", **look)
             continue
         even, random = (rows[rows["choice"] == way] for way in ("even", "random"))
         if name == curve.judged:
@@ -103,10 +100,9 @@ def _ratings(drawing: Drawing, rows: pd.DataFrame, name: str, colour: str, symbo
     sizes, ratings, errors = rows[["n_tests", "rating", "error"]].fillna({"error": 0.0}).to_numpy(dtype=np.float64).T
     drawing.points(
         sizes + shift, ratings, name=name, numbers={"x": rows["n_tests"].tolist()},
-        mode="lines+markers" if symbol == "circle" else "markers", ends=(ratings - errors, ratings + errors),
-        error_y_width=0, error_y_thickness=1.5, error_y_color=colour, line_color=colour, line_width=2,
-        marker_color=colour, marker_symbol=symbol, marker_size=9,
-        hovertemplate=f"{_RATING}<extra>{name}</extra>",
+        ends=(ratings - errors, ratings + errors), error_y_width=0, error_y_thickness=1.5, error_y_color=colour,
+        line_color=colour, marker_color=colour, marker_symbol=symbol, hovertemplate=f"{_RATING}<extra>{name}</extra>",
+        **(_MARKED if symbol == "circle" else {**_MARKED, "mode": "markers"}),
     )  # fmt: skip
 
 
@@ -121,11 +117,8 @@ def _below(
 ) -> None:
     if not values.isna().all():
         hover = f"%{{x:.0f}} tests: {hover}<extra>{LABELS[name]}</extra>"
-        drawing.points(
-            rows["n_tests"].to_numpy(), values.to_numpy(), yaxis=yaxis, mode="lines+markers", name=LABELS[name],
-            showlegend=False, line_color=COLOURS[name], line_width=2, marker_size=9, hovertemplate=hover,
-            customdata=customdata,
-        )  # fmt: skip
+        look = _MARKED | Look(name=LABELS[name], showlegend=False, line_color=COLOURS[name], hovertemplate=hover)
+        drawing.points(rows["n_tests"].to_numpy(), values.to_numpy(), yaxis=yaxis, customdata=customdata, **look)
 
 
 def _expect(drawing: Drawing, curve: LearningCurve) -> None:
