@@ -91,7 +91,16 @@ class Display:
     @property
     def accel_title(self) -> str:
         """Title of an acceleration axis, with its unit."""
-        return f"{'Deceleration' if self.deceleration else 'Acceleration'} ({self.unit})"
+        return "{} ({})".format(*self.accel_axis)
+
+    @property
+    def accel_axis(self) -> tuple[str, str]:
+        """Quantity and unit of an acceleration axis."""
+        return "Deceleration" if self.deceleration else "Acceleration", self.unit
+
+    def axis(self, label: str, unit: str) -> tuple[str, str]:
+        """Quantity and unit of an axis for a quantity in this unit: the reader's."""
+        return label, self.units.unit(unit)
 
     def speeds(self, values_mps: Number) -> Number:
         """Speeds in the reader's unit, as numbers."""
