@@ -191,9 +191,8 @@ class CaeLibrary:
     def extrapolation(self, condition: Condition) -> tuple[str, ...]:
         """One sentence for every input of a condition outside :attr:`range`: this alone decides what is in range."""
         notes = []
-        for (name, quantity, step), x, lo, hi in zip(
-            _AXES, condition.vector.tolist(), *(end.tolist() for end in self.range), strict=True
-        ):
+        ends = (end.tolist() for end in self.range)
+        for (name, quantity, step), x, lo, hi in zip(_AXES, condition.vector.tolist(), *ends, strict=True):
             tolerance = max(SAME_CONDITION * abs(x), step)  # that of a paired run
             if x < lo - tolerance or x > hi + tolerance:
                 outside = quantity(x), quantity(lo, hi, between=" to ")

@@ -98,9 +98,8 @@ class Campaign:
         channel_filter_class, filtered_with : float, optional
             The CFC to filter pulses with, or that they were filtered with, as in ``campaign.toml``.
         """
-        settings = {
-            "name": name, "notice": notice, "channel_filter_class": channel_filter_class, "filtered_with": filtered_with
-        }  # fmt: skip
+        settings = {"name": name, "notice": notice, "channel_filter_class": channel_filter_class}
+        settings["filtered_with"] = filtered_with
         return views.campaign_of_frames(tests, test_pulses, cae, cae_pulses, settings)
 
     @property
@@ -234,15 +233,12 @@ class Campaign:
     def factors(self) -> dict[str, tuple[str, ...]]:
         """Values of each further column of the tests table (powertrain, drive), sorted."""
         pairs = {pair for test in self.tests for pair in test.condition.factors if pair[1]}
-        return {
-            name: tuple(sorted(value for of, value in pairs if of == name)) for name in sorted({of for of, _ in pairs})
-        }
+        return {name: tuple(sorted(value for of, value in pairs if of == name)) for name in sorted(dict(pairs))}
 
     def metrics_of(self, test: CrashTest) -> tuple[Metric, ...]:
         """Metrics of a test's measured pulse."""
-        return checked_metrics(
-            test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s, occupant=self.occupant
-        )
+        pulse, speed_mps = test.pulse, test.condition.speed_mps
+        return checked_metrics(pulse.accel_mps2, speed_mps, dt_s=pulse.dt_s, occupant=self.occupant)
 
     def without(self, test_ids: Sequence[str]) -> "Campaign":
         """The campaign with these tests held out: the only data available for predicting them."""

@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple
 import pandas as pd
 
 from crashfuse.certification.certify import Answer, Certification
-from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import remembered
@@ -39,7 +38,6 @@ SUBJECTS = {
     "condition.outside": "Conditions outside the validated domain",
     "condition.too_short": "Open, as recordings end too early",
     "criterion.occupant": "Criteria by another occupant model",
-    "since.too_narrow": "Intervals that tests run since contradict",
     "record.too_narrow": "Intervals that left-out tests contradict",
     "record.bin": "Probabilities that left-out tests contradict",
     "record.no_gain": "Probabilities no better than those of the raw CAE",
@@ -52,27 +50,26 @@ DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_togeth
 _ANSWER = ("matrix.saved",)
 _COSTS = ("costs.confidence", "costs.saving")
 _MATRIX = ("matrix.every", "matrix.none_needed", "matrix.run_first")
-_RECORD = ("record.waived", "since.waived", "record.decided", "record.with_runs")
-_SINCE = ("since.outcomes", "since.intervals", "since.too_narrow")
+_RECORD = ("record.waived", "record.decided", "record.with_runs")
 _CONDITIONS = ("test.not_used", "condition.no_factor", "condition.new_together")
 _CRITERIA = ("criterion.unsupported", "criterion.untouched", "criterion.few")
 PLACES: Mapping[Place, tuple[str, ...]] = {
     "answer": _ANSWER,
     "costs": _COSTS,
     "summary": (
-        *(*_ANSWER, *_COSTS, "matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", *_SINCE),
+        *(*_ANSWER, *_COSTS, "matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", "since.outcomes"),
         *(*_CONDITIONS, *_CRITERIA, "record.none", "tests.cae_tuned"),
     ),
     "matrix": (
-        *("test.stands_apart", *_ANSWER, *_COSTS, *_MATRIX, *_RECORD[:2], "since.wrong"),
-        *("since.too_narrow", "test.not_used", "criterion.unsupported"),
+        *("test.stands_apart", *_ANSWER, *_COSTS, *_MATRIX, "record.waived", "since.wrong"),
+        *("test.not_used", "criterion.unsupported"),
     ),
     "record": (
         *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.no_gain"),
         *("record.none", "tests.cae_tuned"),
     ),
     "domain": ("domain.checked",),
-    "since": ("since.beside", *_SINCE, "since.wrong"),
+    "since": ("since.beside", "since.outcomes", "since.wrong"),
 }
 """The codes that are shown at each place, the most important one first: at the head of terminal, report and slides,
 below the page's answer, and in tabs of the page and sections of the report."""
@@ -160,7 +157,7 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
 def _matrix(certification: Certification) -> Iterator[Fact]:
     ids, confidence = certification.matrix.ids, certification.criteria.confidence
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
-    told = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
+    told = ", ".join(f"{n} {word}" for word, n in certification.n_by_word.items())
     if n := sum(len(certification.rows[i]) for i in certification.run):
         told += f"; {n} of these at {listed(list(certification.run))}, tested already and learned from"
     yield fact("matrix.counts", f"{size}, confidence {confidence:g}: {told}.", **certification.counts)
@@ -282,15 +279,9 @@ def _together(certification: Certification) -> dict[str, str]:
 
 
 def _unused_at(certification: Certification) -> dict[str, list[str]]:
-    campaign, matrix, since = certification.campaign, certification.matrix, certification.since
-    gone = () if since is None else since.gone_runs
-    found = {}
-    for (i, condition), unused in zip(matrix.items, matrix.run(campaign.unused), strict=True):
-        removed = [test.test for test in gone if test.condition.is_at(condition)]
-        others = (f"{test} with another record" if test in campaign.test_ids else test for test in removed)
-        if names := dict.fromkeys((*unused, *others)):
-            found[i] = list(names)
-    return found
+    matrix = certification.matrix
+    unused = matrix.run(certification.campaign.unused)
+    return {i: list(tests) for i, tests in zip(matrix.ids, unused, strict=True) if tests}
 
 
 def _conditions(certification: Certification) -> Iterator[Fact]:
@@ -315,22 +306,10 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
 
 
 def _not_used(certification: Certification) -> Iterator[Fact]:
-    campaign, since = certification.campaign, certification.since
-    removed = () if since is None else since.gone_runs
-    planned, unused = dict(certification.matrix.items), dict(campaign.unused)
+    campaign, planned = certification.campaign, dict(certification.matrix.items)
+    unused = dict(campaign.unused)
     told = "{}: {} was run there{}; the verdicts do not use it ({})."
     for i, names in _unused_at(certification).items():
         for name in names:
-            if name in unused and name not in {test.test for test in removed}:
-                off = "" if unused[name].is_at(planned[i]) else Sentence(", at {},", unused[name])
-                yield fact("test.not_used", Sentence(told, i, name, off, campaign.reason_of(name)), test=name)
-    told = "{} was run at {}, not used any more{}. By the criteria of then: missed {}, unknown {}."
-    for test in removed:
-        criteria = [] if since is None else since.earlier.criteria.items
-        shown = {criterion.name: test.measured.get(quantity(criterion)) for criterion in criteria}
-        missed = [c.name for c in criteria if (v := shown[c.name]) is not None and not c.is_met_by(v)]
-        unknown = [name for name, value in shown.items() if value is None]
-        why = f" ({campaign.reason_of(test.test)})" if test.test in unused else ""
-        texts = (", ".join(missed) or "none", ", ".join(unknown) or "none")
-        sentence = Sentence(told, test.test, test.condition, why, *texts)
-        yield fact("test.not_used", sentence, test=test.test, missed=missed, unknown=unknown)
+            off = "" if unused[name].is_at(planned[i]) else Sentence(", at {},", unused[name])
+            yield fact("test.not_used", Sentence(told, i, name, off, campaign.reason_of(name)), test=name)

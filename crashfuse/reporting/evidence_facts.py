@@ -6,7 +6,7 @@ from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.tested_since import TestedSince
+from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import (
     MOST_OF_A_TEST,
     TrackRecord,
@@ -67,11 +67,7 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
         told = f"With them {counts}; {saved_too or 'no'} tests would have been skipped."
         without = "Left-out tests are predicted without their CAE runs, as planned conditions have none."
         yield fact("record.with_runs", f"{without} {told}", n=n, wrong=wrong, saved=saved_too)
-    n, missed = saved_and_missed(certification)
-    if n > saved:
-        told = "With tests run since that earlier certifications waived"
-        yield fact("since.waived", f"{told}: {missed} of {n} missed one ({at_most(missed, n)}).", n=n, wrong=missed)
-    yield from _intervals("record", record, "the left-out test measured, made to hold 95 %", record.too_narrow)
+    yield from _intervals(record)
     if whole := record.whole_pulses:
         narrow = any(largest_share(*own) < WHOLE_SHARE for own in whole.values())
         told = f"{whole_sentence({how_left_out(way): own for way, own in whole.items()})} No verdict rests on this band"
@@ -153,7 +149,7 @@ def domain_facts(domain: Domain) -> Iterator[Fact]:
     )  # fmt: skip
 
 
-def since_facts(since: TestedSince) -> Iterator[Fact]:
+def since_facts(since: LaterTests) -> Iterator[Fact]:
     """What an earlier certification had said of tests that were run since, and whether it was right."""
     earlier = since.earlier
     repeats = [test for test, condition in since.made_for.items() if condition in earlier.run]
@@ -162,8 +158,6 @@ def since_facts(since: TestedSince) -> Iterator[Fact]:
         for told, some in (
             ("tests that it did not know", since.new),
             ("of these repeats, which do not count", repeats),
-            ("tests whose record or filter class is another since", since.changed),
-            ("no longer used", since.gone),
         )
         if some
     ]
@@ -172,7 +166,7 @@ def since_facts(since: TestedSince) -> Iterator[Fact]:
         "since.beside",
         f"Beside the earlier certification of {of}, by its own account of {earlier.date} (SHA-256 "
         f"{earlier.digest[:_DIGEST]}…); {'; '.join(tests) or 'it knew every test'}.",
-        new=since.new, changed=since.changed, gone=since.gone,
+        new=since.new,
     )  # fmt: skip
     bounds = outcomes(since)
     (wrong, n), (_, n_tests) = bounds["verdicts"], bounds["tests"]
@@ -180,27 +174,14 @@ def since_facts(since: TestedSince) -> Iterator[Fact]:
         of = f"verdicts met or not met on {counted(n, 'metric')} of {counted(n_tests, 'test')}"
         told = f"Tests run since, ratings aside: {of}, {bounds_text(bounds)}."
         yield fact("since.outcomes", told, n=n, wrong=wrong, tests=n_tests)
-    record = TrackRecord(since.with_intervals)
-    missed = {own.held_out for own in record.missed_intervals if own.verdict.word != "outside"}
-    narrow = record.too_narrow and len(missed) > 1  # the metrics of one test hang together
-    told = f"tests run since measured, made to hold 95 %{': they were too narrow' * narrow}"
-    yield from _intervals("since", record, told, narrow)
     for trial in since.trials:
         if trial.wrong:
             yield _wrong("since.wrong", trial, "before it was run", earlier.criteria.confidence)
 
 
-def outcomes(since: TestedSince) -> dict[str, WrongShare]:
+def outcomes(since: LaterTests) -> dict[str, WrongShare]:
     """:func:`trial_bounds` of the verdicts on tests run since, each metric once."""
     return trial_bounds(strictest_per_metric(since.counted))
-
-
-def saved_and_missed(certification: Certification) -> tuple[int, int]:
-    """As :meth:`TrackRecord.waived`, with tests that earlier certifications waived and that were run since."""
-    saved = {test: any(own.values()) for test, own in certification.record.saved(certification.criteria).items()}
-    for test, missed in ({} if certification.since is None else certification.since.waived).items():
-        saved[test] = saved.get(test, False) or missed
-    return len(saved), sum(saved.values())
 
 
 def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
@@ -214,19 +195,19 @@ def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
     return fact(code, sentence, test=trial.held_out, criterion=criterion.name, said=verdict.word)
 
 
-def _intervals(kind: str, record: TrackRecord, what: str, too_narrow: bool) -> Iterator[Fact]:
+def _intervals(record: TrackRecord) -> Iterator[Fact]:
     (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
     missed = [
-        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured, limit.interval(v.lower, v.upper))
-        for trial in record.missed_intervals
-        for v, limit in [(trial.verdict, trial.verdict.criterion)]
-        for measured in [measured_text(limit, trial.measured, trial.shift)]
+        Sentence("{} {} {}, not {}", t.held_out, limit.name, limit.shown(t.measured), limit.interval(v.lower, v.upper))
+        for t in record.missed_intervals
+        for v, limit in [(t.verdict, t.verdict.criterion)]
     ]
     if n:
         also = f", and {inside_outside} of {n_outside} outside the validated domain," * bool(n_outside)
         which = Sentence("; missed: {}", listed(missed)) if missed else ""
-        sentence = Sentence(f"{inside} of {counted(n, 'interval')}{also} held what {what}{{}}.", which)
-        yield fact(f"{kind}.{'too_narrow' if too_narrow else 'intervals'}", sentence, inside=inside, n=n)
+        held = f"{inside} of {counted(n, 'interval')}{also} held what the left-out test measured, made to hold 95 %"
+        code = "record.too_narrow" if record.too_narrow else "record.intervals"
+        yield fact(code, Sentence(f"{held}{{}}.", which), inside=inside, n=n)
 
 
 def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:

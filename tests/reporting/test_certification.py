@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from markupsafe import escape
@@ -39,7 +40,6 @@ from crashfuse.reporting.report.certification import certification_report
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, KPH_KG, MPH
-from tests.certification.test_tested_since import values
 from tests.golden import assert_golden
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -84,6 +84,11 @@ def text(certification: Certification, shared_cache: Path) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CRASHFUSE_CACHE", str(shared_cache))
         return certification_report(certification)
+
+
+def values(certification: Certification, code: str) -> list[dict[str, Any]]:
+    """The values of the facts of a code."""
+    return [dict(fact.values) for fact in facts(certification) if fact.code == code]
 
 
 def wrong(certification: Certification) -> Certification:

@@ -17,7 +17,7 @@ from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_many
 from crashfuse.study.repeatability import Scatter, combined, repeatability, repeats_of
 from crashfuse.synthetic.sample import TABLE_1
-from crashfuse.synthetic.specimens import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
+from crashfuse.synthetic.vehicle import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
 from crashfuse.units import LB, MPH, G
 from tests.conftest import cancelled_after
 
