@@ -87,7 +87,7 @@ def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst
     worst = text.partition("<h3>The worst test</h3>")[2].partition("</section>")[0]
     assert re.search(f"<p>{worst_test(study).test.id}, .* mph, over 0–60 ms: ", worst)
     assert "it takes 3 to tell whether a test stands apart." in worst
-    assert text.count("Magnitude 1.000") == 1  # the title of a row of its figure
+    assert text.count("b>Magnitude 1.000") == 1  # the title of a row of its figure
 
 
 def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, text: str) -> None:
