@@ -66,6 +66,7 @@ MAIN, LINK = '[data-testid="stMain"]', f'{SIDEBAR} [data-testid="stPageLink-NavL
 PILL, POPOVER = '[data-testid="stButtonGroup"] button', '[data-testid="stPopoverBody"]'
 DIALOG = '[data-testid="stDialog"]'
 APPROACH = ".st-key-explained"  # on Compare
+STAR = "button [data-testid='stIconMaterial']"  # at the one that is recommended
 LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"  # the page's ground in both themes
 PAIRED = ("C20", "C21", "C22", "C23")  # CAE runs at the tests' conditions, one of them beyond all others
 QUICK = ("cae", "displacement_domain")  # approaches that learn within seconds
@@ -255,14 +256,12 @@ class User:
 
     @property
     def chosen_approach(self) -> str:
-        """Whose prediction Compare shows."""
-        field = self.find(f'{APPROACH} [role="combobox"]')
-        return str(field.get_attribute("value") or self.find(APPROACH).text)
+        """Whose prediction Compare shows, with its rating."""
+        return self.find(f'{APPROACH} [aria-checked="true"]').text
 
     def chooses_approach(self, label: str) -> None:
         """On Compare, choose whose prediction is shown."""
-        self.presses_until(lambda: self.texts('[role="option"]'), "", f'{APPROACH} [role="combobox"]')
-        self.press(label, '[role="option"]')
+        self.press(label, f"{APPROACH} button")
         self.wait(lambda: label in self.chosen_approach, f"{label} was never chosen.")
 
     def rates_over(self, ms: str) -> None:

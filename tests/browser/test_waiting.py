@@ -5,7 +5,7 @@ import re
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.approaches.registry import LABELS
-from tests.browser.conftest import MAIN, POPOVER, SIDEBAR, Server, User, bands
+from tests.browser.conftest import APPROACH, MAIN, POPOVER, SIDEBAR, STAR, Server, User, bands
 
 
 def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_server: Server, user: User) -> None:
@@ -23,11 +23,12 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     user.go("Predict")  # which has nothing to show yet, and ends early
     user.sees("Ready: ", SIDEBAR, timeout_s=400)
     user.press("Ready: ", f"{SIDEBAR} button")
-    shown = user.sees("recommended")
+    user.find(f"{APPROACH} {STAR}")
+    shown = user.find(APPROACH).text
     assert all(approach in shown for approach in ("LF TCN", "Time domain", "Fused"))
     user.wait(lambda: not user.all(SIDEBAR, "Ready"))
     for chosen in ("time_domain", "displacement_domain"):
-        user.chooses_approach(f"By {LABELS[chosen]}")
+        user.chooses_approach(LABELS[chosen])
         user.wait(lambda chosen=chosen: bands(user) == {chosen: True})  # type: ignore[misc]
     user.opens("More")
     why = user.sees("rated", POPOVER)
@@ -36,6 +37,7 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     made_of = r"Made of \d+ % .*, because the nearest test is [\d.]+ mph away"
     user.press("More: ", "summary")
     user.wait(lambda: re.search(made_of, f"{why} {user.sees('Pulse metric')}"), "Nothing said what Fused is made of.")
-    user.press("Time domain", '.cf-ratings [role="button"]')  # from a rating to its parts
+    user.chooses_approach(LABELS["time_domain"])
+    user.open_tab("Why")
     user.sees("Time domain 0.", '[data-testid="stMarkdown"]')
     assert "compare_tab=Why&explained=time_domain" in user.browser.current_url
