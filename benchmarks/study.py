@@ -96,7 +96,7 @@ def _print_ratios(folder: Path) -> None:
             one_fit = _cpu_seconds(lambda: HierarchicalBias().fit(alike))
         fast_gp = _cpu_seconds(lambda: DisplacementDomain().fit(nine_tenths, Run(cache)))
         paper_gp = _cpu_seconds(lambda: DisplacementDomain(DisplacementConfig.paper()).fit(nine_tenths, Run(cache)))
-        fast_lf = _cpu_seconds(lambda: LfTcn(cache=Cache(Path(scratch) / "lf")).fit(campaign))
+        fast_lf = _cpu_seconds(lambda: LfTcn().fit(campaign, Run(Cache(Path(scratch) / "lf"))))
         paper_lf = _paper_training_cpu_seconds(campaign)
         study = _study(folder, Path(scratch), ROOT)
     folds = len(campaign.tests)

@@ -29,7 +29,7 @@ from crashfuse.study.study import Fold, Study
 from tests.conftest import cancelled_after, with_pulse
 
 CONFIG = StudyConfig(windows_ms=(20.0, 60.0))
-KINDS = {"code", "emulator", "fits", "metric errors", "predictions", "repeatability"}  # of what is kept
+KINDS = {"emulator", "fits", "metric errors", "predictions", "repeatability"}  # of what is kept
 
 pytestmark = pytest.mark.usefixtures("quick_networks")
 
@@ -249,7 +249,7 @@ def test_results_of_other_code_stay_unused(campaign: Campaign, monkeypatch: pyte
     config = StudyConfig(approaches=("cae", "lf_tcn", "displacement_domain"))
     run_study(campaign, config, held_out=["T2"], cache=Cache(tmp_path), workers=1)
     before = entries()
-    assert set(before) == {*KINDS, "lf_tcn"}
+    assert set(before) == {*KINDS, "lf_tcn", "code"}
     monkeypatch.setattr(Cache, "digest", lambda *_: "other")
     run_study(campaign, config, held_out=["T2"], cache=Cache(tmp_path), workers=1)
     assert {**entries(), "code": 0} == {**(before + before), "code": 0}
@@ -260,7 +260,7 @@ def test_a_damaged_cache_is_computed_again(campaign: Campaign, tmp_path: Path) -
     """With a byte flipped in every entry of every kind, the same study gives the same bits and mends the cache."""
     config = StudyConfig(approaches=("displacement_domain",))
     first = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)
-    entries = {path: path.read_bytes() for path in tmp_path.rglob("*.bin")}
+    entries = {path: path.read_bytes() for kind in KINDS for path in (tmp_path / kind).glob("*.bin")}
     assert {path.parent.name for path in entries} == KINDS
     for path, content in entries.items():
         path.write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
