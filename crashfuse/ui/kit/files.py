@@ -95,7 +95,7 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
         details += [f"{config.preset.capitalize()} settings, seed {config.seed}", *map(str.capitalize, _left_out(page))]
     details += [f"{test} left out of use" for test in unused]
     if campaign.notice:
-        details.append(campaign.notice.partition(":")[0])
+        details.append(campaign.notice_label)
     return Caption(file_name(campaign.name, *names), title, " · ".join(details))
 
 

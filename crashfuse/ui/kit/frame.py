@@ -335,8 +335,9 @@ class _AnswerLine:
             meaning = "A test there would meet all criteria at once."
         self._link("certify", f"**{plain(told)}**", meaning, "certify")
         for fact in campaign_facts(view.campaign):
-            label, key, test = plain(fact.label), f"{fact.code} {fact.label}", str(fact.values.get("test"))
+            label, key = plain(fact.label), f"{fact.code} {fact.label}"
             if fact.code == "test.stands_apart":
+                (test,) = fact.about
                 at = view.display.words(speed(view.campaign.test(test).condition.speed_mps, form=".0f"))
                 self._link(key, f":orange[{label} at {at}]", fact.sentence, "compare", test=test, compare_tab="Why")
             elif fact.code == "campaign.archive":
