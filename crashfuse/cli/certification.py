@@ -17,7 +17,7 @@ from crashfuse.cli.models import settings
 from crashfuse.cli.output import opened, say_facts, say_written, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
 from crashfuse.reporting import verdicts
-from crashfuse.reporting.certification_facts import planned, sentences
+from crashfuse.reporting.certification_facts import sentences
 from crashfuse.reporting.certification_tables import counts_table
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.results import replaced
@@ -74,7 +74,7 @@ def certify(arguments: argparse.Namespace) -> None:
 
 
 def _print_planned(certification: Certification, display: Display) -> None:
-    rows = planned(certification)
+    rows = verdicts.planned(certification)
     width = max(len(row.id) for row in rows[:_MOST])
     for row in rows[:_MOST]:
         speed, why = display.speed(row.condition.speed_mps), display.words(row.why)

@@ -80,7 +80,7 @@ def display_of(arguments: argparse.Namespace, campaign: Campaign) -> Display:
 
 def say_facts(campaign: Campaign, display: Display) -> list[str]:
     """Print what has to be known of a campaign, before its results; returns the sentences, not to be said again."""
-    sentences = [fact.sentence for fact in campaign_facts(campaign)]
+    sentences: list[str] = [fact.sentence for fact in campaign_facts(campaign)]
     print(*map(display.words, sentences), sep="\n", end="\n" * bool(sentences))
     return sentences
 

@@ -222,7 +222,8 @@ def recommend_for(
         return _by_the_paper(names, campaign, condition)
     most = max(rating.mean for rating in expected.values())
     equal = [name for name, rating in expected.items() if rating.mean > most - _CLEARLY]
-    name, best, ties = equal[0], expected[equal[0]], {}
+    name, best = equal[0], expected[equal[0]]
+    ties: Mapping[str, object] = {}
     if len(equal) > 1:
         means = {w: [mean_near(by_name[other], campaign, best.tests, w) for other in equal] for w in WINDOWS_MS}
         ties = _ties(equal, means, [expected[other].lowest for other in equal], len(best.tests))

@@ -21,12 +21,12 @@ from crashfuse.certification.verdict import EarlierVerdict, Word
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.certification_facts import exceptions, facts, planned, sentences
+from crashfuse.reporting.certification_facts import exceptions, facts, outcomes, saved_and_missed, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import SHOWN, track_record_table
-from crashfuse.reporting.evidence_facts import outcomes, saved_and_missed
 from crashfuse.reporting.plots.display import DEFAULT
 from crashfuse.reporting.report.certification import certification_report
+from crashfuse.reporting.verdicts import planned
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -80,8 +80,8 @@ def again(certification: Certification, today: Certification) -> Certification:
 
 
 def values(certification: Certification, code: str) -> list[dict[str, Any]]:
-    """The values of the facts of a code."""
-    return [dict(fact.values) for fact in facts(certification) if fact.code == code]
+    """The values of the facts of a code, and what they are about."""
+    return [{"about": fact.about, **fact.values} for fact in facts(certification) if fact.code == code]
 
 
 def measured(later: Certification, test: str) -> dict[str, float]:
@@ -153,7 +153,8 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(later: Certification
     table = track_record_table(beside).query("left_out == 'planned' and criterion == 'peak'")
     assert (table["verdict"].item(), table["met"].item()) == (word, False)
     assert table["measured"].item() == pytest.approx(found["peak"])
-    assert values(beside, "since.wrong") == [{"test": fastest.id, "criterion": "peak", "said": "met"}] * wrong
+    told = [(own["about"], own["criterion"], own["said"]) for own in values(beside, "since.wrong")]
+    assert told == [((fastest.id,), "peak", "met")] * wrong
     assert SHOWN["since"](beside, DEFAULT)["The test"].tolist()[1] == "missed it" + ", wrong" * wrong
     record, report = json.loads(certification_json(beside)), certification_report(beside)
     assert (record["since"]["decided"]["wrong"], record["since"]["decided"]["tests"]) == share
@@ -311,7 +312,7 @@ def test_what_one_test_alone_missed_is_no_sign_that_intervals_are_too_narrow(lat
     for own in (today, moved(today, 0.5, second)):
         beside = own.beside(earlier(later, NARROW))
         assert not values(beside, "since.too_narrow")
-        assert values(beside, "since.intervals") == [{"inside": 0, "n": 2}]
+        assert [(own["inside"], own["n"]) for own in values(beside, "since.intervals")] == [(0, 2)]
 
 
 @pytest.mark.parametrize("way", ["gone", "replaced"])
@@ -330,7 +331,7 @@ def test_what_a_test_showed_that_is_not_used_any_more_is_not_forgotten(later: Ce
         assert "met it there" in peak.reason
         assert "of then" not in good.reason  # a rating was another prediction's
         (told,) = values(own, "test.not_used")
-        assert (told["test"], "crush" in told["missed"]) == (second, True)
+        assert (told["about"], "crush" in told["missed"]) == ((second,), True)
     everything = louder(later, 0.98, *later.campaign.test_ids).beside(before)
     assert "record of then" not in everything.rows[place][0].reason  # another filter class changes every record
 
@@ -341,7 +342,7 @@ def test_a_test_left_out_of_use_is_told_at_its_condition_with_the_reason(later: 
     off = moved(later, 0.8, second).campaign.test(second).condition
     why = {second: "bracket {left} loose"}
     found = of(later, replace(later.campaign.without([second]), unused=((second, off),), why_unused=why))
-    assert values(found, "test.not_used") == [{"test": second}]
+    assert [own["about"] for own in values(found, "test.not_used")] == [(second,)]
     told = " ".join(map(str, exceptions(found)["Tests that are not used"]))
     assert str(off) in told
     assert "bracket {left} loose" in told

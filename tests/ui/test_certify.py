@@ -16,9 +16,9 @@ from streamlit.testing.v1.element_tree import Selectbox
 
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.reporting.certification_facts import exceptions, planned, sentences
+from crashfuse.reporting.certification_facts import exceptions, sentences
 from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.verdicts import Verdicts
+from crashfuse.reporting.verdicts import Verdicts, planned
 from crashfuse.ui.certify.entry import Field
 from crashfuse.ui.certify.results import Judgement, last_verdicts
 from crashfuse.ui.kit.campaigns import View
@@ -119,7 +119,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert "{} of {}".format(*expected.certification.saved) in session.words
     for told in exceptions(expected.certification).values():
         assert told[0] in session.words
-    for sentence in sentences(expected.certification, "matrix"):
+    for sentence in sentences(expected.certification, "summary"):
         assert sentence in session.words
     for i, verdict in expected.certification.cells:
         assert verdict.reason in reason(session, f"{i} | {verdict.criterion.name}")

@@ -10,12 +10,11 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification, Variant
 from crashfuse.certification.criteria import Criteria, varied
 from crashfuse.certification.track_record import at_most
-from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, headline, planned, sentences
+from crashfuse.reporting.certification_facts import DECISIVE, exceptions, saved_and_missed, sentences
 from crashfuse.reporting.certification_tables import changed_text
-from crashfuse.reporting.evidence_facts import saved_and_missed
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.verdicts import Verdicts
+from crashfuse.reporting.verdicts import Planned, Verdicts, planned
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify import results
 from crashfuse.ui.certify.results import Judgement, judge
@@ -63,12 +62,13 @@ def show(judgement: Judgement) -> None:
         for subject, told in subjects:
             st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in told))
         st.markdown("**The answer in sentences**")
-        judgement.show_sentences("matrix")
+        judgement.show_sentences("summary")
 
 
 def _show_headline(certification: Certification) -> None:
     n, missed = saved_and_missed(certification)
-    st.subheader(headline(certification), anchor=False)
+    (headline,) = sentences(certification, "answer")
+    st.subheader(headline, anchor=False)
     record = f"Of left-out tests {n} would have been skipped"
     if n:
         record += f"; {missed} of these missed a criterion ({at_most(missed, n)}, exact 95 % bound)"
