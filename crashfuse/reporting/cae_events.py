@@ -8,7 +8,7 @@ from crashfuse.approaches.displacement_domain.events import CaeEvent, CaeEvents,
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.study import Study
-from crashfuse.units import MS, number, probability_text
+from crashfuse.units import MS, number, probability_text, statements
 
 _MM, _KN = 1e-3, 1e3
 _SHOWN = {"_m": ("_mm", _MM), "_s": ("_ms", MS), "_n": ("_kn", _KN)}
@@ -62,21 +62,24 @@ def events_table(found: CaeEvents) -> pd.DataFrame:
 def events_sentences(found: CaeEvents) -> list[str]:
     """What to mend first, and what that is worth."""
     named = [event for event in found.events[:_NAMED] if event.share >= _WORTH_NAMING]
-    none = "In no range of crush do two tests agree and would mending raise the rating."
-    mended = f"with all events mended {found.rating_mended:.3f}, " if found.events else ""
+    worth = {name: getattr(found, name) for name in ("rating_cae", "window_ms", "n_rated", "rating_all")}
+    worth["mended"] = found.rating_mended if found.events else None
     return [
-        *([_sentence(found, event) for event in named] or [none]),
-        f"The CAE model rates {found.rating_cae:.3f} over 0–{found.window_ms:g} ms in the mean of {found.n_rated} "
-        f"tests, {mended}without its bias over displacement {found.rating_all:.3f}.",
+        *(
+            f"{_between(e.from_m / _MM, e.to_m / _MM, '.0f')} mm: {_size(e)} ({_interval(e)}) in {_which(e)} tests; "
+            f"{100 * e.share:.0f} % of what is lost."
+            for e in named
+        ),
+        *([] if named else ["In no range of crush do two tests agree and would mending raise the rating."]),
+        statements(_WORTH, worth),
     ]
 
 
-def _sentence(found: CaeEvents, event: CaeEvent) -> str:
-    tests = "tests" if len(event.reached) == len(found.tests) else "tests that crush as far"
-    return (
-        f"From {event.from_m / _MM:.0f} to {event.to_m / _MM:.0f} mm the CAE model is {_size(event)} "
-        f"({_interval(event)}) in {_which(event)} {tests}: {100 * event.share:.0f} % of what is lost."
-    )
+_WORTH = (
+    "The CAE model rates {rating_cae:.3f} over 0–{window_ms:g} ms (mean of {n_rated} tests).",
+    "With all events mended: {mended:.3f}.",
+    "Without its bias over displacement: {rating_all:.3f}.",
+)
 
 
 def _between(lower: float, upper: float, form: str) -> str:

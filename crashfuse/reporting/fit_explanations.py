@@ -10,7 +10,7 @@ from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
-from crashfuse.units import MPH_LB, Quantity, Sentence, UnitSystem
+from crashfuse.units import MPH_LB, Quantity, UnitSystem, joined, statements
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration", "whole": "Whole pulse, 0–60 ms"}
@@ -48,32 +48,33 @@ def fit_table(state: Mapping[str, Any], units: UnitSystem = MPH_LB) -> pd.DataFr
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     """Sentences on the quality of an approach's fit and the reliability of its band; empty without a fit."""
-    sentences: list[str] = []
-    if "hyperparameters" in state:
-        verdict = "no more than noise: treat the result as uncorrected" if state["dead"] else "more than noise"
-        sentences.append(
-            Sentence(
-                f"Fitted to {state['points']} points of a bias of {{}} RMS; log marginal likelihood "
-                f"{_whole(state['log_marginal_likelihood'])}, restarts {state['retries']}. The fit explains {verdict}.",
-                Quantity((state["bias_rms_g"],), "g"),
-            )
-        )
+    check = state.get("band_check")
+    values = {name: state.get(name) for name in ("points", "bias_rms_g", "factors", "members", "weights", "penalty")}
+    values["verdict"] = _VERDICTS[state["dead"]] if "hyperparameters" in state else None
+    values["misfit"] = state.get("left_out_delta_v_misfit")
     if len(densities := state.get("left_out_log_density", {})) > 1:
-        compared = ", ".join(f"{name} {_whole(value)}" for name, value in densities.items())
-        used = " and ".join(state["factors"]) or "none"
-        sentences.append(f"Factors: {used}. Log predictive density of left-out tests (higher is better): {compared}.")
-    if errors := state.get("left_out_rmse"):
-        sentences.append(
-            f"Fine-tuning: {state['members']} networks of {state['weights']:,} weights; {state['penalty']:g} of the "
-            f"increments are a test's own, chosen from {', '.join(errors)} by leaving each test out; ΔV of left-out "
-            f"tests was met to {100 * state['left_out_delta_v_misfit']:.1f} % of impact speed."
-        )
-    if weights := state.get("weights_at_equal_bands"):
-        shares = ", ".join(f"{name} {weight:.2f}" for name, weight in weights.items())
-        sentences.append(f"Weights at equally wide bands: {shares}; from predictions of left-out tests (CRPS).")
-    if check := state.get("band_check"):
-        sentences.append(_band_sentence(check))
-    return sentences
+        values["densities"] = [f"{name} {_whole(value)}" for name, value in densities.items()]
+        values["factors"] = state["factors"] or "none"
+    if equal := state.get("weights_at_equal_bands"):
+        values["equal"] = [f"{name} {weight:.2f}" for name, weight in equal.items()]
+    told = [statements(_FIT, values), *([_band_sentence(check)] if check else [])]
+    return [sentence for sentence in told if sentence]
+
+
+_VERDICTS = {False: "more than noise", True: "no more than noise: treat the result as uncorrected"}
+_FIT = (
+    "Fitted to {points} points of a bias of {bias_rms_g} RMS; it explains {verdict}.",
+    "Factors: {factors}; log predictive density of left-out tests (higher is better): {densities}.",
+    "Fine-tuning: {members} networks of {weights:,} weights; {penalty:g} of the increments are a test's own. ΔV of "
+    "left-out tests was met to {misfit:.1%} of impact speed.",
+    "Weights at equally wide bands, by left-out tests: {equal}.",
+)
+_BAND = (
+    "The band, scaled by {widening:g} for {left_out_tests} left-out tests, holds a(t) {accel_inside:.0%} and v(t) "
+    "{velocity_inside:.0%} of the time up to TTZV; crush in {crush_inside} tests, peak in {peak_inside}.",
+    "After TTZV it is scaled by {late_widening:g}.",
+    "After TTZV it holds a(t) {rebound_inside:.0%} of the time.",
+)
 
 
 def whole_sentences(estimates: Iterable[Estimate]) -> list[str]:
@@ -115,16 +116,8 @@ def _averaged(who: str, metrics: Sequence[Metric]) -> str:
 
 
 def _band_sentence(check: Mapping[str, Any]) -> str:
-    n = check["left_out_tests"]
-    late = f" ({check['late_widening']:g} after TTZV)" if "late_widening" in check else ""
-    after = np.nan if check["rebound_inside"] is None else check["rebound_inside"]
-    verdict = "" if check["holds"] else " That is too little for a 95 % band."
-    return (
-        f"Band: calibrated on {n} tests, each predicted from the others, and scaled by {check['widening']:g}{late}. "
-        f"Up to TTZV it holds a(t) {_percent(check['accel_inside'])} and v(t) {_percent(check['velocity_inside'])} of "
-        f"the time, after it a(t) {_percent(after)}; maximum crush in {check['crush_inside']} of {n} tests, peak "
-        f"deceleration in {check['peak_inside']}.{verdict}"
-    )
+    verdict = "" if check["holds"] else "That is too little for a 95 % band."
+    return joined([statements(_BAND, check), *filter(None, [verdict])])
 
 
 def _percent(share: float) -> str:

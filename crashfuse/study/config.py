@@ -1,6 +1,5 @@
 """Configuration and plan of a study: approaches, preset, seed, windows, and which tests are left out."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
@@ -54,7 +53,7 @@ class StudyConfig:
 
     def __post_init__(self) -> None:
         way = self.leave_out
-        object.__setattr__(self, "leave_out", re.sub("[-_]", " ", way) if isinstance(way, str) else way)
+        object.__setattr__(self, "leave_out", way.replace("-", " ").replace("_", " ") if isinstance(way, str) else way)
         if self.approaches is not APPROACHES:  # which are not listed before they are asked for
             if not (approaches := several(self.approaches)):
                 raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
@@ -138,7 +137,7 @@ class StudyConfig:
 def require_window(window_ms: object) -> None:
     """Raise a UsageError if nothing can be rated over [0, window_ms) of a prediction."""
     if not (isinstance(window_ms, Real) and 10 <= float(window_ms) <= 100):
-        asked = printable(str(window_ms), 40).removesuffix(".0")
+        asked = f"{window_ms:g}" if isinstance(window_ms, Real) else printable(str(window_ms), 40)
         raise UsageError(f"A rating window of {asked} ms is not possible; choose 10 to 100 ms.")
 
 

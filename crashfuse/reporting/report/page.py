@@ -1,7 +1,6 @@
 """Rendering of a report's template with its own values and those common to all reports, and common sections."""
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -33,8 +32,6 @@ from crashfuse.study.facts import Fact, campaign_facts
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.units import Sentence, joined, speed, weight
 from crashfuse.vehicle_archive import record_sentence
-
-_INTERVAL = re.compile(r" ?\[[^]]*\]")
 
 
 @cache
@@ -98,7 +95,7 @@ def render(
         },
         shown_otherwise=""
         if display.unit == "g" and not display.deceleration
-        else f"Shown: {display.accel_title.lower()}; the command's files have g, with the data's sign.",
+        else f"Shown in {display.unit}{', braking positive' * display.deceleration}; files have g and the data's sign.",
         **own,
     )
 
@@ -173,7 +170,7 @@ def details(
     columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
-    metrics = metric_texts(columns, campaign, display, f"Pulse metric{of_test}").map(unbroken_interval)
+    metrics = metric_texts(columns, campaign, display, f"Pulse metric{of_test}")
     main = metrics.index.isin(MAIN_METRICS)
     missing, more_missing = fit_explanations.metric_remarks(columns)
     makers = fit_explanations.notes_by_makers(estimates).items()
@@ -205,11 +202,6 @@ def repeats_table(
         repeats = next(iter(own.values())).repeats if own else ()
         rows.append({**row, "Repeats among the tests": ", ".join(repeats) or "none"})
     return pd.DataFrame(rows)
-
-
-def unbroken_interval(text: str) -> str:
-    """A value with its interval, which no line may cut."""
-    return _INTERVAL.sub(lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
 
 
 ReportForm = Literal["short", "whole"]

@@ -10,7 +10,7 @@ from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse, by_one, cautions, side_by_side
 from crashfuse.reporting.provenance import learning_curve_command, next_test_command, prediction_command, sweep_command
-from crashfuse.reporting.report.page import ReportForm, details, render, unbroken_interval
+from crashfuse.reporting.report.page import ReportForm, details, render
 from crashfuse.reporting.result_tables import curve_table, gains_table, next_tests_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
@@ -71,7 +71,7 @@ def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Displ
         "approach": LABELS[approach],
         "motion": first.plot(also=others, display=display),  # in the colours of the page
         "metrics": [
-            side_by_side([first, *others[start : start + _ABREAST]], display).map(unbroken_interval)
+            side_by_side([first, *others[start : start + _ABREAST]], display)
             for start in range(0, len(others), _ABREAST)
         ],
         "cautions": cautions([first, *others], display),
