@@ -7,11 +7,11 @@ from .campaign_folder.writer import pulses_frame as pulses_frame
 from .certification.criteria import CriteriaGiven as CriteriaGiven
 from .certification.criteria import criteria_given as criteria_given
 from .certification.verdict import with_decided as with_decided
-from .reporting.cae_events import campaign_events as campaign_events
 from .reporting.figures import Further as Further
 from .reporting.figures import campaign_figure as campaign_figure
 from .reporting.figures import figure_of_test as figure_of_test
 from .reporting.figures import overview as overview
+from .reporting.fit_explanations import campaign_events as campaign_events
 from .reporting.notebook import campaign_html as campaign_html
 from .reporting.notebook import card as card
 from .reporting.notebook import study_html as study_html

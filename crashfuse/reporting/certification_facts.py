@@ -43,7 +43,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "matrix.counted_once": ("", "Counted once, within 1 km/h and 2 % of each weight: {alike}."),
     "costs.confidence": (
         "",
-        "By the costs ({test:,.10g} a test, {wrong_answer:,.10g} a wrong answer) skipping pays from a confidence of "
+        "At {test:,.10g} a test and {wrong_answer:,.10g} a wrong answer skipping pays from a confidence of "
         "{pays_from:g}; {confidence:g} is asked for.",
     ),
     "costs.saving": (
@@ -54,9 +54,9 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Tested, and learned from: {run}."),
     "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, and certify again."),
     "test.stands_apart": ("Tests that stand apart",),
-    "since.wrong": ("Verdicts that tests run since contradict", _WRONG),
+    "since.wrong": ("Verdicts contradicted since", _WRONG),
     "record.none": ("No record", "There is no record: {why}."),
-    "criterion.unsupported": ("Criteria whose record does not support the confidence", "{about}: {why}"),
+    "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
     "record.waived": (
         "",
         "Each of {tests} was left out, alone and with its speed group, and judged like a planned one: {n} would have "
@@ -84,7 +84,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         f"Tests run since, ratings aside: verdicts on {{metrics}} of {{tests}}, {{wrong}} wrong ({_BOUNDS}).",
     ),
     "record.wrong": ("Wrong verdicts on left-out tests", _WRONG),
-    "test.extrapolated": ("Tests outside the range of the CAE runs", "{about}: {notes}"),
+    "test.extrapolated": ("Tests outside the CAE runs", "{about}: {notes}"),
     "cae.runs_fail": ("CAE runs in doubt",),
     "tests.left_out_of_use": ("Tests left out of use",),
     "test.not_used": (
@@ -96,43 +96,43 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "tests.cae_tuned": ("What the CAE model has seen",),
     "campaign.archive": ("What past vehicles teach",),
     "condition.no_factor": (
-        "Conditions without a factor that the tests have",
-        "{about}: no {factor} is given, so the verdicts cover every {factor}; name it.",
+        "Factors not given",
+        "{about}: no {factor} given, so verdicts cover every {factor}.",
     ),
     "condition.new_together": (
-        "Factors that no test has together",
-        "{about}: no test has {factors}; each was tested with another.",
+        "Factors never tested together",
+        "{about}: no test has {factors}.",
     ),
-    "campaign.warning": ("Warnings about the campaign",),
-    "condition.outside": ("Conditions outside the validated domain", "{about}: {why}"),
-    "condition.too_short": ("Open, as recordings end too early", "{about}: {criteria}."),
+    "campaign.warning": ("Warnings",),
+    "condition.outside": ("Outside the validated domain", "{about}: {why}"),
+    "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
     "criterion.occupant": (
-        "Criteria by another occupant model",
-        "{about}: by {model} of campaign.toml, no number to compare with others'.",
+        "Another occupant model",
+        "{about}: by {model} (campaign.toml).",
     ),
-    "since.too_narrow": ("Intervals that tests run since contradict", *_INTERVALS),
+    "since.too_narrow": ("Intervals too narrow for tests run since", *_INTERVALS),
     "since.intervals": ("", *_INTERVALS),
-    "record.too_narrow": ("Intervals that left-out tests contradict", *_INTERVALS),
+    "record.too_narrow": ("Intervals too narrow", *_INTERVALS),
     "record.intervals": ("", *_INTERVALS),
     "record.whole": ("", "{sentence}", "No verdict rests on this band."),
     "record.bin": (
-        "Probabilities that left-out tests contradict",
+        "Probabilities contradicted",
         "{low:g} to {high:g}, {probability:.3f} on average: {met:.0%} of {n} met it (95 % bounds {lower:.0%} to "
         "{upper:.0%}).",
     ),
     "record.no_gain": (
-        "Probabilities no better than those of the raw CAE",
+        "No better than the raw CAE",
         "Brier score of the probabilities of metrics (0 is perfect): {brier:.4f}; of the raw CAE {brier_cae:.4f}.",
     ),
-    "criterion.untouched": ("Criteria whose limit no left-out test came near", "{about}: {why}"),
-    "criterion.few": ("Criteria with too few verdicts of their own", "{about}: {why}"),
+    "criterion.untouched": ("Limits that no left-out test came near", "{about}: {why}"),
+    "criterion.few": ("Too few verdicts", "{about}: {why}"),
     "domain.checked": (
         "",
         "{sentence}",
         "Validated domain: {speeds}, {masses} in all, within the range of the CAE runs.",
         "Factors: {factors}.",
         "By rule it goes beyond {n_tests} tests at {tested_speeds} and {tested_masses}: up to {reach_mps}.",
-        "Left out with their speed group, these lay inside that of the others: {inside}.",
+        "Left out with their speed group, inside that of the others: {inside}.",
     ),
 }
 """By code, the most important first: the heading among the exceptions of what speaks against verdicts, and sentences.
@@ -294,7 +294,7 @@ def support_text(record: TrackRecord, criterion: Criterion, confidence: float) -
 def _domain(certification: Certification) -> Iterator[Fact]:
     domain = certification.domain
     if not domain.speed_ranges_mps:
-        nothing = "Nothing is checked: no test lies within the speeds of the CAE runs."
+        nothing = "No test lies within the speeds of the CAE runs."
         yield from (_fact("domain.checked", sentence=text) for text in domain.too_few_tests or (nothing,))
         return
     yield _fact(

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 from datetime import UTC, datetime
+from itertools import permutations
 from pathlib import Path
 
 import pandas as pd
@@ -14,9 +15,13 @@ from crashfuse.files.csv_text import read_csv_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult, Ratings, parsed
-from crashfuse.units import difference
+from crashfuse.units import counted, difference
 
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
+_IN_TWO_WAYS = {
+    f"{one}, {other}": f"{_LEFT_OUT[one]} in the first, {_LEFT_OUT[other]} in the second"
+    for one, other in permutations(_LEFT_OUT, 2)
+}
 
 
 def history_table(results: Iterable[PastResult | Earlier], display: Display = DEFAULT) -> pd.DataFrame:
@@ -34,8 +39,7 @@ def described(result: PastResult | Earlier, display: Display = DEFAULT) -> str:
 
 def left_out_in_words(way: str) -> str:
     """A way of leaving tests out of :attr:`StudyComparison.ways`."""
-    words = [_LEFT_OUT[part] for part in way.split(", ")]
-    return f"Each test left out {words[0] if len(words) == 1 else '{} in the first, {} in the second'.format(*words)}"
+    return f"Each test left out {(_LEFT_OUT | _IN_TWO_WAYS)[way]}"
 
 
 def comparison_means(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
@@ -47,7 +51,7 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
             "First": f"{row['first']:.3f}",
             "Second": f"{row['second']:.3f}",
             "Difference": difference(row["second"], row["first"], 3),
-            "Standard error": f"{row['standard_error']:.3f}".replace("nan", "–"),
+            "Standard error": f"{row['standard_error']:.3f}" if row["tests"] > 1 else "–",
             "Second higher in": f"{row['higher']}",
             "Second lower in": f"{row['lower']}",
         }
@@ -65,12 +69,12 @@ def studies_table(first: PastResult, second: PastResult, display: Display = DEFA
 
 def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:
     names = ("Date (UTC)", "Campaign", "What", "Note", "Recommended", "Mean rating", "Worst test", "Settings", "Data")
-    row = dict.fromkeys(names, "–") | {"Date (UTC)": result.date[:16].replace("T", " ")}
+    row = dict.fromkeys(names, "–") | {"Date (UTC)": f"{result.date[:10]} {result.date[11:16]}"}
     if isinstance(result, Earlier):
         n, given = len(result.matrix.ids), result.settings
         return row | {
             "Campaign": given["campaign"],
-            "What": f"certification of {n} condition{'s' * (n > 1)}",
+            "What": f"certification of {counted(n, 'condition')}",
             "Note": "",
             "Recommended": given.get("approach", "–"),
             "Mean rating": f"{len(result.waived)} of {n} need not be run",
@@ -82,7 +86,7 @@ def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:
         row["Mean rating"] = f"{result.mean(result.approach, window):.3f}"
         row["Worst test"] = "{} {:.3f}".format(*result.worst(result.approach, window))
     elif result.expected:
-        row["Mean rating"] = f"{result.expected.replace(' to ', '–')} (80 %)"
+        row["Mean rating"] = f"{result.expected} (80 %)"
     if result.condition is not None:
         what = f"at {display.briefly(result.condition)}"
     else:

@@ -12,10 +12,10 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically, written_together
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting import certification_tables as tables
-from crashfuse.reporting.cae_events import events_frame, study_events
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.exports import json_bytes, parquet_bytes
+from crashfuse.reporting.fit_explanations import events_frame, study_events
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.reporting.provenance import learning_curve_record, prediction_record, provenance, study_record
 from crashfuse.reporting.report import prediction as reports

@@ -49,18 +49,14 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "campaign.notice": ("{label}", "{sentence}"),
     "recommendation.use": ("", "Use {method}.", *_TIES),
     "recommendation.outcome": ("", "Recommended was {method}.", *_TIES, "{outcome}"),
-    "recommendation.by_the_paper": (
-        "",
-        "The nearest test is {away_mps} away; the paper (Sect. 4.3) trusts the time domain close to a test, else the "
-        "displacement domain.",
-    ),
+    "recommendation.by_the_paper": ("", "The nearest test is {away_mps} away (paper, Sect. 4.3)."),
     "recommendation.expected": ("", "{sentence}"),
     "recommendation.farther": ("", "No test is near in speed: see the width of the band."),
     "recommendation.raw_cae": ("", "The raw CAE model rated {mean_rating:.2f} on the same tests."),
     "recommendation.no_better": ("", "No better than the raw CAE model is to be expected here."),
     "recommendation.mixture": ("", "{sentence}"),
     "recommendation.poor": ("", "Less than Good is {likely}: a guide, not a proof."),
-    "recommendation.basis": ("", "Here tests are left out of this one fit; a study fits anew without each."),
+    "recommendation.basis": ("", "Tests are left out of this one fit; a study fits anew."),
     "recommendation.distance": (
         "",
         "Mean distance from what was measured (CRPS, less is better), over 0–{window_ms:g} ms on {n} left-out tests: "
@@ -69,8 +65,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "recommendation.ratings": ("", *_RATED),
     "recommendation.coverage": (
         "",
-        "The 95 % band holds {inside:.0%} of a(t) up to zero velocity (TTZV); crush in {crush} of {n} left-out tests, "
-        "peak in {peak}.",
+        "The 95 % band holds {inside:.0%} of a(t) up to TTZV; crush in {crush} of {n} left-out tests, peak in {peak}.",
     ),
     "recommendation.speed_groups": ("", *_RATED),
     "recommendation.falls_back": (
