@@ -14,8 +14,8 @@ LB = 0.45359237  # kg (exact)
 MS = 1e-3  # s
 KN = 1e3  # N
 
-SPEED: Mapping[str, float] = {"mph": MPH, "kph": KPH, "mps": 1.0}
-MASS: Mapping[str, float] = {"lb": LB, "kg": 1.0}
+SPEED: dict[str, float] = {"mph": MPH, "kph": KPH, "mps": 1.0}
+MASS: dict[str, float] = {"lb": LB, "kg": 1.0}
 TIME: Mapping[str, float] = {"ms": MS, "s": 1.0}
 ACCELERATION: Mapping[str, float] = {"g": G, "mps2": 1.0}
 """Factors to SI by the ending of a column name (``speed_mph``: ``SPEED["mph"]``)."""
@@ -56,7 +56,7 @@ class UnitSystem:
     @property
     def endings(self) -> tuple[str, str, str]:
         """Endings of columns of speed, front and rear weight in these units."""
-        return self.speed.replace("km/h", "kph"), self.weight, self.weight
+        return "kph" if self.speed == "km/h" else self.speed, self.weight, self.weight
 
     def factor(self, unit: str) -> float:
         """Factor from a unit to the reader's."""
