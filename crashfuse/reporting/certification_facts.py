@@ -141,12 +141,13 @@ SUBJECTS: Mapping[str, str] = {code: heading for code, (heading, *_) in CATALOGU
 DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
 """The subjects that stand beside the answer itself: down to factors that no test has together."""
 
-Place = Literal["answer", "costs", "summary", "record", "domain", "since"]
+Place = Literal["answer", "headline", "costs", "summary", "record", "domain", "since"]
 _ANSWER, _COSTS = ("matrix.saved", "matrix.skipping_loses"), ("costs.confidence", "costs.saving")
 _SINCE = ("since.outcomes", "since.intervals", "since.too_narrow")
 _RECORD = (*("record.waived", "record.decided", "record.no_gain", "record.none", "tests.cae_tuned", *_SINCE),)
 PLACES: Mapping[Place, tuple[str, ...]] = {
     "answer": _ANSWER,
+    "headline": ("matrix.counts", "record.waived", *_COSTS),
     "costs": _COSTS,
     "summary": (
         *(*_ANSWER, "matrix.counted_once", *_COSTS, "matrix.counts", "matrix.run_first", *_RECORD),
@@ -157,7 +158,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
     "domain": ("domain.checked",),
     "since": ("since.beside", *_SINCE, "since.wrong"),
 }
-"""The codes that are shown at each place: at the head of the page, of terminal, report and slides, and in sections."""
+"""The codes that are shown at each place: at and below the head of page, terminal, report and slides, in sections."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -130,7 +130,7 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
     scatter, most = "" if n == 1 else f" ± {error:.3f}", table.loc[table["difference"].abs().idxmax()]
     return (
         f"{label}: {verdict} in the second ({difference(row['second'], row['first'], 3)}{scatter} over "
-        f"{counted(n, 'test')}), most in {most['held_out']} ({difference(most['second'], most['first'], 3)})."
+        f"{counted(int(n), 'test')}), most in {most['held_out']} ({difference(most['second'], most['first'], 3)})."
     )
 
 

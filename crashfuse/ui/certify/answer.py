@@ -9,8 +9,7 @@ import streamlit as st
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification, Variant
 from crashfuse.certification.criteria import Criteria, varied
-from crashfuse.certification.track_record import at_most
-from crashfuse.reporting.certification_facts import DECISIVE, exceptions, saved_and_missed, sentences
+from crashfuse.reporting.certification_facts import DECISIVE, exceptions, sentences
 from crashfuse.reporting.certification_tables import changed_text
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
@@ -66,14 +65,9 @@ def show(judgement: Judgement) -> None:
 
 
 def _show_headline(certification: Certification) -> None:
-    n, missed = saved_and_missed(certification)
     (headline,) = sentences(certification, "answer")
     st.subheader(headline, anchor=False)
-    record = f"Of left-out tests {n} would have been skipped"
-    if n:
-        record += f"; {missed} of these missed a criterion ({at_most(missed, n)}, exact 95 % bound)"
-    st.caption(f"Confidence {certification.criteria.confidence:g}. {record}.")
-    for sentence in sentences(certification, "costs"):
+    for sentence in sentences(certification, "headline"):
         st.caption(plain(sentence))
 
 
