@@ -56,7 +56,6 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "recommendation.no_better": ("", "No better than the raw CAE model is to be expected here."),
     "recommendation.mixture": ("", "{sentence}"),
     "recommendation.poor": ("", "Less than Good is {likely}: a guide, not a proof."),
-    "recommendation.basis": ("", "Tests are left out of this one fit; a study fits anew."),
     "recommendation.distance": (
         "",
         "Mean distance from what was measured (CRPS, less is better), over 0–{window_ms:g} ms on {n} left-out tests: "

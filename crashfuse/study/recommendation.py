@@ -240,7 +240,6 @@ def recommend_for(
         facts.append(Fact("recommendation.mixture", {"sentence": by_name[name].prediction.notes[0]}))
     if best.median <= _GOOD:
         facts.append(Fact("recommendation.poor", {"likely": "to be expected" if best.upper <= _GOOD else "likely"}))
-    facts.append(Fact("recommendation.basis"))
     return Recommendation(name, (*facts, *extrapolation_facts(campaign, condition)), best, ties)
 
 
