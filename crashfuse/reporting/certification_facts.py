@@ -66,8 +66,8 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "record.decided": (
         "",
-        "Verdicts on left-out tests near the limits, where it matters: {near}, {near_wrong} wrong ({near_bound}).",
-        f"In all {{n:,}}, {{wrong}} wrong ({_BOUNDS}).",
+        "Near the limits, where it matters: {near} verdicts on left-out tests, {near_wrong} wrong ({near_bound}).",
+        f"In all {{n:,}} verdicts on left-out tests, {{wrong}} wrong ({_BOUNDS}).",
         "No bound holds for another vehicle.",
     ),
     "since.beside": (
@@ -240,7 +240,7 @@ def _record(certification: Certification) -> Iterator[Fact]:
         yield _fact("record.none", why=why)
         return
     (n, wrong), (near_n, missed) = record.decided, record.near_limit.decided
-    near = {"near": near_n, "near_wrong": missed, "near_bound": at_most(missed, near_n)}
+    near = {"near": near_n or None, "near_wrong": missed, "near_bound": at_most(missed, near_n)}
     yield _fact("record.decided", n=n, wrong=wrong, **near, **_bounds(record.bounds()))
     tests, saved, missed = record.waived(criteria)
     n, wrong = saved_and_missed(certification)
