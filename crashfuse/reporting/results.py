@@ -24,7 +24,6 @@ from crashfuse.reporting.report.study import study_report
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
 
-_OF_APPROACHES = tuple(f"{name}_" for name in LABELS)
 Content = bytes | Mapping[str, bytes] | None  # of a file; of a folder's, by relative path; None without such a file
 
 
@@ -70,13 +69,14 @@ def replaced(kind: str, folder: Path) -> Iterator[Path]:
     Files that are not named as this program names its results stay.
     """
     *others, record = RESULT_FILES[kind]
+    of_pulses = tuple(f"{name}_" for name in LABELS)
     with written_together(folder, last=record) as staging:
         yield staging
         (folder / record).unlink(missing_ok=True)
         places = [place for name in others for place in (folder / name, *(folder / name).rglob("*"))]
         for path in filter(Path.is_file, places):
             parts = path.relative_to(folder).parts
-            is_ours = len(parts) == 1 or any(part.startswith(_OF_APPROACHES) for part in parts)
+            is_ours = len(parts) == 1 or any(part.startswith(of_pulses) for part in parts)
             if is_ours and not staging.joinpath(*parts).exists():
                 path.unlink()
         for empty in sorted(filter(Path.is_dir, places), reverse=True):  # the inner ones first
