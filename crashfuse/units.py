@@ -200,11 +200,12 @@ def _stated(name: str, value: object, form: str) -> object:
 
 def statements(templates: Iterable[str], values: Mapping[str, object]) -> Sentence:
     """The sentences of these templates whose values are all known: neither missing nor empty."""
-    known = {
-        name for name, value in values.items() if value is not None and not (isinstance(value, Sized) and not value)
+    missing = {
+        name for name, value in values.items() if value is None or (isinstance(value, Sized) and len(value) == 0)
     }
     places = {template: {name for _, name, _, _ in Formatter().parse(template) if name} for template in templates}
-    return joined([Sentence.of(template, values) for template, names in places.items() if names <= known])
+    known = [template for template, names in places.items() if names <= values.keys() - missing]
+    return joined([Sentence.of(template, values) for template in known])
 
 
 def _filled(template: str, values: Iterable[str]) -> str:
