@@ -34,7 +34,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "tests.cae_tuned": (
         "CAE model tuned to {tuned}",
         "The CAE model was tuned to {tuned}: predictions of tests that it has seen support no verdict.",
-        "Whether the CAE model was tuned to {unknown} is not stated (column cae_tuned of tests.csv).",
+        "Whether the CAE model was tuned to {undeclared} is not stated (column cae_tuned of tests.csv).",
     ),
     "condition.extrapolated": ("Extrapolation", "{sentence}"),
     "cae.ended_otherwise": (
@@ -192,7 +192,8 @@ def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
 def tuning_fact(campaign: Campaign) -> Fact:
     """Which tests the CAE model was tuned to, and of which that is not stated."""
     by_word = {word: [test.id for test in campaign.tests if test.cae_tuned is word] for word in (True, None)}
-    return Fact("tests.cae_tuned", {"tuned": by_word[True], "unknown": by_word[None]})
+    undeclared = "any test" if len(by_word[None]) == len(campaign.tests) else by_word[None]
+    return Fact("tests.cae_tuned", {"tuned": by_word[True], "unknown": by_word[None], "undeclared": undeclared})
 
 
 def departure_fact(departure: Departure) -> Fact:
