@@ -20,7 +20,7 @@ from vehicles import KINDS, NAMES
 
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
@@ -39,7 +39,7 @@ def _campaign(kind: str, seed: int) -> Campaign:
 
 
 def _raw(campaign: Campaign) -> dict[str, float]:
-    model = CaeModel(cache=Cache()).fit(campaign.cae)
+    model = CaeModel().fit(campaign.cae, Run())
     pulses = {test: Pulse(GRID_S, model.pulse(test.condition).accel_mps2) for test in campaign.tests}
     return {
         test.id: rate_windows(test.pulse, pulse, [_WINDOW_MS])[_WINDOW_MS].overall for test, pulse in pulses.items()

@@ -33,7 +33,8 @@ from crashfuse.certification.track_record import largest_share, share_bounds, wr
 from crashfuse.certification.verdict import all_met, reaches
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
+from crashfuse.execution.workers import Local
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.synthetic.sample import TABLE_1
@@ -89,8 +90,8 @@ def _judged(
     matrix = Matrix(tuple(test.id for test in new), tuple(test.condition for test in new))
     start = time.perf_counter()
     config = StudyConfig(approaches=(approach,))
-    found = certify_matrix(campaign, criteria, matrix, config, cache=Cache())
-    raw = Cae(cache=Cache()).fit(campaign)
+    found = certify_matrix(campaign, criteria, matrix, config, run=Run(workers=Local()))
+    raw = Cae().fit(campaign, Run())
     errors = metric_errors(raw.left_out(campaign), campaign)
     rows = []
     for test, truth, row in zip(new, measured, found.verdicts, strict=True):
@@ -128,7 +129,7 @@ def _whole_tests(
     measured, rows = shown(new), []
     for share in _QUANTILES:
         at_most = limits(measured, share)
-        certification = certify_matrix(campaign, limiting(at_most), matrix, config, cache=Cache())
+        certification = certify_matrix(campaign, limiting(at_most), matrix, config, run=Run(workers=Local()))
         met = (measured <= at_most).all(axis=1)
         for test, row in certification.rows.items():
             chances = all_met(row)
@@ -217,7 +218,9 @@ def _own_record(folder: str, approach: str) -> None:
     middle = {name: float(np.median([m[name] for m in measured if np.isfinite(m[name])])) for name in _METRICS}
     criteria = Criteria(tuple(Criterion(name, name, at_most=limit) for name, limit in middle.items()))
     matrix = Matrix(campaign.test_ids, tuple(test.condition for test in campaign.tests))
-    record = certify_matrix(campaign, criteria, matrix, StudyConfig(approaches=(approach,)), cache=Cache()).record
+    record = certify_matrix(
+        campaign, criteria, matrix, StudyConfig(approaches=(approach,)), run=Run(workers=Local())
+    ).record
     print(
         f"{campaign.name}: {len(campaign.tests)} tests, verdicts and wrong ones {record.counts()}, Brier {record.brier}"
     )

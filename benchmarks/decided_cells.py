@@ -18,7 +18,7 @@ from tables import add_data_option, write
 from vehicles import KINDS, metrics_of
 
 from crashfuse.approaches.metric_calibration import metric_distributions
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.vehicle_archive import VehicleArchive, load_archive
@@ -43,7 +43,7 @@ def _cells(kind: str, seed: int, n_tests: int | None, archive: VehicleArchive | 
     ]
     finite = (own.where(np.isfinite(own)) for own in repeats)  # slow repeats may end before a metric is known
     known = np.sqrt(pd.concat([(own.std() / own.mean()) ** 2 for own in finite], axis=1).mean(axis=1))
-    fit, rows = Fit.of(campaign, "fused", StudyConfig(), cache=Cache()), []
+    fit, rows = Fit.of(campaign, "fused", StudyConfig(), Run()), []
     for test in unseen:
         found = metric_distributions(fit.estimate(test.condition).drawn, fit.metric_errors)
         measured = metrics_of(test.pulse.accel_mps2, test.condition)

@@ -22,6 +22,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.study.learning_curve import subsets
@@ -53,7 +54,7 @@ def _predicted(campaign: Campaign, learned_from: str, held_out: tuple[str, ...])
     rows: list[dict[str, object]] = []
     rest, cache = campaign.without(held_out), Cache()
     with threadpool_limits(1):
-        fits = [Fit.of(rest, approach, _CONFIG, cache=cache) for approach in _APPROACHES]
+        fits = [Fit.of(rest, approach, _CONFIG, Run(cache)) for approach in _APPROACHES]
         for test in (campaign.test(test_id) for test_id in held_out):
             fold = Fold.of(test, estimates_at(fits, test.condition), (_WINDOW_MS,))
             raw = fold.ratings["cae"][_WINDOW_MS].overall

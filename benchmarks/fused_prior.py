@@ -24,6 +24,7 @@ from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import RATING_DT_S, rate_many, rated_curves
 from crashfuse.study.learning_curve import subsets
@@ -77,8 +78,8 @@ def _cases(seed: int) -> list[_Case]:
 
 def _predicted(campaign: Campaign, held_out: Sequence[str], cache: Cache) -> Iterator[_Case]:
     rest = campaign.without(held_out)
-    domain = DisplacementDomain(cache=cache).fit(rest)
-    parts = [TimeDomain(_NETWORKS, cache=cache).fit(rest), domain, Pretrained(cache=cache).fit(rest)]
+    domain = DisplacementDomain().fit(rest, Run(cache))
+    parts = [TimeDomain(_NETWORKS).fit(rest, Run(cache)), domain, Pretrained().fit(rest, Run(cache))]
     tests = Tests.of(rest, domain.model_)
     for test in (campaign.test(test_id) for test_id in held_out):
         said = [part.predict(test.condition) for part in parts]

@@ -25,6 +25,7 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.writer import write_campaign
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
 
@@ -88,7 +89,7 @@ def _runs_row(folder: Path) -> None:
 def _tests_row(folder: Path) -> None:
     campaign, load_s = _timed(lambda: load_campaign(folder))
     config, cache = StudyConfig(), Cache()
-    Fit.of(campaign, "lf_tcn", config, cache=cache)  # depends on no test
+    Fit.of(campaign, "lf_tcn", config, Run(cache))  # depends on no test
     learned = [_timed(partial(Fit.of, campaign, name, config, cache=cache)) for name in _LEARNING]
     fits = [fit for fit, _ in learned]
     first, condition = (replace(campaign.tests[0].condition, speed_mps=speed) for speed in (9.0, 10.0))

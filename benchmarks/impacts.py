@@ -23,7 +23,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.domain import REST_ON_PEAK, Domain
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
@@ -58,7 +58,7 @@ def _folds(study: Study, unseen: list[CrashTest]) -> Iterator[tuple[str, str, Fo
         yield "test", "tests", fold
     by_condition: dict[Condition, Sequence[Estimate]] = {}
     if unseen:
-        fits = [Fit.of(study.campaign, name, cache=Cache()) for name in _APPROACHES]
+        fits = [Fit.of(study.campaign, name, run=Run()) for name in _APPROACHES]
         by_condition = {condition: estimates_at(fits, condition) for condition in {test.condition for test in unseen}}
     for test in unseen:
         yield "test", "repeats", Fold.of(test, by_condition[test.condition], _WINDOWS_MS)

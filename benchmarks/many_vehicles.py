@@ -17,8 +17,7 @@ from vehicles import CRUSH_M, NEVER_M, NOISE_SAMPLES, folded_elsewhere, recorded
 from crashfuse.approaches.calibration import STRIDE
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
-from crashfuse.synthetic.specimens import SENSOR_NOISE_MPS2
-from crashfuse.synthetic.vehicle import Coupling, CrushZone, Vehicle
+from crashfuse.synthetic.vehicle import SENSOR_NOISE_MPS2, Coupling, CrushZone, Vehicle
 from crashfuse.units import MPH
 
 TESTS = 14  # of each vehicle

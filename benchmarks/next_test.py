@@ -24,6 +24,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.planning import rank_next_tests
@@ -54,7 +55,7 @@ def _study(seed: int, start: str) -> pd.DataFrame:
 
         def fit(tests: Sequence[CrashTest]) -> DisplacementDomain:
             campaign = Campaign("", world.library(tests), tuple(tests))
-            return DisplacementDomain(DisplacementConfig(n_draws=100), cache=cache).fit(campaign)
+            return DisplacementDomain(DisplacementConfig(n_draws=100)).fit(campaign, Run(cache))
 
         def rows(way: str, domain: DisplacementDomain, more: int) -> list[dict[str, object]]:
             speeds = " ".join(f"{p.condition.speed_mps / MPH:.0f}" for p in domain.points_[len(begun) :])

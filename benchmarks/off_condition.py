@@ -16,7 +16,7 @@ from vehicles import KINDS, metrics_of
 
 from crashfuse.cae.model import CaeModel
 from crashfuse.condition import Condition
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.units import KPH
 
@@ -26,7 +26,7 @@ _N = 40
 def _differences(kind: str, seed: int) -> Iterator[Mapping[str, object]]:
     """By condition and metric, the difference in percent, and what the CAE model leaves of it."""
     world, rng = KINDS[kind](seed), np.random.default_rng([seed, 77])
-    planned, emulator = world.conditions(rng, _N), CaeModel(cache=Cache()).fit(world.cae).emulator_
+    planned, emulator = world.conditions(rng, _N), CaeModel().fit(world.cae, Run()).emulator_
     off = [_moved(condition, rng) for condition in planned]
     for pair in zip(world.test(planned, first=3000), world.test(off, first=3000), strict=True):
         tests = [metrics_of(test.pulse.accel_mps2, test.condition) for test in pair]

@@ -32,7 +32,7 @@ from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, all_met, needs_no_test
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.reporting.certification_facts import outcomes
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.study.learning_curve import subsets
@@ -107,7 +107,7 @@ def _one_at_a_time(
     said, before = [0, 0, 0, 0], None
     while True:
         campaign = Campaign(plan.name, plan.cae, (*plan.begun, *run))
-        found = certify_matrix(campaign, criteria, matrix, cache=Cache(), workers=1)
+        found = certify_matrix(campaign, criteria, matrix, run=Run())
         if before is not None:
             found, since = found.beside(before), TestedSince(before, campaign)
             wrong, n = outcomes(since)["verdicts"]  # of all that were run so far

@@ -18,7 +18,7 @@ from vehicles import KINDS, metrics_of
 from crashfuse.approaches.base import WHOLE_S
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_iso18571
@@ -41,7 +41,7 @@ def _rows(kind: str, seed: int) -> tuple[list[dict[str, object]], list[dict[str,
 
 def _predicted(kind: str, seed: int) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
     campaign, crashes = _crashes(kind, seed)
-    fits = [Fit.of(campaign, name, cache=Cache()) for name in _APPROACHES]
+    fits = [Fit.of(campaign, name, run=Run()) for name in _APPROACHES]
     metrics: list[dict[str, object]] = []
     pulses: list[dict[str, object]] = []
     for crash in crashes:

@@ -33,6 +33,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
+from crashfuse.execution.run import Run
 
 _STEPS = 4
 
@@ -89,12 +90,12 @@ def _print_ratios(folder: Path) -> None:
     nine_tenths = campaign.without(campaign.test_ids[-1:])
     with tempfile.TemporaryDirectory() as scratch:
         cache = Cache(Path(scratch) / "cache")
-        domain = DisplacementDomain(cache=cache).fit(nine_tenths)  # with the emulator, which both presets share
+        domain = DisplacementDomain().fit(nine_tenths, Run(cache))  # with the emulator, which both presets share
         alike = [replace(points, condition=replace(points.condition, factors=())) for points in domain.points_]
         with threadpool_limits(1):  # as the approach fits it
             one_fit = _cpu_seconds(lambda: HierarchicalBias().fit(alike))
-        fast_gp = _cpu_seconds(lambda: DisplacementDomain(cache=cache).fit(nine_tenths))
-        paper_gp = _cpu_seconds(lambda: DisplacementDomain(DisplacementConfig.paper(), cache=cache).fit(nine_tenths))
+        fast_gp = _cpu_seconds(lambda: DisplacementDomain().fit(nine_tenths, Run(cache)))
+        paper_gp = _cpu_seconds(lambda: DisplacementDomain(DisplacementConfig.paper()).fit(nine_tenths, Run(cache)))
         fast_lf = _cpu_seconds(lambda: LfTcn(cache=Cache(Path(scratch) / "lf")).fit(campaign))
         paper_lf = _paper_training_cpu_seconds(campaign)
         study = _study(folder, Path(scratch), ROOT)

@@ -21,7 +21,7 @@ from crashfuse.certification.certify import certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
@@ -83,7 +83,7 @@ def _rows(seed: int, approach: str) -> list[dict[str, object]]:
     ratings = Criterion("rating", "rating", at_least=0.8, window_ms=60.0)
     criteria = Criteria((*limiting(limits(shown(new), 0.5)).items, ratings), 0.95)
     matrix = Matrix(tuple(test.id for test in new), tuple(test.condition for test in new))
-    found = certify_matrix(campaign, criteria, matrix, StudyConfig(approaches=(approach,)), cache=Cache(), workers=1)
+    found = certify_matrix(campaign, criteria, matrix, StudyConfig(approaches=(approach,)), Run())
     rows: list[dict[str, object]] = []
     for kind, trials in (("tuned to", found.record.tuned), ("not tuned to", found.record.trials)):
         for trial in trials:

@@ -25,8 +25,16 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.study.planning import ConditionRange
-from crashfuse.synthetic.specimens import CAE_MODEL, SENSOR_NOISE_MPS2, TRUTH, scattered
-from crashfuse.synthetic.vehicle import Coupling, CrushZone, Vehicle, simulate
+from crashfuse.synthetic.vehicle import (
+    CAE_MODEL,
+    SENSOR_NOISE_MPS2,
+    TRUTH,
+    Coupling,
+    CrushZone,
+    Vehicle,
+    scattered,
+    simulate,
+)
 from crashfuse.units import LB, MPH
 
 SAMPLE_RANGE = ConditionRange(

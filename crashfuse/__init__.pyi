@@ -10,6 +10,7 @@ from .campaign_folder.notes import write_notes as write_notes
 from .campaign_folder.writer import write_campaign as write_campaign
 from .certification.criteria import Criteria as Criteria
 from .certification.matrix import Matrix as Matrix
+from .certification.verdict import with_decided as with_decided
 from .condition import Condition as Condition
 from .crash_test import CrashTest as CrashTest
 from .errors import CrashfuseError as CrashfuseError
@@ -18,6 +19,7 @@ from .errors import Problem as Problem
 from .errors import UsageError as UsageError
 from .execution.cache import Cache as Cache
 from .execution.progress import Watch as Watch
+from .execution.run import Run as Run
 from .importing.campaign_import import import_source as import_source
 from .importing.detection import Choices as Choices
 from .importing.ratings import RatingChoices as RatingChoices

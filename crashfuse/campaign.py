@@ -4,12 +4,13 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crashfuse import views
-from crashfuse.cae_library import CaeLibrary, QualityLimits
+from crashfuse.cae_library import CaeLibrary, QualityLimits, QualityVerdict, judge_quality
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest, at_the_speed_of
 from crashfuse.errors import UsageError, require_a, several
@@ -53,6 +54,8 @@ class Campaign:
         Why, by id; without words if nobody says.
     prior : Prior, optional
         What other vehicles teach this one, see :meth:`with_archive`.
+    cache_folder : Path, optional
+        Where what is computed of it is kept; None for the platform's cache folder.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Campaign:
     unused: tuple[tuple[str, Condition], ...] = ()
     why_unused: Mapping[str, str] = field(default_factory=dict)
     prior: Prior | None = None
+    cache_folder: Path | None = None
 
     @staticmethod
     def from_frames(
@@ -94,9 +98,8 @@ class Campaign:
         channel_filter_class, filtered_with : float, optional
             The CFC to filter pulses with, or that they were filtered with, as in ``campaign.toml``.
         """
-        settings = {
-            "name": name, "notice": notice, "channel_filter_class": channel_filter_class, "filtered_with": filtered_with
-        }  # fmt: skip
+        settings = {"name": name, "notice": notice, "channel_filter_class": channel_filter_class}
+        settings["filtered_with"] = filtered_with
         return views.campaign_of_frames(tests, test_pulses, cae, cae_pulses, settings)
 
     @property
@@ -120,9 +123,9 @@ class Campaign:
         return views.pulses_frame(self, "cae")
 
     @property
-    def quality(self) -> "views.QualityVerdict":
+    def quality(self) -> QualityVerdict:
         """What the solver says of the CAE runs, judged by the campaign's limits: tables, and sentences."""
-        return views.judge_quality(self.cae, self.quality_limits)
+        return judge_quality(self.cae, self.quality_limits)
 
     def cae_events(self, window_ms: float = 60.0) -> "pd.DataFrame":
         """What to mend in the CAE model: ranges of crush where its force is off, the most expensive first.
@@ -235,15 +238,12 @@ class Campaign:
     def factors(self) -> dict[str, tuple[str, ...]]:
         """Values of each further column of the tests table (powertrain, drive), sorted."""
         pairs = {pair for test in self.tests for pair in test.condition.factors if pair[1]}
-        return {
-            name: tuple(sorted(value for of, value in pairs if of == name)) for name in sorted({of for of, _ in pairs})
-        }
+        return {name: tuple(sorted(value for of, value in pairs if of == name)) for name in sorted(dict(pairs))}
 
     def metrics_of(self, test: CrashTest) -> tuple[Metric, ...]:
         """Metrics of a test's measured pulse."""
-        return checked_metrics(
-            test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s, occupant=self.occupant
-        )
+        pulse, speed_mps = test.pulse, test.condition.speed_mps
+        return checked_metrics(pulse.accel_mps2, speed_mps, dt_s=pulse.dt_s, occupant=self.occupant)
 
     def without(self, test_ids: Sequence[str]) -> "Campaign":
         """The campaign with these tests held out: the only data available for predicting them."""

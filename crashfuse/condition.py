@@ -18,6 +18,8 @@ ABOUT = "about_"
 """How columns begin that say where a row comes from (laboratory, solver); they are no factors."""
 About = tuple[tuple[str, str], ...]
 """Those of a row that are filled, with their names."""
+Factors = tuple[tuple[str, str], ...]
+_Units = tuple[str, str, str]
 SAME_CONDITION = 2e-3
 """Relative: as tables are rounded, to 1 kg and 0.1 km/h; speeds of tests are off by more."""
 STEP_MPS, STEP_KG = 0.1 * MPH, 1.0
@@ -26,7 +28,8 @@ so an end that is read off and typed in again lies inside, and what lies outside
 FILE_UNITS = "mph", "lb", "lb"
 """Of speed, front and rear weight where nobody has given any others: endings of columns."""
 _PRINTED = {"kph": "km/h", "mps": "m/s"}
-_QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
+QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
+"""What the columns of a condition are called but for their units, and factors to SI by unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,8 +51,8 @@ class Condition:
     speed_mps: float
     front_weight_kg: float
     rear_weight_kg: float
-    factors: tuple[tuple[str, str], ...] = ()
-    units: tuple[str, str, str] = field(default=FILE_UNITS, repr=False, compare=False)
+    factors: Factors = ()
+    units: _Units = field(default=FILE_UNITS, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("speed_mps", "front_weight_kg", "rear_weight_kg"):
@@ -71,26 +74,19 @@ class Condition:
         >>> Condition.of(speed_mph=35, front_weight_lb=2100, rear_weight_lb=1550, drive="FWD").mass_kg
         1655.612...
         """
-        (speed, v0), (front, wf), (rear, wr) = (_quantity(name, units, given) for name, units in _QUANTITIES.items())
-        used = {f"{name}_{unit}" for name, units in _QUANTITIES.items() for unit in units}
+        (speed, v0), (front, wf), (rear, wr) = (_quantity(name, units, given) for name, units in QUANTITIES.items())
+        used = {f"{name}_{unit}" for name, units in QUANTITIES.items() for unit in units}
         factors = tuple((name, str(value)) for name, value in given.items() if name not in used and value is not None)
         return cls.of_vector([speed, front, rear], factors, (v0, wf, wr))
 
     @classmethod
-    def of_vector(
-        cls,
-        vector: Iterable[float],
-        factors: tuple[tuple[str, str], ...] = (),
-        units: tuple[str, str, str] = FILE_UNITS,
-    ) -> Self:
+    def of_vector(cls, vector: Iterable[float], factors: Factors = (), units: _Units = FILE_UNITS) -> Self:
         """The condition with this :attr:`vector`, shape (3,), in m/s and kg, that was given in these units."""
         speed_mps, front_kg, rear_kg = map(float, vector)
         return cls(speed_mps=speed_mps, front_weight_kg=front_kg, rear_weight_kg=rear_kg, factors=factors, units=units)
 
     @classmethod
-    def of_cells(
-        cls, vector: Iterable[float], factors: tuple[tuple[str, str], ...], units: tuple[str, str, str]
-    ) -> Self:
+    def of_cells(cls, vector: Iterable[float], factors: Factors, units: _Units) -> Self:
         """As :meth:`of_vector`, with NaN for a cell of a table that is no number."""
         condition = object.__new__(cls)
         for name, value in zip(cls.__slots__, (*map(float, vector), factors, units), strict=True):
@@ -140,7 +136,7 @@ class Condition:
         """Speed and weights as they were given, by the names of their columns: ``{"speed_kph": 56.0, …}``."""
         return {
             f"{name}_{unit}": round(value / units[unit], 9)
-            for (name, units), unit, value in zip(_QUANTITIES.items(), self.units, self.vector.tolist(), strict=True)
+            for (name, units), unit, value in zip(QUANTITIES.items(), self.units, self.vector.tolist(), strict=True)
         }
 
     @property

@@ -93,6 +93,33 @@ class DataError(CrashfuseError):
         return type(self), (self.problems,)  # so that a worker process returns it intact
 
 
+def refusal(
+    where: str, expected: str, found: str, advice: str, column: str | None = None, row: int | None = None
+) -> DataError:
+    """The error of a single problem."""
+    return DataError(Problem(where, expected, found, advice, column, row))
+
+
+def refuse_if(
+    wrong: object, where: str, expected: str, found: str, advice: str, column: str | None = None, row: int | None = None
+) -> None:
+    """Raise a DataError with this problem if something is wrong, such as more rows than anybody needs."""
+    if wrong:
+        raise refusal(where, expected, found, advice, column, row)
+
+
+def require_there(path: Path, what: str) -> None:
+    """Raise a DataError if nothing is at this path, where ``what`` should be."""
+    refuse_if(not path.exists(), str(path), what, NO_FILE, CHECK_PATH)
+
+
+def refuse_all(problems: Sequence[Problem], name: str, most: int = 20) -> None:
+    """Raise a DataError with the first problems of a source and the count of the rest, if there are any."""
+    if problems:
+        rest = [Problem(name, "none", f"{len(problems) - most} more like these", "correct them too")]
+        raise DataError([*problems[:most], *(rest if len(problems) > most else [])])
+
+
 @contextmanager
 def collecting(problems: list[Problem]) -> Iterator[None]:
     """Append the problems of a DataError to ``problems`` instead of raising it."""
@@ -143,9 +170,8 @@ def one_of(kind: str, name: object, choices: Mapping[str, T]) -> T:
 
 def out_of_memory(error: BaseException) -> bool:
     """Whether an exception says that memory ran out; PyTorch has no class of its own for it."""
-    return isinstance(error, MemoryError) or (
-        isinstance(error, RuntimeError) and ("allocate memory" in str(error) or "out of memory" in str(error))
-    )
+    says_so = any(text in str(error) for text in ("allocate memory", "out of memory"))
+    return isinstance(error, MemoryError) or (isinstance(error, RuntimeError) and says_so)
 
 
 OUT_OF_MEMORY = (

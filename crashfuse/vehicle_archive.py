@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, as_path
+from crashfuse.errors import NO_FILE, UsageError, as_path, refusal, refuse_if
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.tensors import Arrays, read_tensors, tensor_bytes
 from crashfuse.signals.pulse import FloatArray
@@ -138,8 +138,7 @@ def record_sentence(record: pd.DataFrame) -> str:
 def load_archive(path: str | Path) -> VehicleArchive:
     """Read an archive; a DataError if the file is none."""
     path = as_path(path, "an archive")
-    if not path.is_file():
-        raise DataError(Problem(str(path), "an archive of vehicles", NO_FILE, "make it with crashfuse learn-archive"))
+    refuse_if(not path.is_file(), str(path), "an archive of vehicles", NO_FILE, "make it with crashfuse learn-archive")
     try:
         record, arrays = read_tensors(path)
         vehicles = tuple(PastVehicle(str(name), str(cae), tuple(tests)) for name, cae, tests in record["vehicles"])
@@ -154,7 +153,7 @@ def load_archive(path: str | Path) -> VehicleArchive:
         return VehicleArchive(vehicles, whole, tuple(without), pd.DataFrame(**record["record"]), int(record["seed"]))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         found = str(error) if isinstance(error, ValueError) else "one of another version, or another kind of file"
-        raise DataError(Problem(str(path), "an archive as crashfuse saved it", found, _AGAIN)) from error
+        raise refusal(str(path), "an archive as crashfuse saved it", found, _AGAIN) from error
 
 
 def _prior(number: int, vehicles: tuple[str, ...], arrays: Arrays, helps: object) -> Prior:

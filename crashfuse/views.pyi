@@ -1,12 +1,6 @@
-from .cae.quality import QualityVerdict as QualityVerdict
-from .cae.quality import judge_quality as judge_quality
-from .campaign_folder.notes import Note as Note
 from .campaign_folder.writer import campaign_of_frames as campaign_of_frames
 from .campaign_folder.writer import conditions_frame as conditions_frame
 from .campaign_folder.writer import pulses_frame as pulses_frame
-from .certification.criteria import CriteriaGiven as CriteriaGiven
-from .certification.criteria import criteria_given as criteria_given
-from .certification.verdict import with_decided as with_decided
 from .reporting.figures import Further as Further
 from .reporting.figures import campaign_figure as campaign_figure
 from .reporting.figures import figure_of_test as figure_of_test
@@ -27,4 +21,3 @@ from .reporting.result_tables import scores_table as scores_table
 from .reporting.result_tables import study_metrics as study_metrics
 from .reporting.result_tables import study_pulses as study_pulses
 from .reporting.results import write_result as write_result
-from .study.one_more_test import Cost as Cost

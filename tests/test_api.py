@@ -19,12 +19,11 @@ NAMES = """
 Cache Campaign Choices ColumnChoice Condition CrashTest CrashfuseError Criteria DataError Display EarlierPrediction
 Estimate ExpectedRating Fit Fold Kinematics LearningCurve Matrix Metric Neighbour NextTests Note OccupantModel
 PartialCondition PredictedPulse Prediction Preview Problem Pulse PulseExport QualityLimits Rating RatingChoices
-RatingExplanation Recommendation ReportOptions SolverCurve SpeedSweep Study StudyConfig UsageError VehicleArchive
-Verdicts Watch __version__ certify darkened excursions_table explain_files explain_rating figure_table
-humps_table import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict
-prediction_report preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences
-read_notes recommend run_study sample_folder save_model study_report sweep watching worst_test write_campaign
-write_notes
+RatingExplanation Recommendation ReportOptions Run SolverCurve SpeedSweep Study StudyConfig UsageError VehicleArchive
+Verdicts Watch __version__ certify darkened excursions_table explain_files explain_rating figure_table humps_table
+import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict prediction_report
+preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences read_notes recommend
+run_study sample_folder save_model study_report sweep watching with_decided worst_test write_campaign write_notes
 """
 
 

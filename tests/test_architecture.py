@@ -97,6 +97,12 @@ def test_no_module_imports_itself_in_a_circle() -> None:
     assert len(list(TopologicalSorter(graph).static_order())) >= len(graph)  # raises CycleError where there is one
 
 
+def test_what_data_show_of_themselves_is_made_where_things_are_shown() -> None:
+    """Data know no rooms above them but by their views: figures, cards and files; and tables, to and from frames."""
+    homes = re.findall(r"^from \.([\w.]+) import", (PACKAGE / "views.pyi").read_text(encoding="utf-8"), re.MULTILINE)
+    assert {home for home in homes if not home.startswith("reporting.")} == {"campaign_folder.writer"}
+
+
 def test_one_module_alone_writes_csv() -> None:
     """So that no table goes out with a formula from a laboratory in it."""
     writes = re.compile(r"\.to_csv\(|csv\.(writer|DictWriter)\(|\.to_clipboard\(")

@@ -13,6 +13,7 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, UsageError
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.vehicle_archive import load_archive
 from tests.archives import NAMES, made_archive, prior
@@ -70,15 +71,15 @@ def test_what_is_taught_is_part_of_a_campaigns_fingerprint(campaign: Campaign) -
 @pytest.mark.usefixtures("quick_networks")
 def test_the_displacement_domain_is_taught_alone(campaign: Campaign, tmp_path: Path) -> None:
     """Within the mixture it is not: beside it or alone, the mixture predicts the same; what is restored, too."""
-    errs = DisplacementDomain(cache=Cache(tmp_path)).fit(campaign).to_teach()
+    errs = DisplacementDomain().fit(campaign, Run(Cache(tmp_path))).to_teach()
     few, condition = campaign.without(["T3", "T4"]), campaign.test("T3").condition
     taught = replace(few, prior=prior("a", "b", "c", bias=errs))
     names = ("displacement_domain", "fused", "displacement_domain")
-    domain, fused, again = (Fit.of(taught, name, cache=Cache(tmp_path)) for name in names)
+    domain, fused, again = (Fit.of(taught, name, run=Run(Cache(tmp_path))) for name in names)
     together = [estimate.prediction.accel_mps2 for estimate in estimates_at([domain, fused], condition)]
     np.testing.assert_array_equal(together[1], fused.estimate(condition).prediction.accel_mps2)
     np.testing.assert_array_equal(together[0], again.estimate(condition).prediction.accel_mps2)
-    without = Fit.of(few, "displacement_domain", cache=Cache(tmp_path)).estimate(condition).prediction.accel_mps2
+    without = Fit.of(few, "displacement_domain", run=Run(Cache(tmp_path))).estimate(condition).prediction.accel_mps2
     measured = campaign.test("T3").pulse.accel_mps2[: len(without)]
     assert 0.1 < np.abs(together[0] - measured).mean() < np.abs(without - measured).mean()
 
@@ -87,19 +88,22 @@ def test_the_displacement_domain_is_taught_alone(campaign: Campaign, tmp_path: P
 def test_an_archive_counts_where_the_vehicle_is_like_its_own(campaign: Campaign, tmp_path: Path) -> None:
     """Then weights, errors and the network are the archive's; else all is as without one, and a sentence says why."""
     cache = Cache(tmp_path)
-    errs = DisplacementDomain(cache=cache).fit(campaign).to_teach()
+    errs = DisplacementDomain().fit(campaign, Run(cache)).to_teach()
     few = campaign.without(["T3", "T4"])
     condition = campaign.test("T3").condition
-    without = Fused(cache=cache).fit(few)
-    taught = Fused(cache=cache).fit(replace(few, prior=prior("a", "b", "c", bias=errs, shift=0.2)))
+    without = Fused().fit(few, Run(cache))
+    few_taught = replace(few, prior=prior("a", "b", "c", bias=errs, shift=0.2))
+    taught = Fused().fit(few_taught, Run(cache))
     assert taught.pool_.prior is not without.pool_.prior
     assert list(taught.usual_errors) == ["peak"]
     assert np.abs(taught.predict(condition).accel_mps2 - without.predict(condition).accel_mps2).max() > 0.1
     assert any("Taught by an archive of 3 past vehicles" in note for note in taught.predict(condition).notes)
-    again = Fused(cache=cache).restore(replace(few, prior=prior("a", "b", "c", bias=errs, shift=0.2)), taught.learned())
+    again = Fused().restore(
+        replace(few, prior=prior("a", "b", "c", bias=errs, shift=0.2)), taught.learned(), Run(cache)
+    )
     np.testing.assert_array_equal(again.predict(condition).accel_mps2, taught.predict(condition).accel_mps2)
     for unlike in (prior("a", "b", bias=-3 * errs, shift=0.2), prior("a", "b", bias=errs, shift=0.2, helps=False)):
-        alone = Fused(cache=cache).fit(replace(few, prior=unlike))
+        alone = Fused().fit(replace(few, prior=unlike), Run(cache))
         np.testing.assert_array_equal(alone.predict(condition).accel_mps2, without.predict(condition).accel_mps2)
         assert not alone.usual_errors
         assert any("is not used" in note for note in alone.predict(condition).notes)

@@ -1,8 +1,10 @@
 """The interface of an approach: its names and plot style, fitting to a campaign, prediction at a condition."""
 
+import json
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
@@ -11,8 +13,8 @@ import numpy.typing as npt
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError, UsageError, one_of, require_number
-from crashfuse.execution.cache import Cache, Entry
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.cache import Cache, Code, Entry
+from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
 from crashfuse.signals.rating import WEIGHTS, corridor_score, slope_score
 from crashfuse.units import G
@@ -38,14 +40,11 @@ class Settings:
     device : {"auto", "cpu", "cuda"}
         For training networks; ``auto`` uses CUDA if available. Everything else runs on the CPU. Results of different
         devices differ in their last bits.
-    cache : Cache, optional
-        Storage for results that do not depend on the tests (LF training, emulator).
     """
 
     preset: Preset = "fast"
     seed: int = 0
     device: Device = "auto"
-    cache: Cache | None = None
 
     def __post_init__(self) -> None:
         one_of("preset", self.preset, dict.fromkeys(PRESETS))
@@ -172,6 +171,8 @@ class FittedState:
         return FittedState(self.values[name], arrays)
 
 
+FITS = "fits"  # kind of cache entry
+_TEXT = "text"  # name of the array there that holds everything else as JSON
 MOST_TESTS = 30  # that the exact posteriors are fitted to: their cost grows with the cube of the number
 
 
@@ -180,7 +181,8 @@ class Approach(ABC):
 
     A new approach is a subclass in its own module, listed in :mod:`crashfuse.approaches.registry`. Fitted attributes
     end in an underscore; hyperparameters are a frozen config. Before :meth:`fit`, all that needs it raises
-    NotFittedError; :meth:`prepare` and :meth:`fit` raise Cancelled if the watch was told to stop.
+    NotFittedError; :meth:`prepare` and :meth:`fit` raise Cancelled if the run was told to stop,
+    and keep what does not depend on the tests (emulator, LF training) in its cache.
 
     Attributes
     ----------
@@ -224,16 +226,16 @@ class Approach(ABC):
         """What :meth:`fit` uses of what past vehicles teach, ``campaign.prior``."""
         return None
 
-    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], run: Run = UNKEPT) -> None:  # noqa: ARG002
         """Compute and cache everything that no test's pulse affects; all fits to these CAE runs share it.
 
         The campaign has the CAE runs and no tests; ``conditions`` are where tests are learned from or predicted.
         """
         if not self.learns_from_tests:
-            self.fit(campaign, watch)
+            self.fit(campaign, run)
 
     @abstractmethod
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Fit to the whole campaign as given; a UsageError or DataError if there is not enough to learn from."""
 
     @abstractmethod
@@ -258,8 +260,49 @@ class Approach(ABC):
         """The fitted state, the result of :meth:`fit`."""
 
     @abstractmethod
-    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:
         """Restore what was learned from this campaign; a KeyError, ValueError or RuntimeError if it was not."""
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """All that determines its numbers besides the data: kept fits are those of the same approach and settings."""
+        return {
+            "code": Code(type(self).__module__),
+            "approach": self.name,
+            "config": getattr(self, "config", None),
+            "seed": getattr(self, "seed", 0),
+            "device": self.device,
+        }
+
+    def fitted(self, campaign: Campaign, run: Run) -> tuple[Self, float]:
+        """:meth:`fit`, or :meth:`restore` what the cache has of the same fit; and how long that took, in s."""
+        campaign = self._taught(campaign)
+
+        def learn() -> tuple[float, Mapping[str, npt.ArrayLike]]:
+            start = time.perf_counter()
+            self.fit(campaign, run)
+            seconds = time.perf_counter() - start
+            learned = self.learned()
+            text = json.dumps({"values": learned.values, "seconds": seconds})
+            return seconds, {**learned.arrays, _TEXT: np.array(text)}
+
+        def restore(entry: Entry) -> float:
+            text = json.loads(str(entry.pop(_TEXT)))
+            self.restore(campaign, FittedState(text["values"], entry), run)
+            return float(text["seconds"])
+
+        return self, run.get_or_compute(FITS, self._fit_key(campaign), learn, restore)
+
+    def is_cached(self, campaign: Campaign) -> bool:
+        """Whether :meth:`fitted` would find this fit in the campaign's cache."""
+        return Cache(campaign.cache_folder).is_cached(FITS, self._fit_key(self._taught(campaign)))
+
+    def _taught(self, campaign: Campaign) -> Campaign:
+        # fits that past vehicles do not change are those without an archive
+        return replace(campaign, prior=self.taught_by(campaign.prior))
+
+    def _fit_key(self, campaign: Campaign) -> dict[str, object]:
+        return {**self.identity, "campaign": campaign.fingerprint}
 
     def _thinned(self, campaign: Campaign) -> Campaign:
         n = len(campaign.tests)

@@ -2,12 +2,11 @@
 
 from typing import Self
 
-from crashfuse.approaches.base import Approach, FittedState, Prediction, Settings
+from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import UNKEPT, Run
 
 
 class Cae(Approach):
@@ -24,17 +23,9 @@ class Cae(Approach):
     preference = 50
     learns_from_tests = False
 
-    def __init__(self, *, cache: Cache | None = None) -> None:
-        self.cache = cache
-
-    @classmethod
-    def create(cls, settings: Settings) -> Self:
-        """Create it with the cache."""
-        return cls(cache=settings.cache)
-
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Train the emulator."""
-        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        self.model_ = CaeModel().fit(campaign.cae, run)
         return self
 
     def learned(self) -> FittedState:
@@ -42,9 +33,9 @@ class Cae(Approach):
         self._require("model_")
         return FittedState({}, {})
 
-    def restore(self, campaign: Campaign, learned: FittedState) -> Self:  # noqa: ARG002 - there is nothing in it
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:  # noqa: ARG002
         """Fit again."""
-        return self.fit(campaign)
+        return self.fit(campaign, run)
 
     def predict(self, condition: Condition) -> Prediction:
         """Predict the CAE pulse at a condition, with notes on its source."""

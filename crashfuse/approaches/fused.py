@@ -10,15 +10,13 @@ from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import MOST_TESTS, Approach, Device, FittedState, Prediction, Settings
 from crashfuse.approaches.calibration import JUDGED, STRIDE, WIDENINGS, Calibration, Coverage
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.mixture import COMPONENTS, AboutFused, Component, HeldOut, Pool, Scores, Tests, mixed, spread
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.pretrained import Pretrained
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import Sentence, speed
 from crashfuse.vehicle_archive import Prior
@@ -36,15 +34,14 @@ class Fused(AboutFused):
     test, with either sign. It always uses the fast forms, as the paper has no fused approach.
     """
 
-    def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
+    def __init__(self, *, seed: int = 0, device: Device = "auto") -> None:
         self.seed = seed
         self._wanted = device
-        self.cache = cache
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
         """Create it, the same under every preset."""
-        return cls(seed=settings.seed, device=settings.device, cache=settings.cache)
+        return cls(seed=settings.seed, device=settings.device)
 
     @classmethod
     def taught_by(cls, prior: Prior | None) -> Prior | None:
@@ -52,7 +49,7 @@ class Fused(AboutFused):
         return prior
 
     def _unfitted(self) -> tuple[TimeDomain, DisplacementDomain, Pretrained]:
-        settings = Settings(seed=self.seed, device=self._wanted, cache=self.cache)
+        settings = Settings(seed=self.seed, device=self._wanted)
         return TimeDomain.create(settings), DisplacementDomain.create(settings), Pretrained.create(settings)
 
     @property
@@ -64,22 +61,22 @@ class Fused(AboutFused):
         """Device of the time domain."""
         return self._unfitted()[0].device
 
-    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], run: Run = UNKEPT) -> None:
         """Prepare all parts."""
         for part in self._unfitted():
-            part.prepare(campaign, conditions, watch)
+            part.prepare(campaign, conditions, run)
 
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Fit the approaches, and learn the weights from their predictions of left-out tests."""
         time_domain, displacement_domain, pretrained = self._unfitted()
-        self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
+        self.time_domain_, _ = time_domain.fitted(campaign, run)
         # Taught both, displacement domain and network would err together: the network alone is (docs/decisions.md).
         untaught = replace(campaign, prior=None)
-        self.displacement_domain_, _ = fitted(displacement_domain, untaught, self.cache, watch)
-        bias, self.archive_ = self.displacement_domain_.taught_bias(campaign.prior, watch)
-        self.pretrained_, _ = fitted(pretrained, untaught if bias is None else campaign, self.cache, watch)
+        self.displacement_domain_, _ = displacement_domain.fitted(untaught, run)
+        bias, self.archive_ = self.displacement_domain_.taught_bias(campaign.prior, run.watch)
+        self.pretrained_, _ = pretrained.fitted(untaught if bias is None else campaign, run)
         campaign = self._begin(campaign)
-        watch.report("Weights of the mixture", 0, 1)
+        run.watch.report("Weights of the mixture", 0, 1)
         groups = bands.speed_groups(campaign)
         alone = self._alone()
         apart = self._tests.held_out([part.left_out_groups_ for part in self._learning], groups)
@@ -104,7 +101,7 @@ class Fused(AboutFused):
         draws = np.array([mixture.draws for mixture in of_others], dtype=np.float32)
         far = bands.widening_far(measured, self._tests.speeds_mps, bands.LeftOut(numbers, means, draws))
         self.calibration_ = replace(near, far=max(far / near.widening, 1.0))
-        watch.report("Weights of the mixture", 1, 1)
+        run.watch.report("Weights of the mixture", 1, 1)
         return self
 
     def _begin(self, campaign: Campaign) -> Campaign:
@@ -185,12 +182,12 @@ class Fused(AboutFused):
         values, arrays = {"archive": self.archive_}, {"logits": self.pool_.logits_}
         return FittedState.of(values, arrays, **states, band=self.calibration_.learned())
 
-    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:
         """Restore the approaches and the weights."""
         time_domain, displacement_domain, pretrained = self._unfitted()
-        self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
-        self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"))
-        self.pretrained_ = pretrained.restore(campaign, learned.part("pretrained"))
+        self.time_domain_ = time_domain.restore(campaign, learned.part("time"), run)
+        self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"), run)
+        self.pretrained_ = pretrained.restore(campaign, learned.part("pretrained"), run)
         self.archive_ = str(learned.values["archive"])
         self._begin(campaign)
         self.pool_.logits_ = learned.arrays["logits"]

@@ -28,8 +28,7 @@ from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, UsageError
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray, in_full
 from crashfuse.vehicle_archive import Prior
 
@@ -203,7 +202,7 @@ class Pretrained(BandedApproach):
     """A transformer that ``benchmarks/pretraining.py`` trained on simulated vehicles of many kinds.
 
     It reads each test beside the CAE pulse at its condition. No weight of it depends on the campaign: to fit is to
-    check the band on left-out tests. The cache keeps the CAE emulator.
+    check the band on left-out tests.
     """
 
     name = "pretrained"
@@ -213,9 +212,8 @@ class Pretrained(BandedApproach):
     colour = "#8C564B"
     preference = 35
 
-    def __init__(self, *, seed: int = 0, cache: Cache | None = None) -> None:
+    def __init__(self, *, seed: int = 0) -> None:
         self.seed = seed
-        self.cache = cache
 
     @classmethod
     def taught_by(cls, prior: Prior | None) -> Prior | None:
@@ -224,27 +222,27 @@ class Pretrained(BandedApproach):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
-        """Create it with seed and cache."""
-        return cls(seed=settings.seed, cache=settings.cache)
+        """Create it with its seed."""
+        return cls(seed=settings.seed)
 
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Take up the tests, and check the band on each, predicted from the others."""
         if not campaign.tests:
             raise UsageError("The pre-trained network learns from tests; this campaign has none.")
-        campaign = self._begin(campaign, watch)
+        campaign = self._begin(campaign, run)
         self.prior_ = self._choose(campaign.prior)
         self._all_tests = self._read()
         if len(campaign.tests) < bands.LEAST_CHECKED:
             self.left_out_ = self.left_out_groups_ = LeftOut.of({})
             self.calibration_ = Calibration(_UNCHECKED, ())
             return self
-        near = bands.check_band(campaign, self._without, watch)
+        near = bands.check_band(campaign, self._without, run.watch)
         self.calibration_, self.left_out_, self.left_out_groups_ = bands.check_band_far(campaign, *near)
         return self
 
-    def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> Campaign:
+    def _begin(self, campaign: Campaign, run: Run) -> Campaign:
         campaign = self._thinned(campaign)
-        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        self.model_ = CaeModel().fit(campaign.cae, run)
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         self._measured = np.array([test.pulse.accel_mps2[:: bands.STRIDE] for test in campaign.tests])
         self._cae = np.array([self.model_.pulse(test.condition).accel_mps2[:: bands.STRIDE] for test in campaign.tests])
@@ -306,9 +304,9 @@ class Pretrained(BandedApproach):
         self._require("calibration_")
         return FittedState.of({"taught": self.prior_ is not None, "archive": self.archive_}, {}, **self._learned_band())
 
-    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:
         """Take up the tests again."""
-        self._begin(campaign)
+        self._begin(campaign, run)
         self.archive_ = str(learned.values["archive"])
         self.prior_ = campaign.prior if learned.values["taught"] else None
         self._all_tests = self._read()

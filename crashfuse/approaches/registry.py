@@ -13,7 +13,6 @@ from typing import cast
 from crashfuse.approaches.base import PRESETS, Approach, Settings
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fit_cache import settings as settings_of
 from crashfuse.approaches.mixture import AboutFused
 from crashfuse.approaches.time_domain.config import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
@@ -86,7 +85,7 @@ def create(name: str, settings: Settings) -> Approach:
 def uses_preset(name: str) -> bool:
     """Whether the preset acts on an approach: whether it decides what its fits are kept by."""
     with suppress(CrashfuseError), blamed_on(name):
-        usual, *others = (settings_of(create(name, Settings(preset))) for preset in PRESETS)
+        usual, *others = (create(name, Settings(preset)).identity for preset in PRESETS)
         return any(other != usual for other in others)
     return True  # it cannot be made here, which is told when it is asked for
 

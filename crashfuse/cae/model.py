@@ -12,10 +12,9 @@ from scipy.spatial.distance import cdist
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
-from crashfuse.execution.cache import Cache, Entry, finite
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.process import one_thread
+from crashfuse.execution.cache import Code, Entry, finite
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import UNKEPT, Run, one_thread
 from crashfuse.signals.loading_phase import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 
@@ -204,21 +203,15 @@ class LoadingCurve:
 class CaeModel:
     """The CAE model at any condition; the cache keeps the trained emulator by fingerprint of the library."""
 
-    def __init__(self, *, cache: Cache | None = None) -> None:
-        self.cache = cache
-
-    def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
+    def fit(self, cae: CaeLibrary, run: Run = UNKEPT) -> Self:
         """Train the emulator, or load it from the cache."""
         self.cae_, self.emulator_ = cae, (emulator := Emulator())
-        if self.cache is None:
-            emulator.fit(cae, watch)
-            return self
-        key = {"cae": cae.fingerprint, "code": code_digest(Emulator.__module__)}
+        key = {"cae": cae.fingerprint, "code": Code(Emulator.__module__)}
 
         def compute() -> tuple[Emulator, Entry]:
-            return emulator.fit(cae, watch), emulator.arrays()
+            return emulator.fit(cae, run.watch), emulator.arrays()
 
-        self.cache.get_or_compute("emulator", key, compute, lambda entry: emulator.restore(entry, cae), watch)
+        run.get_or_compute("emulator", key, compute, lambda entry: emulator.restore(entry, cae))
         return self
 
     def pulse(self, condition: Condition) -> CaePulse:

@@ -13,14 +13,14 @@ import numpy.typing as npt
 import pandas as pd
 
 from crashfuse.cae_library import QUALITIES, RunQuality
-from crashfuse.condition import ABOUT, FILE_UNITS, About, Condition
+from crashfuse.condition import ABOUT, FILE_UNITS, QUANTITIES, About, Condition
 from crashfuse.crash_test import TUNED
-from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, shortened
+from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, refusal, shortened
 from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
 from crashfuse.files.parquet import EMPTY
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH_KG, MASS, MPH_LB, SPEED, UnitSystem
+from crashfuse.units import KPH_KG, MPH_LB, UnitSystem
 
 Role = Literal["tests", "cae"]  # either of the two condition tables of a campaign, with its pulses
 TABLES = ("tests.csv", "cae.csv")
@@ -28,7 +28,6 @@ NAMELESS = "an id in each row", "an empty cell", "name the row"
 _MOST_PROBLEMS = 20  # of cells of one column of pulses; the rest are only counted
 RowNumbers = npt.NDArray[np.integer[Any]]
 
-_QUANTITIES: dict[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
 _SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: less is not a crash, not a vehicle
 _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: more must be in another unit
 _MOST_CANDIDATES = 1000  # each costs a prediction
@@ -90,7 +89,7 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
     names = list(map(str, frame.columns))
     columns = {
         name: pair
-        for name, units in _QUANTITIES.items()
+        for name, units in QUANTITIES.items()
         if (pair := find_column(names, name, units, where, problems)) is not None
     }
     if "id" in names:
@@ -99,7 +98,7 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
     else:
         problems.append(Problem(where, "a column id", f"the columns {listed(names)}", "name each row in one"))
         sound = []
-    values = {name: np.full(len(frame), np.nan) for name in _QUANTITIES}
+    values = {name: np.full(len(frame), np.nan) for name in QUANTITIES}
     rows_of = frame.index.to_numpy()
     for name, (column, factor) in columns.items():
         numbers = numbers_in(frame[column], column, where, rows_of, problems, _LARGEST[name] / factor)
@@ -131,7 +130,7 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
     conditions = read_conditions(path, by_hand=True).conditions
     if (count := len(conditions)) > _MOST_CANDIDATES:
-        raise DataError(Problem(path.name, f"at most {_MOST_CANDIDATES} candidates", f"{count}", "leave some out"))
+        raise refusal(path.name, f"at most {_MOST_CANDIDATES} candidates", f"{count}", "leave some out")
     return conditions
 
 
@@ -272,8 +271,7 @@ def _read_tuned(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tup
     meanings = {text: meaning for meaning, text in TUNED.items()} | {"true": True, "false": False}
     cells = frame["cae_tuned"].str.strip().str.lower()
     for row, text in frame["cae_tuned"][~cells.isin(meanings)].items():
-        found = repr(printable(text, 60))
-        problems.append(Problem(where, "yes, no or nothing", found, CORRECT_CELL, "cae_tuned", row))
+        problems.append(Problem(where, "yes, no or nothing", repr(printable(text, 60)), CORRECT_CELL, "cae_tuned", row))
     return tuple(map(meanings.get, cells))
 
 

@@ -29,7 +29,7 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles, RecordedPulse
 from crashfuse.campaign_folder.settings import read_settings, reason, sound_settings
 from crashfuse.condition import ABOUT, About, Condition
 from crashfuse.crash_test import TUNED
-from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, shortened
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, refusal, shortened
 from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_text import csv_text, original
 from crashfuse.files.toml_text import toml_text
@@ -89,9 +89,9 @@ def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) 
         writer.check_ids(ids, role)
         names = Counter(map(condition_tables.folded, ids))
         if twice := [run_id for run_id in ids if names[condition_tables.folded(run_id)] > 1]:
-            raise DataError(Problem(role, "each id once", condition_tables.listed(twice[:2]), "rename one of them"))
+            raise refusal(role, "each id once", condition_tables.listed(twice[:2]), "rename one of them")
     if not is_vacant(folder) and not any((folder / name).is_file() for name in _MARKS):
-        raise DataError(Problem(str(folder), "a campaign folder, or an empty one", "other files", "name another"))
+        raise refusal(str(folder), "a campaign folder, or an empty one", "other files", "name another")
     with taking_turns(folder):
         return _add(folder, additions)
 
@@ -248,7 +248,7 @@ def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], new_f
     for one in additions:
         path, pulse = folder / role / f"{one.id}.csv", writer.pulse_csv(one.pulse).encode()
         if path.exists() and path.read_bytes() != pulse:
-            raise DataError(Problem(f"{role}/{path.name}", "no such file yet", "one without a row", "remove the file"))
+            raise refusal(f"{role}/{path.name}", "no such file yet", "one without a row", "remove the file")
         new_file(path).write_bytes(pulse)
 
 
@@ -257,13 +257,11 @@ def _table(folder: Path, role: Role) -> ConditionTable | None:
     return condition_tables.read_conditions(path, role) if path.is_file() else None
 
 
-def _already_there(
-    folder: Path, role: Role, table: ConditionTable | None, additions: Sequence[Addition]
-) -> tuple[str, ...]:
+def _already_there(folder: Path, role: Role, table: ConditionTable | None, new: Sequence[Addition]) -> tuple[str, ...]:
     """Ids that are there already; a DataError if one has another condition or pulse there."""
     conditions = {} if table is None else dict(zip(table.ids, table.conditions, strict=True))
     names = set(map(condition_tables.folded, conditions))
-    again = {addition.id: addition for addition in additions if condition_tables.folded(addition.id) in names}
+    again = {addition.id: addition for addition in new if condition_tables.folded(addition.id) in names}
     if not again:
         return ()
     wanted = [run_id for run_id in again if run_id in conditions]
@@ -273,11 +271,11 @@ def _already_there(
             close = np.allclose(conditions[run_id].vector, again[run_id].condition.vector, rtol=_SAME)
             same |= {run_id} if close and _is_same(record, again[run_id].pulse) else set()
     if other := [run_id for run_id in again if run_id not in same]:
-        file, new = f"{role}.csv", "an id that is not there yet"
-        raise DataError([Problem(file, new, repr(i), "rename it, or remove the other", "id") for i in other[:20]])
-    if len(same) == len(additions):
+        file, wanted_id = f"{role}.csv", "an id that is not there yet"
+        raise DataError([Problem(file, wanted_id, repr(i), "rename it, or remove the other", "id") for i in other[:20]])
+    if len(same) == len(new):
         expected, found = f"a {WHAT[role][0]} that is not there yet", f"{_named([*again])}, there already all the same"
-        raise DataError(Problem(f"{role}.csv", expected, found, "nothing has to be added"))
+        raise refusal(f"{role}.csv", expected, found, "nothing has to be added")
     return tuple(again)
 
 
@@ -387,7 +385,7 @@ def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
     new = next((line + others for others in _without_list(text) if _values(line + others) == wanted), None)
     if new is None:
         by_hand = f"set it by hand: unused = {toml_text(value)}"
-        raise DataError(Problem(path.name, "unused = [...] or {...} at the start of a line", "another form", by_hand))
+        raise refusal(path.name, "unused = [...] or {...} at the start of a line", "another form", by_hand)
     if new:
         to.write_bytes(new.encode())
 

@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, printable, refusal, refuse_if
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import NAME, flush, name_target, replacing, share, sole_writer
 
@@ -79,8 +79,7 @@ def changed_by(author: str) -> Iterator[None]:
 @contextmanager
 def taking_turns(folder: Path) -> Iterator[None]:
     """Let nobody else change a campaign folder meanwhile, and find it without half a change; else a DataError."""
-    if is_sample(folder):
-        raise DataError(Problem(str(folder), "a folder of yours", "the sample", "copy it (crashfuse sample DIR)"))
+    refuse_if(is_sample(folder), str(folder), "a folder of yours", "the sample", "copy it (crashfuse sample DIR)")
     with sole_writer(folder, _PATIENCE_S):
         for home in reversed(_entries(folder)):
             if (home / _BEGUN).exists():
@@ -100,7 +99,7 @@ def settle(folder: Path) -> None:
                 pass
         except OSError as error:
             trouble = "finished changes", "an interrupted one", "open it where it can be written"
-            raise DataError(Problem(str(folder), *trouble)) from error
+            raise refusal(str(folder), *trouble) from error
 
 
 def is_vacant(folder: Path) -> bool:
@@ -155,9 +154,9 @@ def undo(folder: Path, last: Change | None = None) -> Change:
     with taking_turns(folder):
         change = next(iter(changes(folder)), None)
         if change is None:
-            raise DataError(Problem(str(folder), "a change that can be undone", "none", "nothing has to be undone"))
+            raise refusal(str(folder), "a change that can be undone", "none", "nothing has to be undone")
         if last is not None and change != last:
-            raise DataError(Problem(str(folder), f"“{last.what}” as last change", f"{change}", "undo that first"))
+            raise refusal(str(folder), f"“{last.what}” as last change", f"{change}", "undo that first")
         home = folder / _HOME / f"{change.number:06d}"
         _waiting(folder, home, change)
         (home / _LIST).rename(home / _BEGUN)
@@ -200,7 +199,7 @@ def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
             author = getpass.getuser()
     content = json.dumps(asdict(Change(int(home.name), what, now, files, author)), indent=1).encode()
     if len(content) > _LARGEST or not all(map(_is_sound, files)):
-        raise DataError(Problem(str(folder), "files of a campaign", "too many, or other names", "rename or split them"))
+        raise refusal(str(folder), "files of a campaign", "too many, or other names", "rename or split them")
     table = next((folder / name for name in ("tests.csv", "cae.csv") if (folder / name).is_file()), None)
     for path in (home.parent, home, *home.rglob("*")):
         if path.is_dir():
@@ -219,7 +218,7 @@ def _put_back(folder: Path, home: Path) -> None:
     change = _read(home / _BEGUN)
     if change is None:
         where = f"{_HOME}/{home.name}/{_BEGUN}"
-        raise DataError(Problem(where, "the list of an interrupted change", "a damaged one", _by_hand(home)))
+        raise refusal(where, "the list of an interrupted change", "a damaged one", _by_hand(home))
     _move(home / _BEFORE, folder, [*reversed(_waiting(folder, home, change))])
     for file in change.files:
         if "/" in file.name:
@@ -259,10 +258,10 @@ def _waiting(folder: Path, home: Path, change: Change) -> list[str]:
         waiting.append(file.name)
         if now != file.after:
             expected = f"the file as it was after “{change.what}”"
-            raise DataError(Problem(file.name, expected, "one that was changed since", _by_hand(home)))
+            raise refusal(file.name, expected, "one that was changed since", _by_hand(home))
         if file.before is not None and (kept.is_symlink() or _digest(kept) != file.before):
             where, found = kept.relative_to(folder).as_posix(), "none, or a damaged one"
-            raise DataError(Problem(where, "the file that was replaced", found, _by_hand(home)))
+            raise refusal(where, "the file that was replaced", found, _by_hand(home))
     return waiting
 
 
@@ -301,7 +300,7 @@ def _require_inside(folder: Path, path: Path) -> None:
     """Behind a link to another folder lie files that may be anybody's."""
     if not path.parent.resolve().is_relative_to(folder.resolve()):
         where = path.parent.relative_to(folder).as_posix()
-        raise DataError(Problem(where, "a folder in the campaign's", "a link to one elsewhere", "put files there"))
+        raise refusal(where, "a folder in the campaign's", "a link to one elsewhere", "put files there")
 
 
 def _digest(path: Path) -> str | None:

@@ -26,7 +26,7 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, as_path, collecting, printable, shortened
+from crashfuse.errors import DataError, Problem, UsageError, as_path, collecting, printable, refuse_all, shortened
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.files.parquet import ParquetTable
@@ -69,7 +69,7 @@ def read_folder(folder: str | Path, archive: VehicleArchive | None = None) -> Ca
     folder = as_path(folder, "a campaign folder")
     if not folder.is_dir():
         found = "a file" if folder.exists() else "no such folder"
-        raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, CHECK_PATH))
+        raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, "check the path"))
     settle(folder)
     problems, warnings = list[Problem](), list[str]()
     settings = read_settings(folder, problems, warnings)
@@ -136,11 +136,10 @@ def read_folder(folder: str | Path, archive: VehicleArchive | None = None) -> Ca
         warnings += _shortened([f"{who}: {text}." for who, texts in findings_of for text in texts])
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
-    campaign = Campaign(
-        settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits,
-        settings.occupant, import_cfcs.pop() if len(import_cfcs) == 1 else None,
-        tables["tests"].units, unused, settings.unused,
-    )  # fmt: skip
+    first = settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits
+    filtered_with = import_cfcs.pop() if len(import_cfcs) == 1 else None
+    further = settings.occupant, filtered_with, tables["tests"].units, unused, settings.unused
+    campaign = Campaign(*first, *further)
     if archive is not None:
         return campaign.with_archive(archive)
     return campaign if kept is None else _taught(campaign, kept)
@@ -282,7 +281,7 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
         if problems:
             every: list[Problem] = []
             with collecting(every):
-                archive.refuse(problems, name)
+                refuse_all(problems, name)
             with collecting(every):
                 read_folder(folder)
             raise DataError(every)
@@ -310,7 +309,7 @@ def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
     if sum(len(content) for _, content in uploads) > limits.total_bytes:
         raise archive.too_much("upload", limits)
     problems = [Problem(name, *trouble) for name, _ in uploads if (trouble := archive.name_trouble(name))]
-    archive.refuse(problems, "upload")
+    refuse_all(problems, "upload")
 
 
 def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
@@ -323,7 +322,7 @@ def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
 def _root(members: Sequence[Member], name: str) -> PurePosixPath:
     homes = [member.path.parent for member in members if member.path.name in TABLES]
     if not homes:
-        archive.refuse([trouble for member in members if (trouble := _strange(member))], name)
+        refuse_all([trouble for member in members if (trouble := _strange(member))], name)
         where = printable(members[0].where) if len(members) == 1 else name
         raise DataError(Problem(where, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
     return min(homes, key=lambda home: len(home.parts))

@@ -7,19 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from crashfuse import errors
 from crashfuse.campaign_folder.condition_tables import TABLES, listed
 from crashfuse.campaign_folder.history import taking_turns
-from crashfuse.errors import (
-    DataError,
-    Problem,
-    UsageError,
-    as_path,
-    printable,
-    require_a,
-    require_number,
-    several,
-    shortened,
-)
+from crashfuse.errors import DataError, Problem, UsageError, as_path, printable, refusal, require_a, several
 from crashfuse.files.atomic import replacing
 from crashfuse.files.csv_text import csv_text, read_rows
 
@@ -54,7 +45,7 @@ class Note:
         start, end = self.start_ms, self.end_ms
         for name in ("start_ms", "end_ms"):
             if getattr(self, name) is not None:
-                require_number(name, getattr(self, name))
+                errors.require_number(name, getattr(self, name))
         if start is None and end is not None:
             raise UsageError("A mark that has an end needs a start.")
         if start is not None and not 0 <= start <= (LATEST_MS if end is None else end) <= LATEST_MS:
@@ -104,11 +95,10 @@ def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
     names, rows, numbers = read_rows(path, FILE)
     expected = f"the columns {', '.join(COLUMNS)}"
     if missing := [name for name in COLUMNS if name not in names]:
-        raise DataError(Problem(FILE, expected, f"none named {missing[0]}", _ADVICE))
+        raise refusal(FILE, expected, f"none named {missing[0]}", _ADVICE)
     if alone and (others := [name or "one without a name" for name in names if name not in COLUMNS]):
-        raise DataError(Problem(FILE, f"{expected} alone", f"{listed(others)}, which would be lost", "take them out"))
-    if len(rows) > MOST:
-        raise DataError(Problem(FILE, f"at most {MOST} notes", f"{len(rows)}", "take some out"))
+        raise refusal(FILE, f"{expected} alone", f"{listed(others)}, which would be lost", "take them out")
+    errors.refuse_if(len(rows) > MOST, FILE, f"at most {MOST} notes", f"{len(rows)}", "take some out")
     notes, problems = [], []
     for row, number in zip(rows, numbers, strict=True):
         test, start, end, text = (row[names.index(name)] for name in COLUMNS)
@@ -120,5 +110,5 @@ def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
             found = printable(", ".join((test, start, end, text)), 80)
             problems.append(Problem(FILE, expected.rstrip("."), found, _ADVICE, row=number))
     if problems:
-        raise DataError(shortened(problems))
+        raise DataError(errors.shortened(problems))
     return tuple(notes)

@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from crashfuse import errors
 from crashfuse.campaign_folder.condition_tables import NAMELESS, RowNumbers, find_column, listed, numbers_in
 from crashfuse.campaign_folder.plausibility import gap_s
-from crashfuse.errors import CHECK_PATH, KEEP_ONE, NO_FILE, DataError, Problem, collecting, printable, shortened
+from crashfuse.errors import DataError, Problem, collecting, printable, refusal, refuse_if, require_there, shortened
 from crashfuse.files.csv_text import unreadable
 from crashfuse.files.parquet import opened_table
 from crashfuse.signals.filters import cfc_filter
@@ -136,7 +137,7 @@ class PulseFiles:
             record, where = None, f"{folder.name}/{files[0] if files else ''}"
             if len(files) > 1:
                 expected = f"one pulse for {run_id}"
-                self.problems.append(Problem(f"{folder.name}/", expected, " and ".join(files), KEEP_ONE))
+                self.problems.append(Problem(f"{folder.name}/", expected, " and ".join(files), errors.KEEP_ONE))
             elif files:
                 with collecting(self.problems):
                     record = _whole_record(folder / files[0], where, self.problems)
@@ -164,13 +165,12 @@ class PulseFiles:
                     pending_id = run_id
                     pending.append(rows_of[start:stop])
                     if len(finished) > _MOST_RECORDS:
-                        expected = f"at most {_MOST_RECORDS:,} runs"
-                        raise DataError(Problem(path.name, expected, "more", "check its ids", "id"))
+                        raise refusal(path.name, f"at most {_MOST_RECORDS:,} runs", "more", "check its ids", "id")
                     if run_id in finished:
                         del self.problems[so_far:]  # problems of records split between batches are not real
                         found = f"rows of {printable(run_id, 60)} in two places"
                         trouble, at = (found, "sort the file by id, then by time"), int(pending[0].rows[0])
-                        raise DataError(Problem(path.name, "the rows of one id together", *trouble, "id", at))
+                        raise refusal(path.name, "the rows of one id together", *trouble, "id", at)
                     _check_length(pending, path.name)
         except DataError as error:
             self.problems.extend(error.problems)
@@ -282,14 +282,11 @@ def _sample_batches(
             empty = False
             ids = pd.Categorical(frame["id"] if with_id else np.zeros(len(frame), dtype=np.int8))
             nameless = (ids.codes < 0) | np.isin(ids.codes, np.flatnonzero(ids.categories == ""))
-            if nameless.any():
-                at = int(rows[nameless.argmax()])
-                raise DataError(Problem(where, *NAMELESS, "id", at))
+            refuse_if(nameless.any(), where, *NAMELESS, "id", int(rows[nameless.argmax()]))
             time_s = to_s * numbers_in(frame[time], time, where, rows, problems, _LARGEST_S / to_s)
             accel_mps2 = to_mps2 * numbers_in(frame[accel], accel, where, rows, problems, _LARGEST_MPS2 / to_mps2)
             yield ids, RecordedPulse(time_s, accel_mps2, rows, time)
-    if empty:
-        raise DataError(Problem(where, "a header and rows", "an empty table", "add the samples"))
+    refuse_if(empty, where, "a header and rows", "an empty table", "add the samples")
 
 
 def _whole_record(path: Path, where: str, problems: list[Problem]) -> RecordedPulse:
@@ -303,13 +300,12 @@ def _whole_record(path: Path, where: str, problems: list[Problem]) -> RecordedPu
 def _check_length(parts: Sequence[RecordedPulse], where: str) -> None:
     if (count := sum(part.rows.size for part in parts)) > _MOST_SAMPLES:
         expected, place = f"at most {_MOST_SAMPLES} samples a record", (parts[0].time_column, int(parts[0].rows[0]))
-        raise DataError(Problem(where, expected, f"{count} at least", "cut the record", *place))
+        raise refusal(where, expected, f"{count} at least", "cut the record", *place)
 
 
 def read_pulse(path: Path) -> Pulse:
     """Read one pulse from a CSV or Parquet file as sampled; raise a DataError with every problem of the file."""
-    if not path.exists():
-        raise DataError(Problem(str(path), "a pulse file", NO_FILE, CHECK_PATH))
+    require_there(path, "a pulse file")
     problems: list[Problem] = []
     with collecting(problems):
         record = _whole_record(path, str(path), problems)

@@ -66,19 +66,19 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     if not path.exists():
         return unnamed
     try:
-        values = read_toml(path, _MOST_MIB, "leave out what is no setting")
+        values = _Table(read_toml(path, _MOST_MIB, "leave out what is no setting"), problems)
     except DataError as error:
         problems.extend(error.problems)
         return unnamed
 
     def text(key: str, default: str, most: int) -> str:
         expected = f"text of at most {most} characters"
-        value = _pop(values, key, default, lambda v: isinstance(v, str) and len(v) <= most, expected, problems)
+        value = values.take(key, default, lambda v: isinstance(v, str) and len(v) <= most, expected)
         return printable(" ".join(value.split("\n")), most)
 
     def filter_class(key: str, is_class: Callable[[object], bool]) -> float | None:
         expected = 'a channel filter class (60, 180, 600 or 1000), or "none"'
-        cfc = _pop(values, key, "none", lambda v: v == "none" or is_class(v), expected, problems)
+        cfc = values.take(key, "none", lambda v: v == "none" or is_class(v), expected)
         return None if cfc == "none" else float(cfc)
 
     cfc = filter_class("channel_filter_class", lambda v: _is_number(v, 1, 1000) and v in CLASSES)
@@ -86,21 +86,45 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     if cfc is not None and already is not None:
         both = "channel_filter_class and filtered_with"
         problems.append(Problem(_FILE, "one of the two", both, "leave out the first, or pulses are filtered twice"))
-    imported = values.pop("imported", None)
+    imported = values.values.pop("imported", None)
     tables = [entry for entry in (imported if isinstance(imported, list) else []) if isinstance(entry, dict)]
     pairs = [(table.get("id"), table.get("channel_filter_class")) for table in tables if table.get("as") == "tests"]
     expected = f"a distance in mm, at most {_LARGEST_GAP_MM:,}"
     settings = Settings(
-        text("name", unnamed.name, _LONGEST_NAME), text("notice", "", _LONGEST_NOTICE), cfc, already,
-        _quality(values, problems), occupant_settings(values, problems),
-        {run_id: float(of) for run_id, of in pairs if isinstance(run_id, str) and isinstance(of, int | float)},
-        _unused(values, problems),
-        _pop(values, "cae_gap_mm", 0.0, lambda v: _is_number(v, 0, _LARGEST_GAP_MM), expected, problems) * MS,
-    )  # fmt: skip
-    if values:
-        unknown = printable(", ".join(values), 200)
+        name=text("name", unnamed.name, _LONGEST_NAME),
+        notice=text("notice", "", _LONGEST_NOTICE),
+        channel_filter_class=cfc,
+        filtered_with=already,
+        quality=_quality(values),
+        occupant=occupant_settings(values.values, problems),
+        tests_imported_with={i: float(of) for i, of in pairs if isinstance(i, str) and isinstance(of, int | float)},
+        unused=_unused(values),
+        cae_gap_m=values.take("cae_gap_mm", 0.0, lambda v: _is_number(v, 0, _LARGEST_GAP_MM), expected) * MS,
+    )
+    if values.values:
+        unknown = printable(", ".join(values.values), 200)
         warnings.append(f"{_FILE}: {unknown} is not a setting that crashfuse knows; it is left alone.")
     return settings
+
+
+class _Table:
+    """A table of settings: each is taken out of it, and what is wrong with it goes to ``problems``."""
+
+    def __init__(self, values: dict[str, Any], problems: list[Problem], name: str = "") -> None:
+        self.values, self.problems, self._prefix = values, problems, f"{name}." if name else ""
+
+    def take(self, key: str, default: T, is_sound: Callable[[Any], bool], expected: str) -> T:
+        value: T = self.values.pop(key, default)
+        if is_sound(value):
+            return value
+        self.refuse(expected, value, key)
+        return default
+
+    def table(self, key: str, expected: str) -> "_Table":
+        return _Table(self.take(key, {}, lambda v: isinstance(v, dict), expected), self.problems, key)
+
+    def refuse(self, expected: str, found: object, key: str, advice: str = _CORRECT) -> None:
+        self.problems.append(Problem(_FILE, expected, shown(found), advice, f"{self._prefix}{key}"))
 
 
 def sound_settings(folder: Path) -> Settings:
@@ -122,18 +146,18 @@ def reason(text: str) -> str:
 def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> OccupantModel:
     """Pop ``[occupant]`` from the settings of a campaign; append its problems to ``problems``."""
     expected = f"a table [occupant] with {', '.join(OCCUPANT_RANGES)}"
-    table = _pop(values, "occupant", dict[str, Any](), lambda v: isinstance(v, dict), expected, problems)
-    sound: dict[str, float] = {}
-    for name, value in table.items():
+    settings = _Table(values, problems)
+    table, sound = settings.table("occupant", expected), dict[str, float]()
+    for name, value in table.values.items():
         if name not in OCCUPANT_RANGES:
-            _refuse(expected, name, name, problems)
+            settings.refuse(expected, name, name)
             continue
         low, high = OCCUPANT_RANGES[name]
         advice = likely_m(name, value) if _is_number(value) else ""
         if _is_number(value, low, high) and not advice:
             sound[name] = float(value)
         else:
-            _refuse(f"a number from {low} to {high}", value, f"occupant.{name}", problems, advice or _CORRECT)
+            table.refuse(f"a number from {low} to {high}", value, name, advice or _CORRECT)
     return OccupantModel(**sound)
 
 
@@ -143,63 +167,38 @@ def occupant_lines(occupant: OccupantModel) -> list[str]:
     return ["[occupant]", *(f"{name} = {getattr(occupant, name)!r}" for name in changed)] if changed else []
 
 
-def _quality(values: dict[str, Any], problems: list[Problem]) -> QualitySettings:
-    before = len(problems)
+def _quality(values: _Table) -> QualitySettings:
+    before, share = len(values.problems), "a share between 0 and 1 (0.05 for 5 %)"
     keys = f"limits, {', '.join(QUALITIES)} or leave_out_failing"
-    expected = f"a table [cae_quality] with {keys}"
-    table = _pop(values, "cae_quality", dict[str, Any](), lambda v: isinstance(v, dict), expected, problems)
-    single: dict[str, float] = {}
-    for name in [name for name in QUALITIES if name in table]:
-        if _is_number(limit := table[name]) and 0 < limit < 1:
-            single[name] = float(limit)
-        else:
-            _refuse("a share between 0 and 1 (0.05 for 5 %)", limit, f"cae_quality.{name}", problems)
+    table = values.table("cae_quality", f"a table [cae_quality] with {keys}")
+    given: dict[str, float | None] = {
+        name: table.take(name, None, lambda v: v is None or (_is_number(v) and 0 < v < 1), share) for name in QUALITIES
+    }
+    single = {name: float(limit) for name, limit in given.items() if limit is not None}
     limits = QualityLimits("limits of this campaign", **single) if single else None
-    if "limits" in table:
-        name, is_both = table["limits"], limits is not None
-        limits = NAMED_LIMITS.get(name) if isinstance(name, str) else None
+    if (name := table.values.pop("limits", None)) is not None:
+        limits, is_both = NAMED_LIMITS.get(name) if isinstance(name, str) else None, limits is not None
         if limits is None or is_both:
             expected = f"one of {', '.join(NAMED_LIMITS)}, without limits of its own"
-            _refuse(expected, f"{name} and limits" if is_both else name, "cae_quality.limits", problems)
-    leave_out = table.get("leave_out_failing", False)
-    if not isinstance(leave_out, bool):
-        _refuse("true or false", leave_out, "cae_quality.leave_out_failing", problems)
-    elif leave_out and limits is None and len(problems) == before:
-        _refuse("limits in [cae_quality]", "none", "cae_quality", problems, "say by which limits runs fail")
-    if unknown := [key for key in table if key not in (*QUALITIES, "limits", "leave_out_failing")]:
-        _refuse(keys, ", ".join(unknown), "cae_quality", problems)
-    return QualitySettings() if len(problems) > before else QualitySettings(limits, leave_out)
+            table.refuse(expected, f"{name} and limits" if is_both else name, "limits")
+    leave_out = table.take("leave_out_failing", False, lambda v: isinstance(v, bool), "true or false")
+    if leave_out and limits is None and len(values.problems) == before:
+        values.refuse("limits in [cae_quality]", "none", "cae_quality", "say by which limits runs fail")
+    if table.values:
+        values.refuse(keys, ", ".join(table.values), "cae_quality")
+    return QualitySettings() if len(values.problems) > before else QualitySettings(limits, leave_out)
 
 
-def _unused(values: dict[str, Any], problems: list[Problem]) -> dict[str, str]:
+def _unused(values: _Table) -> dict[str, str]:
     expected = 'a list of ids such as ["T09"], or reasons by id such as {T09 = "sensor came loose"}'
 
     def is_sound(listed: object) -> bool:
         texts = [*listed.values()] if isinstance(listed, dict) else listed
         return isinstance(texts, list) and all(isinstance(text, str) for text in texts)
 
-    listed: Any = _pop(values, "unused", [], is_sound, expected, problems)
+    listed: Any = values.take("unused", [], is_sound, expected)
     reasons = listed if isinstance(listed, dict) else dict.fromkeys(listed, "")
     return {test_id: reason(why) for test_id, why in reasons.items()}
-
-
-def _pop(
-    values: dict[str, Any],
-    key: str,
-    default: T,
-    is_sound: Callable[[Any], bool],
-    expected: str,
-    problems: list[Problem],
-) -> T:
-    value: T = values.pop(key, default)
-    if is_sound(value):
-        return value
-    _refuse(expected, value, key, problems)
-    return default
-
-
-def _refuse(expected: str, found: object, key: str, problems: list[Problem], advice: str = _CORRECT) -> None:
-    problems.append(Problem(_FILE, expected, shown(found), advice, key))
 
 
 def _is_number(value: object, least: float = -inf, most: float = inf) -> TypeGuard[int | float]:

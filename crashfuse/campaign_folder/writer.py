@@ -20,15 +20,15 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
 from crashfuse.campaign_folder.load import WALL_COLUMNS, WALLS, read_folder
 from crashfuse.campaign_folder.settings import QualitySettings, occupant_lines
-from crashfuse.condition import About, Condition
-from crashfuse.errors import DataError, Problem, as_path, require_a
+from crashfuse.condition import QUANTITIES, About, Condition
+from crashfuse.errors import DataError, Problem, as_path, refusal, refuse_if, require_a
 from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_text import csv_bytes, csv_text, original, write_rows
 from crashfuse.files.parquet import UNSOUND, check_size
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.wall import Wall
-from crashfuse.units import ACCELERATION, KN, MASS, MS, SPEED, TIME, G
+from crashfuse.units import ACCELERATION, KN, MS, TIME, G
 
 _RUNS_A_BATCH, _REPAIR = 2000, "repair it first"
 # what a folder's sentences call its files, as patterns, and what the arguments of a call are called
@@ -98,9 +98,8 @@ def further_columns(rows: Sequence[Mapping[str, object]]) -> list[str]:
 
 def table_row(header: Sequence[str], run_id: str, condition: Condition, further: Mapping[str, object]) -> list[object]:
     """The cells of a condition in the columns of a table, empty for what it does not have."""
-    quantities = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
     cells: dict[str, object] = {"id": run_id, **dict(condition.factors), **further}
-    for (quantity, units), value in zip(quantities.items(), condition.vector.tolist(), strict=True):
+    for (quantity, units), value in zip(QUANTITIES.items(), condition.vector.tolist(), strict=True):
         for unit, factor in units.items():
             cells[f"{quantity}_{unit}"] = float(value) if factor == 1.0 else float(f"{value / factor:.12g}")
     return [cells.get(column, "") for column in header]
@@ -138,7 +137,7 @@ def write_walls(path: Path, to: Path, walls: Mapping[str, Wall | None]) -> None:
     try:
         there = pd.read_parquet(path) if path.is_file() else None  # with any further columns
     except pa.ArrowException as error:
-        raise DataError(Problem(path.name, *UNSOUND, _REPAIR)) from error
+        raise refusal(path.name, *UNSOUND, _REPAIR) from error
     frames = [] if there is None else [there[~there["id"].isin([*walls])]]
     for test_id, wall in walls.items():
         if wall is not None:
@@ -154,8 +153,7 @@ def append_to_table(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], w
     try:
         (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, to, pulses, left_out)
     except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
-        found = " ".join(str(error).split())[:200]
-        raise DataError(Problem(path.name, "a table that can be added to", found, _REPAIR)) from None
+        raise refusal(path.name, "a table that can be added to", " ".join(str(error).split())[:200], _REPAIR) from None
 
 
 def _append_parquet(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], left_out: Set[str]) -> None:
@@ -168,12 +166,10 @@ def _append_parquet(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], l
                 ids = batch.column("id").cast(pa.string())
                 writer.write_batch(batch.filter(pc.invert(pc.is_in(ids, value_set=out))))
             for run_id, pulse in pulses:
-                size, columns = pulse.time_s.size, _columns(schema.names, pulse, path.name)
-                arrays = {"id": pa.array([run_id] * size, pa.string()).dictionary_encode()}
+                n, columns = pulse.time_s.size, _columns(schema.names, pulse, path.name)
+                arrays = {"id": pa.array([run_id] * n, pa.string()).dictionary_encode()}
                 arrays |= {name: pa.array(values) for name, values in columns.items()}
-                table = [
-                    arrays[of.name].cast(of.type) if of.name in arrays else pa.nulls(size, of.type) for of in schema
-                ]
+                table = [arrays[of.name].cast(of.type) if of.name in arrays else pa.nulls(n, of.type) for of in schema]
                 writer.write_table(pa.table(table, schema=schema))
 
 
@@ -181,8 +177,7 @@ def _append_csv(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], left_
     with path.open(encoding="utf-8-sig", newline="") as old, to.open("w", encoding="utf-8", newline="") as stream:
         rows = csv.reader(old, skipinitialspace=True)
         header = [original(cell.strip()) for cell in next(rows, [])]
-        if "id" not in header:
-            raise DataError(Problem(path.name, "a column id", "none", _REPAIR))
+        refuse_if("id" not in header, path.name, "a column id", "none", _REPAIR)
         at = header.index("id")
         kept = ([*map(original, row)] for row in rows if len(row) <= at or row[at].strip() not in left_out)
         write_rows(stream, chain([header], kept))
@@ -197,9 +192,7 @@ def _columns(names: Sequence[str], pulse: Pulse, where: str) -> Mapping[str, Flo
     wanted = {f"time_{unit}": pulse.time_s / factor for unit, factor in TIME.items()}
     wanted |= {f"acceleration_{unit}": pulse.accel_mps2 / factor for unit, factor in ACCELERATION.items()}
     columns = {name: np.asarray(wanted[name]) for name in names if name in wanted}
-    if len(columns) != 2:
-        expected = "one column time_… and one acceleration_…"
-        raise DataError(Problem(where, expected, ", ".join(names[:12]), _REPAIR))
+    refuse_if(len(columns) != 2, where, "one column time_… and one acceleration_…", ", ".join(names[:12]), _REPAIR)
     return columns
 
 
@@ -213,10 +206,9 @@ def campaign_of_frames(
     """The campaign of these tables and what ``campaign.toml`` would say, see :meth:`Campaign.from_frames`."""
     tables = {"tests": tests, "test_pulses": test_pulses, "cae": cae, "cae_pulses": cae_pulses}
     for argument, table in tables.items():
-        if not isinstance(table, pd.DataFrame):
-            raise DataError(Problem(argument, "a pandas DataFrame", type(table).__name__, "give one"))
+        refuse_if(not isinstance(table, pd.DataFrame), argument, "a pandas DataFrame", type(table).__name__, "give one")
         if twice := [str(column) for column in table.columns[table.columns.duplicated()]]:
-            raise DataError(Problem(argument, "each column once", f"{twice[0]} twice", "rename or remove one"))
+            raise refusal(argument, "each column once", f"{twice[0]} twice", "rename or remove one")
     with in_memory() as folder:
         stated = {name: value for name, value in settings.items() if value not in ("", None)}
         lines = (f"{k} = {toml_text(v) if isinstance(v, str) else repr(v)}\n" for k, v in stated.items())
@@ -233,7 +225,7 @@ def _write(pulses: pd.DataFrame, path: Path) -> None:
         pulses.to_parquet(path, index=False)
     except (pa.ArrowException, TypeError, ValueError) as error:  # texts and numbers in one column, say
         expected, found = "columns that are numbers or text", " ".join(str(error).split())
-        raise DataError(Problem(path.name, expected, found, "give each column one type")) from None
+        raise refusal(path.name, expected, found, "give each column one type") from None
 
 
 def conditions_frame(campaign: Campaign, role: str) -> pd.DataFrame:

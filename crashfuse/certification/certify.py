@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Self
+from typing import Literal, NamedTuple, Self
 
 from crashfuse.approaches.base import holds_whole
 from crashfuse.approaches.mixture import AboutFused
@@ -21,11 +21,9 @@ from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_me
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import Run
 from crashfuse.study.config import StudyConfig, check_window
 from crashfuse.study.outliers import departures_near
-from crashfuse.study.running import workers_at
 from crashfuse.units import Sentence, joined, probability_text, read_out
 
 APPROACH = AboutFused.name
@@ -179,17 +177,15 @@ def certify_matrix(
     criteria: Criteria,
     matrix: Matrix,
     config: StudyConfig = StudyConfig(approaches=(APPROACH,)),
-    *,
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
-    workers: int | None = None,
-    scheduler: str | None = None,
+    run: Run | None = None,
 ) -> Certification:
     """Judge every criterion at every condition by the first approach, and keep the record of tests, left out in turn.
 
     Forecasts are cached: other limits take no time. Raises a UsageError without tests, a DataError if a record is
     shorter than the window of a rating.
     """
+    run = run or Run.of(campaign)
+    campaign = run.bind(campaign)
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")
     windows_ms = criteria.windows_ms or (WINDOW_MS,)
@@ -199,16 +195,14 @@ def certify_matrix(
         for test in campaign.tests:
             check_window(test, window)
     asked = _Plan.of(campaign, criteria, matrix, config.approaches[0])
-    forecasts = asked.forecasts(config, cache or Cache(), watch)
-    with workers_at(scheduler, workers) as place:
-        start = time.perf_counter()
-        at_trials = forecasts.averaged(asked.trials, place, _LEARN, learn_for=asked.cells)
-        with_runs = forecasts.all([trial._replace(with_runs=True) for trial in asked.with_runs], place, _WITH_RUNS)
-        learned = time.perf_counter()
-        at_cells = forecasts.averaged(asked.cells, place, _JUDGE)
-        seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
+    forecasts, start = asked.forecasts(config, run), time.perf_counter()
+    at_trials = forecasts.averaged(asked.trials, _LEARN, learn_for=asked.cells)
+    with_runs = forecasts.all([trial._replace(with_runs=True) for trial in asked.with_runs], _WITH_RUNS)
+    learned = time.perf_counter()
+    at_cells = forecasts.averaged(asked.cells, _JUDGE)
+    seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     domain, cells, splits = Domain.of(campaign), asked.cells, asked.splits
-    run = matrix.run((test.id, test.condition) for test in campaign.tests)
+    tests_run = matrix.run((test.id, test.condition) for test in campaign.tests)
     left_out = [*_left_out(campaign, criteria, splits, config.approaches[0], at_trials)]
     restored = {trial._replace(with_runs=False): MeanForecast((own,)) for trial, own in with_runs.items()}
     left_out_with_runs = [*_left_out(campaign, criteria, splits, config.approaches[0], at_trials | restored)]
@@ -218,7 +212,7 @@ def certify_matrix(
         flattered = _record(criteria, left_out_with_runs) if restored else None
         judged = tuple(
             judge(at_cells[cell], at, criteria, domain.outside(at), tests, domain.unshown(at))
-            for cell, at, tests in zip(cells, matrix.conditions, run, strict=True)
+            for cell, at, tests in zip(cells, matrix.conditions, tests_run, strict=True)
         )
         verdicts = hold(judged, campaign, criteria, record)
         made = campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds
@@ -228,26 +222,26 @@ def certify_matrix(
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
 
 
-def without_each_test(certification: Certification, **computing: Any) -> Certification:  # noqa: ANN401
-    """The certification with the variants that lack a test; ``computing`` is as for :func:`certify_matrix`."""
+def without_each_test(certification: Certification, run: Run) -> Certification:
+    """The certification with the variants that lack a test."""
     campaign, matrix = certification.campaign, certification.matrix
     others = {test: campaign.without((test,)) for test in campaign.test_ids if len(campaign.tests) > 1}
     variants = tuple(
         Variant.of(
             f"without {test}",
             certification,
-            certify_matrix(other, certification.criteria, matrix, certification.config, **computing),
+            certify_matrix(other, certification.criteria, matrix, certification.config, run),
         )
         for test, other in others.items()
     )
     return replace(certification, variants=(*certification.variants, *variants))
 
 
-def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, cache: Cache) -> bool:
+def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig) -> bool:
     """Whether the cache has every forecast that a certification takes."""
     config = replace(config, approaches=config.approaches[:1])
     asked = _Plan.of(campaign, criteria, matrix, config.approaches[0])
-    forecasts = asked.forecasts(config, cache, SILENT)
+    forecasts = asked.forecasts(config, Run.of(campaign))
     restored = all(forecasts.is_known(trial._replace(with_runs=True)) for trial in asked.with_runs)
     return restored and forecasts.are_known((*asked.cells, *asked.trials))
 
@@ -283,13 +277,13 @@ class _Plan:
         cells = [Asked((), approach, condition, with_runs=True) for condition in matrix.conditions]
         return cls(campaign, criteria, splits, trials, cells, without)
 
-    def forecasts(self, config: StudyConfig, cache: Cache, watch: Watch) -> Forecasts:
+    def forecasts(self, config: StudyConfig, run: Run) -> Forecasts:
         # networks, which all trials share, are trained on none of the runs that one of these lacks
         tests = {test for trial in self.with_runs for test in trial.held_out}
         trains = CLASSES[config.approaches[0]].trains_networks
         untrained = paired_runs(self.campaign, sorted(tests)) if trains else frozenset()
         cae = replace(self.campaign.cae, untrained=untrained) if untrained else self.campaign.cae
-        return Forecasts(replace(self.campaign, cae=cae), self.criteria.windows_ms, config, cache, watch)
+        return Forecasts(replace(self.campaign, cae=cae), self.criteria.windows_ms, config, run)
 
 
 class _LeftOut(NamedTuple):

@@ -9,17 +9,13 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.approaches.fit_cache import is_cached, settings
 from crashfuse.approaches.metric_calibration import Distribution, mean_quantiles, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache, Entry, finite, numbers
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.process import one_thread_throughout
-from crashfuse.execution.progress import Watch
-from crashfuse.execution.workers import Workers
+from crashfuse.execution.cache import Code, Entry, finite, numbers
+from crashfuse.execution.run import Run, one_thread_throughout
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
@@ -254,26 +250,21 @@ class Forecasts:
     campaign: Campaign
     windows_ms: tuple[float, ...]
     config: StudyConfig
-    cache: Cache
-    watch: Watch
+    run: Run
     _known: dict[tuple[tuple[str, ...], bool], Campaign] = field(default_factory=dict)
 
-    def averaged(
-        self, asked: Sequence[Asked], workers: Workers, step: str, learn_for: Sequence[Asked] = ()
-    ) -> dict[Asked, MeanForecast]:
+    def averaged(self, asked: Sequence[Asked], step: str, learn_for: Sequence[Asked] = ()) -> dict[Asked, MeanForecast]:
         """Forecasts by all seeds, of what no seed changes by the first."""
         by_seed = {each: self._by_seed(each) for each in asked}
         ahead = [own for each in learn_for for own in self._by_seed(each)]
-        found = self.all([own for seeds in by_seed.values() for own in seeds], workers, step, ahead)
+        found = self.all([own for seeds in by_seed.values() for own in seeds], step, ahead)
         return {each: MeanForecast(tuple(found[own] for own in seeds)) for each, seeds in by_seed.items()}
 
     def _by_seed(self, asked: Asked) -> list[Asked]:
         is_random = hasattr(self.config.create(asked.approach), "seed")
         return [asked._replace(seed=seed) for seed in (_SEEDS if is_random else _SEEDS[:1])]
 
-    def all(
-        self, asked: Sequence[Asked], workers: Workers, step: str, learn_for: Sequence[Asked] = ()
-    ) -> dict[Asked, Forecast]:
+    def all(self, asked: Sequence[Asked], step: str, learn_for: Sequence[Asked] = ()) -> dict[Asked, Forecast]:
         """All forecasts asked for, and one of ``learn_for``, so that the fit to all tests is made beside the others."""
         found = {each: own for each in asked if (own := self.find(each)) is not None}
         missing = [each for each in dict.fromkeys(asked) if each not in found]
@@ -283,26 +274,26 @@ class Forecasts:
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
         to_learn = {each.seed: [each] for each in learn_for if not self._is_fitted(each) and not self.is_known(each)}
         chunks[:0] = to_learn.values()
-        shared = Cache(self.cache.folder)
+        shared = self.run.anew()
         for seed in sorted({each.seed for each in missing}):
             approaches = {each.approach for each in missing if each.seed == seed}
-            shared.used |= prepare(self.campaign, approaches, _by(self.config, seed), shared, self.watch).used
+            shared.cache.used |= prepare(self.campaign, approaches, _by(self.config, seed), shared).cache.used
         work = partial(_forecast, config=self.config.on_this_device, windows_ms=self.windows_ms)
         done, total = len(found), len(found) + len(missing)
-        self.watch.report(step, done, total)
-        with closing(workers.completed(work, self.campaign, chunks, shared, self.watch)) as completed:
+        self.run.watch.report(step, done, total)
+        with closing(shared.completed(work, self.campaign, chunks)) as completed:
             for some in completed:
                 found |= dict(some)
-                self.watch.report(step, min(len(found), total), total)
+                self.run.watch.report(step, min(len(found), total), total)
         return found
 
     def _is_fitted(self, asked: Asked) -> bool:
-        approach = _by(self.config, asked.seed).on_this_device.create(asked.approach, self.cache)
-        return is_cached(approach, self._training(asked), self.cache)
+        approach = _by(self.config, asked.seed).on_this_device.create(asked.approach)
+        return approach.is_cached(self._training(asked))
 
     def is_known(self, asked: Asked) -> bool:
         """Whether the cache has a forecast."""
-        return self.cache.is_cached(_KIND, _key(self._training(asked), asked, self.config, self.windows_ms))
+        return self.run.cache.is_cached(_KIND, _key(self._training(asked), asked, self.config, self.windows_ms))
 
     def are_known(self, asked: Sequence[Asked]) -> bool:
         """Whether the cache has all that :meth:`averaged` takes."""
@@ -311,7 +302,7 @@ class Forecasts:
     def find(self, asked: Asked) -> Forecast | None:
         """The forecast in the cache, if there is one."""
         key = _key(self._training(asked), asked, self.config, self.windows_ms)
-        return self.cache.find(_KIND, key, Forecast.restored)
+        return self.run.cache.find(_KIND, key, Forecast.restored)
 
     def _training(self, asked: Asked) -> Campaign:
         key = asked.held_out, asked.with_runs
@@ -321,23 +312,17 @@ class Forecasts:
 
 
 def _forecast(
-    campaign: Campaign,
-    asked: list[Asked],
-    cache: Cache,
-    watch: Watch,
-    *,
-    config: StudyConfig,
-    windows_ms: tuple[float, ...],
+    campaign: Campaign, asked: list[Asked], run: Run, *, config: StudyConfig, windows_ms: tuple[float, ...]
 ) -> list[tuple[Asked, Forecast]]:
     learned_from, made = training(campaign, asked[0]), []
     with one_thread_throughout():
         for name in dict.fromkeys(each.approach for each in asked):
-            fit = Fit.of(learned_from, name, _by(config, asked[0].seed), cache=cache, watch=watch)
+            fit = Fit.of(learned_from, name, _by(config, asked[0].seed), run)
             forecaster = Forecaster.of(fit, learned_from, windows_ms)
             for each in asked:
                 if each.approach == name:
                     forecast = forecaster.at(each.condition)
-                    cache.put(_KIND, _key(learned_from, each, config, windows_ms), forecast.entry)
+                    run.cache.put(_KIND, _key(learned_from, each, config, windows_ms), forecast.entry)
                     made.append((each, forecast))
     return made
 
@@ -347,6 +332,6 @@ def _by(config: StudyConfig, seed: int) -> StudyConfig:
 
 
 def _key(training: Campaign, asked: Asked, config: StudyConfig, windows_ms: tuple[float, ...]) -> dict[str, object]:
-    fit = settings(_by(config, asked.seed).create(asked.approach))
+    fit = _by(config, asked.seed).create(asked.approach).identity
     own = {"campaign": training.fingerprint, "condition": asked.condition, "windows_ms": windows_ms}
-    return {**fit, **own, "code": code_digest(__name__)}
+    return {**fit, **own, "code": Code(__name__)}

@@ -12,7 +12,7 @@ from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.earlier import Earlier, RemovedTest, trial_of
 from crashfuse.certification.track_record import Trial
 from crashfuse.certification.verdict import Verdict, reaches
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.metrics import OCCUPANT_METRICS, metric_values
 
 SHIFTED = ("delta_v", "max_crush", "mean", "olc", "vpi", "esw")
@@ -128,7 +128,7 @@ class TestedSince:
         planned, run = dict(self.earlier.matrix.items)[condition], self.campaign.test(test).condition
         if run.is_at(planned) or not len(self.campaign.cae):
             return {}
-        emulator = CaeModel(cache=Cache()).fit(self.campaign.cae).emulator_
+        emulator = CaeModel().fit(self.campaign.cae, Run.of(self.campaign)).emulator_
         there, here = (
             metric_values(emulator.predict(at), at.speed_mps, occupant=self.earlier.occupant) for at in (run, planned)
         )

@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.approaches.metric_calibration import Distribution
-from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.criteria import RATING, Criteria, CriteriaGiven, Criterion, criteria_given
 from crashfuse.certification.domain import REST_ON_PEAK
 from crashfuse.certification.forecasts import MeanForecast
 from crashfuse.condition import Condition
+from crashfuse.errors import require_a
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.units import Sentence, joined, probability_text
 
@@ -178,8 +179,10 @@ def _reason(verdict: Verdict, confidence: float) -> str:
     return joined([verdict.expected, told], ", ")
 
 
-def with_decided(curve: LearningCurve, criteria: Criteria) -> LearningCurve:
-    """Add the column ``decided``: the share of criteria on metrics that each prediction decides; NaN without any."""
+def with_decided(curve: LearningCurve, criteria: CriteriaGiven) -> LearningCurve:
+    """The curve with a column ``decided``: the share of criteria on metrics that each prediction decides, or NaN."""
+    require_a(LearningCurve, curve, "crashfuse.learning_curve(campaign)")
+    criteria = criteria_given(criteria)
     limits = [criterion for criterion in criteria.items if criterion.metric != RATING]
 
     def share(forecast: dict[str, Distribution | None]) -> float:

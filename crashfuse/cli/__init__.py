@@ -10,7 +10,7 @@ from importlib import import_module
 
 from crashfuse.cli.arguments import parser
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, DataError, UsageError, out_of_memory, printable
-from crashfuse.execution.process import share_one_heap
+from crashfuse.execution.run import share_one_heap
 from crashfuse.readers.vocabulary import TRAVELS
 
 __all__ = ["main", "parser"]

@@ -11,7 +11,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.cli import output
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.errors import UsageError
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.reporting import predicted
 from crashfuse.reporting.planning import SpeedSweep, next_test
 from crashfuse.reporting.plots.conditions import BEST
@@ -35,7 +35,7 @@ def train(arguments: argparse.Namespace) -> None:
     campaign, config = load_campaign(arguments.campaign, arguments.archive), settings(arguments)
     with watching() as watch:
         for name in config.approaches:
-            fit = Fit.of(campaign, name, config, watch=watch)
+            fit = Fit.of(campaign, name, config, Run.of(campaign, watch=watch))
             save_model(fit, campaign, arguments.out / model_file(name))
     print(f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs of {campaign.name}.")
     print(f"Written to {arguments.out}: {', '.join(model_file(name) for name in config.approaches)}")
@@ -125,14 +125,14 @@ def _fits(arguments: argparse.Namespace, campaign: Campaign) -> list[Fit]:
     if arguments.models is None:
         config = settings(arguments)
         with watching() as watch:
-            return [Fit.of(campaign, name, config, watch=watch) for name in config.approaches]
+            return [Fit.of(campaign, name, config, Run.of(campaign, watch=watch)) for name in config.approaches]
     if any(value is not None for value in (arguments.preset, arguments.seed, arguments.device)):
         raise UsageError("Saved models have preset and seed in them; leave out --preset, --seed and --device.")
     saved = tuple(name for name in CLASSES.declared if (arguments.models / model_file(name)).is_file())
     if not saved:
         raise UsageError(f"There is no saved model in {arguments.models}; make some with crashfuse train.")
     names = dict.fromkeys(arguments.approach or saved)
-    fits = [load_model(arguments.models / model_file(name), campaign, cache=Cache()) for name in names]
+    fits = [load_model(arguments.models / model_file(name), campaign) for name in names]
     if len({(fit.config.preset, fit.config.seed) for fit in fits}) > 1:
         raise UsageError(f"The models in {arguments.models} were trained with different presets or seeds.")
     return fits

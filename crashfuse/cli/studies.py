@@ -15,6 +15,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import read_notes
 from crashfuse.certification.criteria import read_criteria
+from crashfuse.certification.verdict import with_decided
 from crashfuse.cli import output
 from crashfuse.cli.models import given_settings, settings
 from crashfuse.cli.output import claim, opened, require_output, say_facts, say_written, writing
@@ -180,7 +181,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
             campaign, config, repeats=repeats, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler
         )
     if criteria is not None:
-        curve = curve.decided(criteria)
+        curve = with_decided(curve, criteria)
     with writing(arguments.out):
         curve.write(arguments.out, cost=arguments.cost_per_test, display=display)
     say_facts(campaign, display)

@@ -5,20 +5,24 @@ import io
 import json
 import logging
 import os
+import platform
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 import platformdirs
 
 from crashfuse.errors import Cancelled, DataError, UsageError, as_path, out_of_memory
+from crashfuse.execution.code_digest import code_digest, sources_digest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.atomic import locked, write_atomically
 from crashfuse.version import versions
@@ -27,6 +31,8 @@ log = logging.getLogger(__name__)
 
 Entry = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
+D = TypeVar("D")
+P = ParamSpec("P")
 
 _PATIENCE_S = 3600.0  # wait for another process computing the same entry; then compute it here, too
 _WAITING = "Waiting for another process that computes the same"
@@ -36,6 +42,7 @@ _SWEEP_SHARE = 1 / 32  # of the limit: how much is written between two looks at 
 _TRIED = 1 << 20  # bytes written to see whether anything can be kept
 _written: dict[Path, float] = {}  # since the last look, by folder
 _lost: dict[Path, str] = {}  # why something could not be kept, by folder
+_digests: dict[tuple[Path, str], str] = {}  # of the modules that compute, some twenty, by folder of their entry
 
 
 def default_folder() -> Path:
@@ -62,6 +69,13 @@ def resume(how: str) -> str:
     return f"What was finished is in the cache: {how}"
 
 
+@dataclass(frozen=True, slots=True)
+class Code:
+    """In a key: the module that computes the result, which stands there by its :func:`code_digest`."""
+
+    module: str
+
+
 class Cache:
     """A folder of named arrays, one file per entry: a SHA-256 line, then an ``.npz`` that is never unpickled.
 
@@ -77,9 +91,9 @@ class Cache:
     def path(self, kind: str, key: Mapping[str, object]) -> Path:
         """File of the entry of this kind with this key, made of strings, numbers and frozen configs, and of versions.
 
-        The key of a computed result includes the :func:`crashfuse.execution.code_digest.code_digest`.
+        The key of a computed result includes the :class:`Code` that computes it.
         """
-        parts = json.dumps({**key, "versions": versions()}, sort_keys=True, default=_plain)
+        parts = json.dumps({**key, "versions": versions()}, sort_keys=True, default=self._plain)
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
 
     def is_cached(self, kind: str, key: Mapping[str, object]) -> bool:
@@ -195,6 +209,42 @@ class Cache:
             if not (self.folder / name).exists():
                 self._write(self.folder / name, content)
 
+    def anew(self) -> "Cache":
+        """The same cache, of which nothing was used."""
+        return Cache(self.folder)
+
+    @property
+    def lost(self) -> str:
+        """Why a result could not be kept here; empty if all were."""
+        return _lost.get(self.folder, "")
+
+    def report_loss(self, reason: str) -> None:
+        """Log, once, that results cannot be kept here: this process could not write them, or a worker."""
+        if reason:
+            level = logging.DEBUG if self.lost else logging.WARNING
+            _lost[self.folder] = reason
+            log.log(level, "Results cannot be kept in %s: %s", self.folder, reason)
+
+    def digest(self, module: str) -> str:
+        """The :func:`code_digest` of a module: to parse the package takes a second, so it is kept here, too."""
+        if (self.folder, module) not in _digests:
+            key = {"module": module, "sources": sources_digest(), "python": platform.python_version()}
+
+            def compute() -> tuple[str, dict[str, str]]:
+                digest = code_digest(module)
+                return digest, {"digest": digest}
+
+            found = self.get_or_compute("code", key, compute, lambda entry: str(entry["digest"]))
+            _digests[self.folder, module] = found
+        return _digests[self.folder, module]
+
+    def _plain(self, value: object) -> object:
+        if isinstance(value, Code):
+            return self.digest(value.module)
+        if is_dataclass(value) and not isinstance(value, type):
+            return {"": type(value).__name__, **asdict(value)}
+        raise TypeError(f"{type(value).__name__} cannot be part of a cache key")
+
     def _name(self, path: Path) -> str:
         return path.relative_to(self.folder).as_posix()
 
@@ -207,9 +257,7 @@ class Cache:
         try:
             write_atomically(path, content)
         except OSError as error:  # a full disk must not lose the computed result
-            level = logging.DEBUG if self.folder in _lost else logging.WARNING  # once is enough
-            _lost[self.folder] = error.strerror or str(error)
-            log.log(level, "Results cannot be kept in %s: %s", self.folder, _lost[self.folder])
+            self.report_loss(error.strerror or str(error))
         else:
             self.used.add(self._name(path))
 
@@ -231,6 +279,47 @@ class Cache:
                 with suppress(OSError):
                     path.unlink()
                     excess -= taken
+
+
+class NoCache(Cache):
+    """Keeps nothing."""
+
+    def __init__(self) -> None:
+        self.folder, self.used = Path(os.devnull), set()
+
+    def get(self, kind: str, key: Mapping[str, object]) -> None:
+        """Nothing is there."""
+
+    def put(self, kind: str, key: Mapping[str, object], entry: Mapping[str, npt.ArrayLike]) -> None:
+        """Forget it."""
+
+    def drop(self, kind: str, key: Mapping[str, object]) -> None:
+        """Nothing is there."""
+
+    @contextmanager
+    def alone(self, kind: str, key: Mapping[str, object], watch: Watch = SILENT) -> Iterator[None]:  # noqa: ARG002
+        """Everyone computes."""
+        yield
+
+
+_remembered: WeakKeyDictionary[object, dict[Hashable, Any]] = WeakKeyDictionary()
+
+
+def remembered(function: Callable[Concatenate[D, P], T]) -> Callable[Concatenate[D, P], T]:
+    """Decorator: what it returned of data in this process, for as long as the data are there. It must not hold them."""
+
+    @wraps(function)
+    def once(data: D, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            results = _remembered.setdefault(data, {})
+        except TypeError:  # no data, but what someone gave in their place
+            return function(data, *args, **kwargs)
+        key = function, args, tuple(kwargs.items())
+        if key not in results:
+            results[key] = function(data, *args, **kwargs)
+        return cast(T, results[key])
+
+    return once
 
 
 def _most_bytes() -> float:
@@ -256,9 +345,3 @@ def finite(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:
     if not np.isfinite(array).all():
         raise ValueError(f"{name}: numbers without a value")
     return array
-
-
-def _plain(value: object) -> object:
-    if is_dataclass(value) and not isinstance(value, type):
-        return {"": type(value).__name__, **asdict(value)}
-    raise TypeError(f"{type(value).__name__} cannot be part of a cache key")

@@ -15,11 +15,12 @@ import threading
 import time
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import AbstractContextManager, closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from numbers import Integral
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -28,20 +29,16 @@ from joblib.executor import get_memmapping_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from crashfuse.campaign import Campaign
-from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.errors import CrashfuseError, UsageError, printable
 from crashfuse.execution.cache import Cache, resume
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.process import give_back, share_one_heap
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.progress import Watch
+from crashfuse.execution.run import Run, Work, Workers, give_back, share_one_heap
 from crashfuse.version import versions
 
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 R = TypeVar("R")
-
-Work = Callable[[Campaign, T, Cache, Watch], list[R]]
-"""Computes one task of a campaign; importable in another process, as its tasks can be pickled."""
 
 _RESUME = "the same command with --resume continues there"
 _LIVES = 3  # deaths of workers in a row, with nothing finished, before giving up
@@ -54,8 +51,8 @@ _TASKS = ("crashfuse.certification.certify", "crashfuse.study.learning_curve")  
 _one_at_a_time = threading.Lock()  # the number of threads is a setting of the whole process
 
 
-class Workers(ABC):
-    """Base class of workers. Exceptions in ``deaths`` mean that a worker died: its task is submitted again."""
+class OtherProcesses(Workers, ABC):
+    """Base class of workers elsewhere. Exceptions in ``deaths`` mean that one died: its task is submitted again."""
 
     deaths: ClassVar[tuple[type[Exception], ...]]
 
@@ -63,31 +60,30 @@ class Workers(ABC):
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
     ) -> AbstractContextManager[dict[int, Any]]:
-        """Context of submitted tasks: futures of what the work returns, and of files for the caller's cache."""
+        """Context of submitted tasks: futures of results, of files for this cache, and of why some are not kept."""
 
     def are_elsewhere(self, tasks: Sequence[object]) -> bool:  # noqa: ARG002 - others look at their number
-        """Whether this process only waits for these tasks, and can compute something else meanwhile."""
+        """They are."""
         return True
 
-    def check(self) -> None:  # noqa: B027 - processes on this machine can always be started
+    def check(self) -> None:
         """Raise if no worker is left and none is expected."""
 
-    def completed(
-        self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], cache: Cache, watch: Watch
-    ) -> Generator[list[R]]:
-        """Yield the results of each task once it is done, in any order; occasionally an empty list."""
+    def completed(self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], run: Run) -> Generator[list[R]]:
+        """See :meth:`Workers.completed`; the task of a worker that dies is taken over by another."""
         if not self.are_elsewhere(tasks):
-            yield from (work(campaign, task, cache, watch) for task in tasks)
+            yield from super().completed(work, campaign, tasks, run)
             return
         left, lives = dict(enumerate(tasks)), _LIVES
         while left:
             try:
-                with self.submitted(work, campaign, left, cache) as futures:
+                with self.submitted(work, campaign, left, run.cache) as futures:
                     while futures:
                         done = [number for number, future in futures.items() if future.done()]
                         for number in done:
-                            result, files = futures.pop(number).result()
-                            cache.unpack(files)
+                            result, files, lost = futures.pop(number).result()
+                            run.cache.unpack(files)
+                            run.cache.report_loss(lost)
                             del left[number]
                             lives = _LIVES
                             yield result
@@ -98,13 +94,17 @@ class Workers(ABC):
             except self.deaths as error:
                 lives -= 1
                 if not lives:
+                    self.check()
                     found = f"Workers died {_LIVES} times in a row, perhaps because memory ran out"
                     raise CrashfuseError(f"{found}. {resume(_RESUME)}; fewer --workers need less.") from error
                 log.warning("A worker died (%s); its task is computed again.", type(error).__name__)
 
 
+_Done = tuple[list[R], Mapping[str, bytes], str]  # results, files for the caller's cache, why none could be kept
+
+
 @dataclass(frozen=True, slots=True)
-class Local(Workers):
+class Local(OtherProcesses):
     """Processes on this machine, one per core by default; if one is enough, this process itself."""
 
     processes: int | None = None
@@ -139,9 +139,9 @@ class Local(Workers):
                     raise
 
 
-def _in_process(work: Work[T, R], file: Path, task: T, cache: Cache) -> tuple[list[R], dict[str, bytes]]:
+def _in_process(work: Work[T, R], file: Path, task: T, cache: Cache) -> _Done[R]:
     try:
-        return work(_campaign(file), task, cache, SILENT), {}
+        return work(_campaign(file), task, Run(cache)), {}, cache.lost
     finally:
         give_back()
 
@@ -164,6 +164,21 @@ def _end_with(parent: int) -> None:
         while os.getppid() == parent:
             time.sleep(1)
     os._exit(1)
+
+
+@contextmanager
+def running(
+    campaign: Campaign, cache: Cache | None, watch: Watch, workers: int | None, scheduler: str | None = None
+) -> Iterator[Run]:
+    """Run on a Dask cluster if a scheduler is given, else in processes on this machine."""
+    if workers is not None and not (isinstance(workers, Integral) and workers >= 1):
+        raise UsageError(f"The number of workers is 1 or more, not {printable(repr(workers), 20)}.")
+    run = Run.of(campaign, cache, watch)
+    if scheduler is None:
+        yield replace(run, workers=Local(workers))
+    else:
+        with connected(scheduler) as cluster:
+            yield replace(run, workers=cluster)
 
 
 @contextmanager
@@ -200,7 +215,7 @@ def connected(scheduler: str) -> Iterator["Cluster"]:
 
 
 @dataclass(frozen=True, slots=True)
-class Cluster(Workers):
+class Cluster(OtherProcesses):
     """Workers of a Dask scheduler, each of which gets the campaign once and computes one task at a time.
 
     Results are stored in its machine's cache and copied to the caller's; Dask resubmits the task of one that died.
@@ -218,7 +233,8 @@ class Cluster(Workers):
         from distributed import KilledWorker
 
         self.check()
-        (shared,) = self.client.scatter([(campaign, cache.pack(cache.used))], broadcast=True, hash=False)
+        sent = replace(campaign, cache_folder=None), cache.pack(cache.used)  # the folder is of this machine
+        (shared,) = self.client.scatter([sent], broadcast=True, hash=False)
         submit, ours = self.client.submit, versions_here()
         futures = {n: submit(_at_worker, work, shared, task, ours, pure=False) for n, task in tasks.items()}
         try:
@@ -232,19 +248,26 @@ class Cluster(Workers):
 
     def check(self) -> None:
         """Wait for a lost scheduler to answer again, and for a worker to be available."""
-        while self.client.status == "connecting":
+        end = time.monotonic() + _ANSWER_S
+        while self.client.status in ("running", "connecting"):
+            try:
+                if self.client.status == "running":
+                    self.client.wait_for_workers(1, timeout=_WORKER_S)
+                    return
+            except TimeoutError as error:
+                found = f"The Dask cluster at {self.scheduler} has no worker"
+                raise CrashfuseError(f"{found}. {resume(_RESUME)}.") from error
+            except OSError:  # the client may notice later that its scheduler is gone
+                if time.monotonic() > end:
+                    break
             time.sleep(_GLANCE_S)
-        if self.client.status != "running":
-            raise CrashfuseError(f"The Dask scheduler at {self.scheduler} is gone. {resume(_RESUME)}.")
-        try:
-            self.client.wait_for_workers(1, timeout=_WORKER_S)
-        except TimeoutError as error:
-            raise CrashfuseError(f"The Dask cluster at {self.scheduler} has no worker. {resume(_RESUME)}.") from error
+        raise CrashfuseError(f"The Dask scheduler at {self.scheduler} is gone. {resume(_RESUME)}.")
 
 
 def versions_here() -> dict[str, str]:
     """The versions, and what tells this code from that of another commit."""
-    return {**versions(), "crashfuse's code": " ".join(code_digest(module)[:12] for module in _TASKS)}
+    digest = Cache().digest
+    return {**versions(), "crashfuse's code": " ".join(digest(module)[:12] for module in _TASKS)}
 
 
 def _compare(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -> None:
@@ -256,7 +279,7 @@ def _compare(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -
 
 def _at_worker(
     work: Work[T, R], shared: tuple[Campaign, Mapping[str, bytes]], task: T, wanted: Mapping[str, str]
-) -> tuple[list[R], dict[str, bytes]]:
+) -> _Done[R]:
     from distributed import get_worker
 
     _compare(get_worker().address, versions_here(), wanted)  # the worker may have joined late
@@ -264,5 +287,5 @@ def _at_worker(
     cache = Cache()
     with _one_at_a_time:
         cache.unpack(files)
-        result = work(campaign, task, cache, SILENT)
-    return result, cache.pack(cache.used - files.keys())
+        result = work(campaign, task, Run(cache))
+    return result, cache.pack(cache.used - files.keys()), cache.lost

@@ -17,32 +17,24 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import IO, cast
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, printable, refusal, refuse_all
 
 _CHUNK = 1 << 20
 _HARMLESS = 1 << 20  # bytes that any archive may unpack to, whatever its ratio
-_MOST_PROBLEMS = 20  # listed; the rest are counted
 _LONGEST_NAME, _LONGEST_PATH = 200, 1000  # bytes in UTF-8; file systems allow 255 per name
 _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
 _DEVICES |= {f"{port}{number}" for port in ("COM", "LPT") for number in "0123456789¹²³"}
-_SYSTEM_FILES = {
-    "thumbs.db",
-    "ehthumbs.db",
-    "desktop.ini",
-    "__macosx",
-    "$recycle.bin",
-    "system volume information",
-    "@eadir",
-}
+_SYSTEM_FILES = {"thumbs.db", "ehthumbs.db", "desktop.ini", "__macosx", "$recycle.bin", "@eadir"}
+_SYSTEM_FILES |= {"system volume information"}
 _SYSTEM_NAMES = (".", "~$")  # beginnings, of hidden files and of locks of open documents
 _ENCRYPTED = 0x1 | 0x40 | 0x2000  # flag bits of an entry: classic, strong, directory too
 _NO_FILE = "files", "a link or a device", "pack the files themselves"
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # other methods may demand any amount of memory
 # what damaged ones raise
 _BROKEN = (
-    zipfile.BadZipFile, tarfile.TarError, zlib.error, struct.error,
-    EOFError, RuntimeError, ValueError, OverflowError, OSError,
-)  # fmt: skip
+    *(zipfile.BadZipFile, tarfile.TarError, zlib.error, struct.error),
+    *(EOFError, RuntimeError, ValueError, OverflowError, OSError),
+)
 _TAR, _NEGATIVE = ("a sound tar archive", "pack the folder anew"), "a header of negative size"
 _LONGEST_HEADER, _LONGEST_READ = 1 << 16, 1 << 21  # bytes of a tar at once
 ENDINGS = (".tar.gz", ".tgz", ".tar")  # endings of the names of tar archives
@@ -75,10 +67,10 @@ class Budget:
         self.total += count
         if self.total > self._by_ratio:
             expected = f"at most {self.limits.ratio:g} times the size of the archive"
-            raise DataError(Problem(where, expected, "more: it is a zip bomb", "zip the folder anew"))
+            raise refusal(where, expected, "more: it is a zip bomb", "zip the folder anew")
         if member_bytes > self.limits.member_bytes:
             expected = f"at most {_size(self.limits.member_bytes)} a file"
-            raise DataError(Problem(where, expected, "more", "split it, or save it as Parquet"))
+            raise refusal(where, expected, "more", "split it, or save it as Parquet")
         if self.total > self.limits.total_bytes:
             raise too_much(where, self.limits)
 
@@ -141,7 +133,7 @@ def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -
             problems.append(Problem(where, *trouble))
         elif not path.endswith("/") and not left_by_the_system(path):
             members.append(Member(PurePosixPath(path), where, partial(archive.open, entry)))
-    refuse(problems, name)
+    refuse_all(problems, name)
     return members
 
 
@@ -171,23 +163,14 @@ def left_by_the_system(name: str) -> bool:
     return any(part.startswith(_SYSTEM_NAMES) or part.lower() in _SYSTEM_FILES for part in name.split("/"))
 
 
-def refuse(problems: list[Problem], name: str) -> None:
-    """Raise a DataError with the first problems and the count of the rest, if there are any."""
-    if len(problems) > _MOST_PROBLEMS:
-        rest = f"{len(problems) - _MOST_PROBLEMS} more like these"
-        problems = [*problems[:_MOST_PROBLEMS], Problem(name, "none", rest, "correct them too")]
-    if problems:
-        raise DataError(problems)
-
-
 def too_many(where: str, found: int, limits: Limits) -> DataError:
     """The error for more files than allowed."""
-    return DataError(Problem(where, f"at most {limits.members} files", f"{found}", "put pulses into one table"))
+    return refusal(where, f"at most {limits.members} files", f"{found}", "put pulses into one table")
 
 
 def too_much(where: str, limits: Limits) -> DataError:
     """The error for more bytes than allowed."""
-    return DataError(Problem(where, f"at most {_size(limits.total_bytes)} in all", "more", "save pulses as Parquet"))
+    return refusal(where, f"at most {_size(limits.total_bytes)} in all", "more", "save pulses as Parquet")
 
 
 def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
@@ -207,7 +190,7 @@ def _readable(where: str, sound: str = "a sound zip", advice: str = "zip the fol
         yield
     except _BROKEN as error:
         found = f"a damaged one ({printable(str(error)) or type(error).__name__})"
-        raise DataError(Problem(where, sound, found, advice)) from error
+        raise refusal(where, sound, found, advice) from error
 
 
 def _size(count: int) -> str:
@@ -246,7 +229,7 @@ def tar_members(stream: IO[bytes], name: str, limits: Limits) -> list[Member]:
             else:
                 members.append(Member(PurePosixPath(path), where, partial(_opened, archive, entry, walk)))
         walk.finish(archive.offset)
-    refuse(problems, name)
+    refuse_all(problems, name)
     return members
 
 
@@ -290,4 +273,4 @@ class _Walk:
 
     def _check(self, end: int) -> None:
         if end > self._most + _LONGEST_READ:
-            raise DataError(Problem(self.where, f"at most {self._most >> 20} MiB unpacked", "more", "pack fewer files"))
+            raise refusal(self.where, f"at most {self._most >> 20} MiB unpacked", "more", "pack fewer files")

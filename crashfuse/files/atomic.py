@@ -18,7 +18,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import printable, refusal
 
 NAME = ".in-use"  # the lock of a folder, in it: whoever can write to the folder sees it, whatever their cache
 
@@ -99,7 +99,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """A temporary folder to write into, renamed to ``folder`` once complete; an empty folder may already be there."""
     folder = folder.resolve()
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-        raise DataError(Problem(str(folder), "a folder that holds nothing yet", "one that does", "choose another"))
+        raise refusal(str(folder), "a folder that holds nothing yet", "one that does", "choose another")
     folder.parent.mkdir(parents=True, exist_ok=True)
     home = _unfinished(folder.parent)
     try:
@@ -144,7 +144,7 @@ def locked(path: Path, wait_s: float, on_wait: Callable[[], object] = lambda: No
         except Timeout:
             if time.monotonic() >= end:
                 trouble = f"{_holder(path)} writing to it", "wait until that has ended, or name another"
-                raise DataError(Problem(str(path.parent), "a folder that nobody writes to", *trouble)) from None
+                raise refusal(str(path.parent), "a folder that nobody writes to", *trouble) from None
             on_wait()
     try:
         with suppress(OSError):  # where a locked file can't be written

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.errors import KEEP_ONE, DataError, Problem, printable
+from crashfuse.errors import KEEP_ONE, DataError, Problem, printable, refusal, refuse_if
 
 # where a cell begins, or where one begins in a spreadsheet that separates by semicolons or tabs
 _CELL = r"""(?P<begin>(?:^|[;\t\r\n])[^\S\t\r\n]*"*)"""
@@ -111,8 +111,7 @@ class CsvTable:
         while text := self._stream.read(_BLOCK):
             _refuse_nul(text, self._where)
             lines, newline, rest = (rest + text).rpartition("\n")
-            if len(rest) > _LONGEST_LINE:
-                raise DataError(Problem(self._where, "lines of a table", "one without an end", _AGAIN, row=row))
+            refuse_if(len(rest) > _LONGEST_LINE, self._where, "lines of a table", "one without an end", _AGAIN, row=row)
             if lines:
                 frame = self._parsed(lines + newline, row)
                 yield frame[at].set_axis(columns, axis=1), row + np.arange(len(frame))
@@ -127,22 +126,20 @@ class CsvTable:
         line = self._stream.readline(_LONGEST_LINE)
         _refuse_nul(line, self._where)
         names = _header_names(cells := _cells(line), self._where)
-        if names.count("id") > 1:
-            raise DataError(Problem(self._where, "one column id", f"{names.count('id')} of them", KEEP_ONE))
+        refuse_if(names.count("id") > 1, self._where, "one column id", f"{names.count('id')} of them", KEEP_ONE)
         return len(cells), names
 
     def _parsed(self, text: str, row: int) -> pd.DataFrame:
         if text.count("\n") * (self._width - 1) > len(text) + _MOST_PADDING:
             expected, advice = f"{self._width} cells in each line", "leave out empty lines and columns"
-            raise DataError(Problem(self._where, expected, "lines with far fewer", advice, row=row))
+            raise refusal(self._where, expected, "lines with far fewer", advice, row=row)
         texts: dict[int, type] = {self.names.index("id"): str} if "id" in self.names else {}
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
             try:
-                frame = pd.read_csv(
-                    io.StringIO(text), header=None, names=range(self._width), index_col=False, dtype=texts,
-                    keep_default_na=False, skip_blank_lines=False, skipinitialspace=True, low_memory=False,
-                )  # fmt: skip
+                form = {"header": None, "names": range(self._width), "index_col": False, "dtype": texts}
+                blanks = {"keep_default_na": False, "skip_blank_lines": False, "skipinitialspace": True}
+                frame = pd.read_csv(io.StringIO(text), low_memory=False, **form, **blanks)
             except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError):
                 frame = pd.DataFrame()
         if len(frame) != text.count("\n") + (not text.endswith("\n")):
@@ -172,12 +169,12 @@ def read_rows(
         try:
             names = _header_names(next(reader, []), where)
             if twice := sorted({printable(name, 40) for name in names if name and names.count(name) > 1}):
-                raise DataError(Problem(where, "each column once", f"{', '.join(twice[:12])} twice", KEEP_ONE))
+                raise refusal(where, "each column once", f"{', '.join(twice[:12])} twice", KEEP_ONE)
             most = min(most_rows, _MOST_CELLS // len(names))
             for number, cells in enumerate(reader, start=2):
                 is_blank = not any(map(str.strip, cells))
                 if number > _MOST_LINES or (len(rows) == most and not is_blank):
-                    raise DataError(Problem(where, f"at most {most:,} rows in {len(names)} columns", "more", _LESS))
+                    raise refusal(where, f"at most {most:,} rows in {len(names)} columns", "more", _LESS)
                 if not is_blank:
                     if any(map(str.strip, cells[len(names) :])) and len(wide) < _MOST_WIDE:
                         wide.append(_too_wide(where, len(names), cells, number))
@@ -196,11 +193,9 @@ def _lines(stream: TextIO, where: str) -> Iterator[str]:
     for row in count(1):
         line = stream.readline(_LONGEST_LINE + 1)
         size += len(line)
-        if size > _LARGEST_TABLE:
-            raise DataError(Problem(where, "a table of at most 32 MiB", "more", _LESS))
+        refuse_if(size > _LARGEST_TABLE, where, "a table of at most 32 MiB", "more", _LESS)
         _refuse_nul(line, where)
-        if len(line) > _LONGEST_LINE:
-            raise DataError(Problem(where, "lines of a table", "one without an end", _AGAIN, row=row))
+        refuse_if(len(line) > _LONGEST_LINE, where, "lines of a table", "one without an end", _AGAIN, row=row)
         if not line:
             return
         yield line
@@ -217,13 +212,12 @@ def _header_names(cells: Sequence[str], where: str) -> list[str]:
     names = [original(cell.strip()) for cell in cells]
     while names and not names[-1]:
         names.pop()  # a comma at the end of each line
-    if not names:
-        raise DataError(Problem(where, "a table with a header", "an empty one", "export it again, with its rows"))
+    refuse_if(not names, where, "a table with a header", "an empty one", "export it again, with its rows")
     if len(names) > _MOST_COLUMNS:
-        raise DataError(Problem(where, f"at most {_MOST_COLUMNS} columns", f"{len(names)}", "leave out the others"))
+        raise refusal(where, f"at most {_MOST_COLUMNS} columns", f"{len(names)}", "leave out the others")
     for between, called in ((";", "semicolons"), ("\t", "tabs")):
         if len(names) == 1 and between in names[0]:
-            raise DataError(Problem(where, "commas between columns", called, "export it with commas, or import it"))
+            raise refusal(where, "commas between columns", called, "export it with commas, or import it")
     return names
 
 
@@ -235,7 +229,7 @@ def text_from(path: Path, where: str) -> Iterator[TextIO]:
         with path.open(encoding="utf-8-sig") as stream:
             yield stream
     except UnicodeDecodeError:
-        raise DataError(Problem(where, "text in UTF-8", "Latin-1, UTF-16, or no text at all", _AGAIN)) from None
+        raise refusal(where, "text in UTF-8", "Latin-1, UTF-16, or no text at all", _AGAIN) from None
     except OSError as error:
         raise DataError(unreadable(where, error)) from None
 
@@ -244,7 +238,7 @@ def require_file(path: Path, where: str) -> None:
     """Raise a DataError if the path is not a regular file but, say, a folder or a pipe that never ends."""
     if not path.is_file():
         found = "a folder" if path.is_dir() else "a link to nothing, a pipe or a device"
-        raise DataError(Problem(where, "a file", found, "put the file there"))
+        raise refusal(where, "a file", found, "put the file there")
 
 
 def unreadable(where: str, error: OSError) -> Problem:
@@ -259,8 +253,7 @@ def _too_wide(where: str, width: int, cells: Sequence[str], row: int) -> Problem
 
 
 def _refuse_nul(text: str, where: str) -> None:
-    if "\0" in text:
-        raise DataError(Problem(where, "text in UTF-8", "NUL characters (UTF-16, or no text)", _AGAIN))
+    refuse_if("\0" in text, where, "text in UTF-8", "NUL characters (UTF-16, or no text)", _AGAIN)
 
 
 def _cells(line: str) -> list[str]:

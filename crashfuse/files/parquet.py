@@ -11,7 +11,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from crashfuse.errors import KEEP_ONE, DataError, Problem, printable
+from crashfuse.errors import KEEP_ONE, printable, refusal, refuse_if
 from crashfuse.files.csv_text import CsvTable, require_file
 
 _BATCH_ROWS = 1_000_000
@@ -47,16 +47,15 @@ class ParquetTable:
             yield cls(path, where)
         except MemoryError:
             trouble = "one that does not", "close other programs, or export fewer runs"
-            raise DataError(Problem(where, "a table that fits into memory", *trouble)) from None
+            raise refusal(where, "a table that fits into memory", *trouble) from None
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             found = f"{UNSOUND[1]} ({printable(' '.join(str(error).split()), 80)})"
-            raise DataError(Problem(where, UNSOUND[0], found, _AGAIN)) from None
+            raise refusal(where, UNSOUND[0], found, _AGAIN) from None
 
     def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
         """Yield these columns and the row numbers, as if a header were 1: float64, and categories for text."""
         texts = [name for name in columns if self._is_text(name)]
-        if not self._rows:
-            raise DataError(Problem(self._where, "at least one row", *EMPTY))
+        refuse_if(not self._rows, self._where, "at least one row", *EMPTY)
         written_out = check_size(self._path, self._where, columns)
         row = 2
         dictionaries = {field.name for field in self._schema if pa.types.is_dictionary(field.type)}
@@ -71,8 +70,7 @@ class ParquetTable:
         pa.default_memory_pool().release_unused()  # it would keep 60 MB of a small file's blocks for the next one
 
     def _is_text(self, name: str) -> bool:
-        if self.names.count(name) > 1:
-            raise DataError(Problem(self._where, f"one column {name}", "more of them", KEEP_ONE))
+        refuse_if(self.names.count(name) > 1, self._where, f"one column {name}", "more of them", KEEP_ONE)
         kind = self._schema.field(name).type
         values = kind.value_type if pa.types.is_dictionary(kind) else kind
         if pa.types.is_string(values) or pa.types.is_large_string(values) or pa.types.is_null(values):
@@ -81,8 +79,7 @@ class ParquetTable:
             return True
         if name != "id" and (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
             return False
-        expected = "text" if name == "id" else "numbers"
-        raise DataError(Problem(self._where, expected, f"values of type {kind}", _AGAIN, name))
+        raise refusal(self._where, "text" if name == "id" else "numbers", f"values of type {kind}", _AGAIN, name)
 
 
 def opened_table(path: Path, where: str) -> AbstractContextManager[ParquetTable | CsvTable]:
@@ -107,12 +104,11 @@ def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:
                     total, pages = total + size, pages + 1
                     if total > most:
                         expected = f"at most {most >> 20} MiB of values"
-                        raise DataError(Problem(where, expected, "more, unpacked", "shorten the texts", name))
-                    if pages > _MOST_PAGES:
-                        raise DataError(Problem(where, f"at most {_MOST_PAGES} pages", "more", _AGAIN, name))
+                        raise refusal(where, expected, "more, unpacked", "shorten the texts", name)
+                    refuse_if(pages > _MOST_PAGES, where, f"at most {_MOST_PAGES} pages", "more", _AGAIN, name)
                     if encoding == _DELTA_BYTE_ARRAY:
                         trouble = "written-out values", "the encoding DELTA_BYTE_ARRAY", "export it with a dictionary"
-                        raise DataError(Problem(where, *trouble, name))
+                        raise refusal(where, *trouble, name)
                     if encoding == _DELTA_LENGTH_BYTE_ARRAY:
                         written_out.add(name)
     return written_out
@@ -135,7 +131,7 @@ def _pages(stream: IO[bytes], start: int, length: int, where: str) -> Iterator[t
             if packed < 0 or size < 0:
                 raise ValueError("a negative size")
         except (IndexError, KeyError, ValueError) as error:
-            raise DataError(Problem(where, *UNSOUND, _AGAIN)) from error
+            raise refusal(where, *UNSOUND, _AGAIN) from error
         data = next((field for field in _ENCODING if field in header.inner), None)
         yield size, None if data is None else header.inner[data].get(_ENCODING[data])
         start += header.at + packed

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import printable, refusal, refuse_if
 from crashfuse.files.csv_text import text_from
 
 _LINE = 100
@@ -26,18 +26,17 @@ def read_toml(path: Path, most_mib: int, advice: str) -> dict[str, Any]:
     try:
         with text_from(path, path.name) as stream:
             text = stream.read((most_mib << 20) + 1)
-        if len(text) > most_mib << 20:
-            raise DataError(Problem(path.name, f"a file of at most {most_mib} MiB", "more", advice))
+        refuse_if(len(text) > most_mib << 20, path.name, f"a file of at most {most_mib} MiB", "more", advice)
         for pattern, most in ((_LONG_KEY, f"keys of at most {_MOST_PARTS} parts"), (_LONG_WORD, _NUMBERS)):
             if match := pattern.search(text):
                 row = text.count("\n", 0, match.start()) + 1
-                raise DataError(Problem(path.name, most, printable(match.group(), 60), "correct it", row=row))
+                raise refusal(path.name, most, printable(match.group(), 60), "correct it", row=row)
         if text.count(".") + text.count("[") > _MOST_MARKS:
-            raise DataError(Problem(path.name, f"at most {_MOST_MARKS:,} dots and brackets", "more", advice))
+            raise refusal(path.name, f"at most {_MOST_MARKS:,} dots and brackets", "more", advice)
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         found = "brackets too deep" if isinstance(error, RecursionError) else str(error)
-        raise DataError(Problem(path.name, "a TOML file in UTF-8", found, "correct the file")) from error
+        raise refusal(path.name, "a TOML file in UTF-8", found, "correct the file") from error
 
 
 def toml_text(value: str | float | Sequence[str] | Mapping[str, str]) -> str:

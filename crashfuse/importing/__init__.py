@@ -6,16 +6,5 @@ from crashfuse.importing.pulse_conversion import Settled, settle
 from crashfuse.importing.sources import Reading, format_of, read_each, read_records
 from crashfuse.importing.tables import ColumnChoice
 
-__all__ = [
-    "Choices",
-    "ColumnChoice",
-    "Reading",
-    "Settled",
-    "add_settled",
-    "format_of",
-    "import_source",
-    "read_each",
-    "read_records",
-    "settle",
-    "settle_each",
-]
+__all__ = ["Choices", "ColumnChoice", "Reading", "Settled", "add_settled", "format_of", "import_source", "read_each"]
+__all__ += ["read_records", "settle", "settle_each"]

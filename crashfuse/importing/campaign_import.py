@@ -16,15 +16,14 @@ from crashfuse.campaign_folder.copies import sensors_of_one_crash
 from crashfuse.campaign_folder.editing import Added, Addition, add_to_campaign
 from crashfuse.campaign_folder.settings import sound_settings
 from crashfuse.crash_test import TUNED
-from crashfuse.errors import DataError, Problem, UsageError, as_path, one_of, require_a
-from crashfuse.files.archive import refuse
+from crashfuse.errors import DataError, Problem, UsageError, as_path, one_of, refusal, refuse_all, require_a
 from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
 from crashfuse.importing.pulse_conversion import Lacking, Settled, joint_problems, missing_values, settle
 from crashfuse.importing.sources import Reading, format_of, is_archive, iter_records
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
-from crashfuse.readers.vocabulary import Travel, names_a_simulation, plain, speed, words
+from crashfuse.readers.vocabulary import Travel, mentions, plain, speed, words
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import MS, Sentence
 
@@ -62,7 +61,7 @@ class Label(NamedTuple):
 
 def _named_as(name: str) -> tuple[bool, bool]:
     text = plain(name)
-    return _CAE.search(text) is not None or names_a_simulation(name), _TEST.search(text) is not None
+    return _CAE.search(text) is not None or mentions(name, "simulation"), _TEST.search(text) is not None
 
 
 def role_of(record: Record, role: Role, cae: Sequence[str]) -> Role:
@@ -95,7 +94,7 @@ def _require_tests(source: str, records: Sequence[Label], usual: Role) -> None:
     if not others or not any(simulated):  # what says of itself that it is simulated is no test
         advice += ", or give --as tests"
     found = f"what looks like CAE runs ({listed(runs)}){f' beside {others}' if others else ''}"
-    raise DataError(Problem(source, "tests", found, advice))
+    raise refusal(source, "tests", found, advice)
 
 
 def import_source(
@@ -171,9 +170,8 @@ def import_source(
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
         problems = [problem for problem in problems if not isinstance(problem, Lacking)]
-        given = choices.condition.speed_mps, choices.weights
-        problems += missing_values(source.name, record_id or source.stem, *given)
-    refuse(problems, source.name)
+        problems += missing_values(source.name, record_id or source.stem, choices.stated)
+    refuse_all(problems, source.name)
     added = {(part.role, run_id) for part in add_settled(out, settled, cae_tuned) for run_id in part.ids}
     return tuple(one for one in settled if (one.role, one.id) in added)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
 from crashfuse.campaign_folder.pulse_files import UNEVEN
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, printable, refusal
 from crashfuse.importing.detection import Case, Choices, around_peak, delta_v, stated_zero
 from crashfuse.readers.members import ONE_CLOCK
 from crashfuse.readers.record import Channels, Record, RecordedChannel
@@ -39,24 +39,24 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     time, values = np.asarray(channel.time_s, dtype=np.float64), np.asarray(channel.values, dtype=np.float64)
     finite = np.flatnonzero(np.isfinite(values))
     if time.shape != values.shape or finite.size < _FEWEST:
-        raise DataError(Problem(place, f"at least {_FEWEST} samples", f"{finite.size}", "export the whole record"))
+        raise refusal(place, f"at least {_FEWEST} samples", f"{finite.size}", "export the whole record")
     inside = slice(finite[0], finite[-1] + 1)
     time, values = time[inside], values[inside]
     if not (np.isfinite(values).all() and np.isfinite(time).all()):
-        raise DataError(Problem(place, "a number in each sample", "samples without one", "repair the record"))
+        raise refusal(place, "a number in each sample", "samples without one", "repair the record")
     for numbers, most, what in ((time, _LATEST_S, "times in s"), (values, _STRONGEST, "accelerations")):
         if (largest := float(np.abs(numbers).max())) > most:
-            raise DataError(Problem(place, f"{what} of a crash", f"{largest:.3g}", "repair the record"))
+            raise refusal(place, f"{what} of a crash", f"{largest:.3g}", "repair the record")
     steps = np.diff(time)
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time_text(time[at + 1], 6)} in sample {at + 2}, after {time_text(time[at], 6)}"
         advice = f"{ONE_CLOCK}, or more digits"
-        raise DataError(Problem(place, "time that increases from sample to sample", found, advice))
+        raise refusal(place, "time that increases from sample to sample", found, advice)
     step = float(np.median(steps))
     if steps.max() > _GAP * step:
         found = f"a step of {time_text(steps.max())} among steps of {time_text(step)}"
-        raise DataError(Problem(place, "evenly sampled time", found, "export the record without gaps"))
+        raise refusal(place, "evenly sampled time", found, "export the record without gaps")
     clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
     if clock.size == time.size and np.abs(steps - step).max() <= UNEVEN * step:
         return clock, values, ""
@@ -82,7 +82,7 @@ def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[s
         if abs(time[1] - time[0] - step) > tolerance or clock.size < _FEWEST:
             shown = ((channels[0].name, first), (channel.name, time))
             found = ", ".join(f"{name} at {1 / (t[1] - t[0]):.6g} Hz from {time_text(t[0], 6)}" for name, t in shown)
-            raise DataError(Problem(where, "channels sampled alike to average", found, _choose(channels[0])))
+            raise refusal(where, "channels sampled alike to average", found, _choose(channels[0]))
     if any(abs(time[0] - first[0]) > tolerance for time in times):
         starts = ", ".join(f"{one.name} from {time_text(t[0], 6)}" for one, t in zip(channels, times, strict=True))
         steps.append(f"Recorded over different times, {starts}; averaged where all were recorded.")
@@ -154,7 +154,7 @@ def agreeing_channels(case: Case) -> Channels:
         return chosen
     if not majority:
         expected = f"channels of {record.id} that agree in time, shape and change of velocity"
-        raise DataError(Problem(record.source, expected, joined(texts, "; "), _choose(reference)))
+        raise refusal(record.source, expected, joined(texts, "; "), _choose(reference))
     if not near.all():
         odd = joined([text for text, agrees in zip(texts, near, strict=True) if not agrees], "; ")
         steps.append(Sentence("Careful: left out, unlike the others: {}.", odd))
@@ -263,7 +263,7 @@ def average(case: Case, channels: Channels) -> tuple[FloatArray, FloatArray]:
     source = case.record.source
     if case.choices.unit is None and len({channel.unit for channel in channels}) > 1:
         found = ", ".join(f"{channel.name} in {channel.unit or 'an unknown one'}" for channel in channels)
-        raise DataError(Problem(source, "channels of one unit to average", found, _choose(channels[0])))
+        raise refusal(source, "channels of one unit to average", found, _choose(channels[0]))
     time_s, values = _on_one_clock(channels, source, case.steps)
     if len(channels) > 1:
         case.steps.append(f"{len(channels)} channels averaged.")

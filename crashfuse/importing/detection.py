@@ -8,7 +8,7 @@ import numpy as np
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LEAST_M, STOPS, gap_s
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, require_number, several
-from crashfuse.readers.record import AxleWeights, Channels, PartialCondition, Record
+from crashfuse.readers.record import Channels, PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, USUAL_UNITS, acceleration_unit, speed
 from crashfuse.signals.filters import CFC60_NOISE, CLASSES, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
@@ -73,9 +73,9 @@ class Choices:
             raise UsageError(f"gap_m is from 0 to {_LONGEST_GAP_M:g} m, not {self.gap_m:g}.")
 
     @property
-    def weights(self) -> AxleWeights:
-        """The weights as far as the user gave them."""
-        return replace(self.condition.weights, front_share=self.front_share)
+    def stated(self) -> PartialCondition:
+        """The condition as far as the user gave it, with the share of the front axle."""
+        return self.condition if self.front_share is None else replace(self.condition, front_share=self.front_share)
 
 
 @dataclass(frozen=True, slots=True)

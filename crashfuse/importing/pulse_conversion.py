@@ -14,11 +14,11 @@ from crashfuse.campaign_folder.condition_tables import Role, listed
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVING, STOPS, WHICH_AXLE
 from crashfuse.campaign_folder.pulse_files import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.condition import About, Condition
-from crashfuse.errors import DataError, Problem, UsageError, collecting
+from crashfuse.errors import DataError, Problem, UsageError, collecting, refusal
 from crashfuse.importing import detection
 from crashfuse.importing.channels import agreeing_channels, average, measurement_problems, missing_choices
 from crashfuse.importing.detection import Case, Choices, UnknownUnit
-from crashfuse.readers.record import AxleWeights, PartialCondition, Record
+from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, speed, weight
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, Pulse, kinematics
@@ -52,22 +52,23 @@ def complete_condition(
     record: Record, choices: Choices, steps: list[str], *, role: Role, also_missing: Sequence[Problem] = ()
 ) -> Condition:
     """The condition of a record with the user's values; a DataError says what lacks, ``also_missing`` too."""
-    given, front_share = choices.condition, choices.front_share
+    given, front_share = choices.stated, choices.front_share
     if front_share is not None and not _LEAST_SHARE <= front_share <= _MOST_SHARE:
         found = f"{front_share:.4g} ({100 * front_share:.4g} %)"
         raise UsageError(f"The front axle carries a share of 0.2 to 0.8, not {found}.")
-    if given != PartialCondition():
+    if choices.condition != PartialCondition():
         steps.append("Of the condition, what the user gave overrules the file.")
-    if contradiction := choices.weights.contradiction():
+    if contradiction := given.contradiction():
         raise UsageError(Sentence("The given weights do not add up: {}; leave one out.", contradiction))
-    weights = record.condition.weights.overruled(choices.weights)
+    weights = record.condition.weights_by(given)
     if contradiction := weights.contradiction():
         expected = f"weights of {record.id} that add up"
-        raise DataError(Problem(record.source, expected, contradiction, f"correct the file, or {_GIVE_WEIGHTS}"))
+        raise refusal(record.source, expected, contradiction, f"correct the file, or {_GIVE_WEIGHTS}")
     overruled = record.condition.overruled(given)
     front, rear = weights.axles()
     speed_mps, share, mass_kg = overruled.speed_mps, weights.front_share, weights.mass_kg
-    problems = [*missing_values(record.source, record.id, speed_mps, weights, record.no_speed), *also_missing]
+    stated = replace(weights, speed_mps=speed_mps)
+    problems = [*missing_values(record.source, record.id, stated, record.no_speed), *also_missing]
     problems += [*_speed_problems(record, speed_mps, role), *_weights_problems(record, weights)]
     if problems or speed_mps is None or front is None or rear is None:
         raise DataError(problems)
@@ -76,17 +77,15 @@ def complete_condition(
     return Condition.of_vector([float(speed_mps), float(front), float(rear)], overruled.factors)
 
 
-def missing_values(
-    source: str, record_id: str, speed_mps: float | None, weights: AxleWeights, no_speed: str = ""
-) -> list[Lacking]:
+def missing_values(source: str, record_id: str, stated: PartialCondition, no_speed: str = "") -> list[Lacking]:
     """What a condition lacks: the speed, and the weights on both axles."""
 
     def lacking(quantity: str, found: str, advice: str) -> Lacking:
         return Lacking(source, f"{quantity} of {record_id}", found, advice, quantity=quantity, record_id=record_id)
 
-    speed = [lacking("the impact speed", no_speed or "none", _GIVE_SPEED)] if speed_mps is None else []
-    lacks_weights = None in weights.axles()
-    return [*speed, *([lacking("the weights on both axles", weights.stated, _GIVE_WEIGHTS)] if lacks_weights else [])]
+    speed = [lacking("the impact speed", no_speed or "none", _GIVE_SPEED)] if stated.speed_mps is None else []
+    lacks_weights = None in stated.axles()
+    return [*speed, *([lacking("the weights on both axles", stated.stated, _GIVE_WEIGHTS)] if lacks_weights else [])]
 
 
 def joint_problems(problems: Sequence[Problem]) -> list[Problem]:
@@ -110,7 +109,7 @@ def _speed_problems(record: Record, speed_mps: float | None, role: Role) -> list
     return [Problem(record.source, expected, found, "check the speed and its unit")]
 
 
-def _weights_problems(record: Record, weights: AxleWeights) -> list[Problem]:
+def _weights_problems(record: Record, weights: PartialCondition) -> list[Problem]:
     axles = [axle for axle in weights.axles() if axle is not None]
     mass = sum(axles) if len(axles) > 1 else weights.mass_kg
     expected, wrong = "", 0.0
@@ -138,7 +137,7 @@ def _refuse_short(case: Case, time_s: FloatArray) -> None:
 
 def _too_short(case: Case, end_s: float, advice: str) -> DataError:
     expected = "at least 60 ms from contact (100 ms is best)"
-    return DataError(Problem(case.record.source, expected, time_text(end_s), advice))
+    return refusal(case.record.source, expected, time_text(end_s), advice)
 
 
 def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
@@ -150,7 +149,7 @@ def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
     if end_s < GRID_S[-1] - motion.dt_s:
         if first > CREEP_MPS and last > MOVING * first:
             found = Sentence(f"{{}} left at its end, {end}", speed(last))
-            raise DataError(Problem(case.record.source, LONG_ENOUGH, found, _LONGER[case.role]))
+            raise refusal(case.record.source, LONG_ENOUGH, found, _LONGER[case.role])
         last_g, better = number(motion.accel_mps2[-1] / G, "+.2g"), _LONGER[case.role].partition(";")[0]
         ends = f"Careful: the record ends {end} after contact at {last_g} g; it goes on with no acceleration, which"
         sentences.append(f"{ends} nobody measured. Better {better}.")
@@ -236,7 +235,7 @@ def settled_at(
     channels = agreeing_channels(case)
     time_s, values = average(case, channels)
     if slow := rate_trouble(detection.step_of(time_s), float(time_s[-1] - time_s[0])):
-        raise DataError(Problem(record.source, *slow))
+        raise refusal(record.source, *slow)
     _refuse_short(case, time_s)
     unit, sign = detection.unit_and_sign(case, channels, time_s, values)
     accel = values * ACCELERATION_UNITS[unit] * (1 if sign == "negative" else -1)
@@ -292,5 +291,5 @@ def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
     if case.is_moving and not low <= taken <= high:
         expected = Sentence(f"{detection.NEAR_SPEED} from contact on", speed(speed_mps))
         advice = detection.crash_advice(record, "time zero, unit and channels")
-        raise DataError(Problem(record.source, expected, f"{100 * taken:.0f} % of it", advice))
+        raise refusal(record.source, expected, f"{100 * taken:.0f} % of it", advice)
     case.steps.extend(sentences)

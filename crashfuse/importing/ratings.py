@@ -16,19 +16,10 @@ from typing import Literal, NamedTuple, cast
 
 import pandas as pd
 
+from crashfuse import errors
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.condition import Condition
-from crashfuse.errors import (
-    CrashfuseError,
-    DataError,
-    Problem,
-    UsageError,
-    as_path,
-    one_of,
-    printable,
-    require_a,
-    several,
-)
+from crashfuse.errors import CrashfuseError, DataError, UsageError, as_path, refusal, refuse_if, require_there, several
 from crashfuse.files.csv_text import read_rows
 from crashfuse.files.parquet import opened_table
 from crashfuse.importing.channels import agreeing_channels, average, missing_choices, resample_evenly
@@ -78,7 +69,7 @@ class RatingChoices:
         for name in ("channels", "comparison_channels", "also"):
             object.__setattr__(self, name, several(getattr(self, name)))
         for name in self.also:
-            one_of("measure", name, FURTHER_METRICS)
+            errors.one_of("measure", name, FURTHER_METRICS)
 
 
 class _Curve(NamedTuple):
@@ -138,22 +129,21 @@ def rate_pairs(
     A pair that cannot be rated has one row, with a note; a DataError says that it is no such table.
     """
     path = as_path(table, "the table of pairs")
-    if not path.is_file():
-        raise DataError(Problem(str(path), "a table of pairs", "no such file", "check the path"))
+    refuse_if(not path.is_file(), str(path), "a table of pairs", "no such file", "check the path")
     names, rows, numbers = read_rows(path, path.name)
     unknown = [name for name in names if name not in _PAIR_COLUMNS]
     if unknown or not {"reference", "comparison"} <= set(names) or len(set(names)) < len(names):
         expected = f"the columns reference and comparison, and at most {', '.join(_PAIR_COLUMNS[2:])}"
-        raise DataError(Problem(path.name, expected, ", ".join(names), "name the columns so"))
+        raise refusal(path.name, expected, ", ".join(names), "name the columns so")
     if not rows or len(rows) > _MOST_PAIRS:
-        raise DataError(Problem(path.name, f"1 to {_MOST_PAIRS} pairs", f"{len(rows)}", "one pair a row"))
+        raise refusal(path.name, f"1 to {_MOST_PAIRS} pairs", f"{len(rows)}", "one pair a row")
     read = lru_cache(_KEPT)(_curve)
     parts = []
     for cells, number in zip(rows, numbers, strict=True):
         row = dict(zip(names, cells, strict=True))
         one, other = (row[name].strip() for name in ("reference", "comparison"))
         if not (one and other):
-            raise DataError(Problem(path.name, "two files", "an empty cell", "name both files of the pair", row=number))
+            raise refusal(path.name, "two files", "an empty cell", "name both files of the pair", row=number)
         channels = _split(row.get("reference_channel", "")) or choices.channels
         others = _split(row.get("comparison_channel", "")) or choices.comparison_channels
         of_pair = replace(choices, channels=channels, comparison_channels=others)
@@ -177,7 +167,7 @@ def _pair_table(
 
 
 def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Read) -> tuple[_Curve, _Curve]:
-    require_a(RatingChoices, choices, "crashfuse.RatingChoices()")
+    errors.require_a(RatingChoices, choices, "crashfuse.RatingChoices()")
     others = choices.comparison_channels or choices.channels
     return read(reference, choices.channels, choices), read(comparison, others, choices)
 
@@ -205,15 +195,14 @@ def _reason(error: CrashfuseError) -> str:
 
 
 def _curve(path: Path, channels: tuple[str, ...], choices: RatingChoices) -> _Curve:
-    if not path.exists():
-        raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
+    require_there(path, "a pulse file")
     if not channels and _is_own(path):
         return _filtered(read_pulse(path), choices.channel_filter_class)
     fmt = format_of(path)
     records = read_records(Reading(path, fmt, together=bool(channels)))
     if len(records) != 1:
         ids = ", ".join(record.id for record in records[:10])
-        raise DataError(Problem(path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one"))
+        raise refusal(path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one")
     record, given = records[0], Choices(channels, choices.unit, channel_filter_class=choices.channel_filter_class)
     if missing := missing_choices(record, given):
         raise DataError(missing)
@@ -268,8 +257,7 @@ def _is_own(path: Path) -> bool:
 
 def _unit(record: Record, channel: RecordedChannel, choices: Choices) -> str:
     if (unit := choices.unit or channel.unit) is None:
-        expected = f"the unit of the acceleration of {record.id}"
-        raise DataError(Problem(record.source, expected, "none", "give it (--unit)"))
+        raise refusal(record.source, f"the unit of the acceleration of {record.id}", "none", "give it (--unit)")
     return unit
 
 
@@ -299,7 +287,7 @@ def rate_channels(
     sides = [_channels(path) for path in (reference, comparison)]
     if not set(sides[0]) & set(sides[1]):
         found = "codes that occur in one of them only"
-        raise DataError(Problem(comparison.name, f"channels of {reference.name}", found, "rate their pulses instead"))
+        raise refusal(comparison.name, f"channels of {reference.name}", found, "rate their pulses instead")
     rows: list[_Row] = []
     for code, n in sorted(sides[0], key=lambda key: key not in sides[1]):
         name = code if n == 1 else f"{code} ({n})"
@@ -316,11 +304,10 @@ def rate_channels(
 
 
 def _rows(one: Channel, other: Channel, windows_ms: Sequence[float], also: Sequence[str]) -> Iterator[_Row]:
-    if one.unit != other.unit:
-        raise DataError(Problem(one.code, f"the unit {one.unit or 'none'}", other.unit or "none", "convert"))
+    refuse_if(one.unit != other.unit, one.code, f"the unit {one.unit or 'none'}", other.unit or "none", "convert")
     sides = (("reference", one.status), ("comparison", other.status))
     doubts = [(doubt_of(status), side, status) for side, status in sides]
-    note = "; ".join(f"the {side} marks it {printable(status)!r}" for doubt, side, status in doubts if doubt)
+    note = "; ".join(f"the {side} marks it {errors.printable(status)!r}" for doubt, side, status in doubts if doubt)
     if max(doubts)[0] == Doubt.FAILED:
         yield {"note": note}
         return
@@ -339,6 +326,6 @@ def _channels(path: Path) -> dict[tuple[str, int], Channel]:
 
 def _signal(channel: Channel) -> _Curve:
     if channel.time_s is None:
-        raise DataError(Problem(channel.code, "an evenly sampled signal", "no sampling interval", "export it again"))
+        raise refusal(channel.code, "an evenly sampled signal", "no sampling interval", "export it again")
     filtering = _CLASSES.get(channel.code[-1:].upper(), "filter class unknown")
     return _Curve(Pulse(channel.time_s, channel.values), filtering)

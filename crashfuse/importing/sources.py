@@ -11,9 +11,10 @@ from pathlib import Path, PurePath, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import get_args
 
+from crashfuse import errors
 from crashfuse.campaign_folder.condition_tables import listed, safe_id
 from crashfuse.campaign_folder.load import check_uploads, members_of_zip
-from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, collecting, one_of, printable, require_a
+from crashfuse.errors import Problem, UsageError, collecting, one_of, printable, refusal, refuse_all, require_a
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, ENDINGS, Budget, Limits, Member
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral, read_tables
@@ -58,7 +59,7 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
                     member.write_to(folder / member.path, budget)
                 except (FileExistsError, NotADirectoryError):
                     found = "another file of this name"
-                    raise DataError(Problem(member.where, "names that differ", found, "rename one")) from None
+                    raise refusal(member.where, "names that differ", found, "rename one") from None
     except BaseException:
         shutil.rmtree(home)
         raise
@@ -90,16 +91,16 @@ class Reading:
 def format_of(source: Path) -> str:
     """The format of a source, by the names of its files; a DataError for none, or several besides tables."""
     if not source.exists():
-        raise DataError(Problem(str(source), "a file or folder to import", "nothing there", CHECK_PATH))
+        raise refusal(str(source), "a file or folder to import", "nothing there", errors.CHECK_PATH)
     found = formats_of(_names(source)) or formats_of(name for inner in _archives(source) for name in _names(inner))
     if found == [TABLES] and any(map(is_time_history_csv, tables_of(source))):
         return "radioss"
     if not found:
         broken = "".join(f"; {why.rstrip('.')}" for name in FORMATS.declared if (why := FORMATS.broken(name)))
-        raise DataError(Problem(source.name, all_formats(), "none of these", f"choose another source{broken}"))
+        raise refusal(source.name, all_formats(), "none of these", f"choose another source{broken}")
     if len(set(found) - {TABLES}) > 1:
-        advice = "import one after the other (--format)"
-        raise DataError(Problem(source.name, "records of one format", " and ".join(found), advice))
+        several = " and ".join(found)
+        raise refusal(source.name, "records of one format", several, "import one after the other (--format)")
     return found[0]
 
 
@@ -107,7 +108,7 @@ def read_records(reading: Reading) -> tuple[Record, ...]:
     """Read all records of a source, or raise a DataError with every problem of every record."""
     problems: list[Problem] = []
     records = tuple(iter_records(reading, problems))
-    archive.refuse(problems, reading.source.name)
+    refuse_all(problems, reading.source.name)
     return records
 
 
@@ -144,11 +145,11 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     together = reading.together and fmt == TABLES
     tables = read_tables([*paths, *extra], reading.columns, problems, together=together, travel=travel)
     if fmt == TABLES and not paths:
-        raise DataError(Problem(str(source), f"tables ({FORMATS[TABLES].files})", "none", CHECK_PATH))
+        raise refusal(str(source), f"tables ({FORMATS[TABLES].files})", "none", errors.CHECK_PATH)
     if fmt == TABLES and not tables.records and not problems:
         found = "; ".join(tables.neither) or "conditions alone"
         expected = "a column of time and one of acceleration"
-        raise DataError(Problem(source.name, expected, found, "map the columns (--column COLUMN=ROLE:UNIT)"))
+        raise refusal(source.name, expected, found, "map the columns (--column COLUMN=ROLE:UNIT)")
     whole, ids, notes = not problems, list[str](), list[str]()
     if fmt == TABLES and tables.neither:
         notes.append(f"Left out, as neither pulse nor conditions: {'; '.join(tables.neither[:_LISTED])}.")

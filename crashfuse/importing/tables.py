@@ -10,9 +10,9 @@ from typing import get_args
 import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import listed
-from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable, require_a
+from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable, refusal, require_a
 from crashfuse.readers.record import PartialCondition, Record
-from crashfuse.readers.table_headers import ColumnRole, likelihood
+from crashfuse.readers.table_headers import ColumnRole, Heading
 from crashfuse.readers.table_mapping import Mapping, apply_conditions, apply_mapping, mapping_steps, propose
 from crashfuse.readers.table_sheet import Sheet
 from crashfuse.readers.tables import read_sheets
@@ -101,7 +101,7 @@ class _TableSet:
     def check_ids(self, ids: Sequence[str]) -> None:
         if self.conditions and not self.conditions.keys() & set(map(str.casefold, ids)):
             found = f"those of {listed([run_id for run_id, *_ in self.conditions.values()])}"
-            raise DataError(Problem("conditions", f"conditions for {listed(ids)}", found, "make the ids the same"))
+            raise refusal("conditions", f"conditions for {listed(ids)}", found, "make the ids the same")
         unclear = [
             _unclear(name, alike, without, parted=(path, name) in self.parted)
             for (path, name), records in self.of_table.items()
@@ -119,7 +119,7 @@ def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, p
         found = f"those of {listed(record.id for record in records if record.id not in without)}"
         advice = "add a row for each, or leave its column out (--column COLUMN=ignored)"
         return Problem(table, f"conditions for {listed(without)}", found, advice)
-    best_first = sorted(records, key=lambda record: likelihood(record.channels[0].name))
+    best_first = sorted(records, key=lambda record: Heading(record.channels[0].name).likelihood)
     one = f"average them (--id ID) or choose (--channel {shlex.quote(best_first[0].channels[0].name)})"
     one = "leave out the others (--column COLUMN=ignored)" if parted else one
     advice = f"if they are sensors of one crash, {one}; if crashes, give conditions (--conditions TABLE)"

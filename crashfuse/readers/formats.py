@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-from crashfuse.errors import CrashfuseError, DataError, Problem
+from crashfuse.errors import CrashfuseError, refusal
 from crashfuse.extensions import NO_FAULTS, Extended, said
 from crashfuse.readers.vocabulary import Travel
 
@@ -53,7 +53,7 @@ class Format:
             if not self.package or isinstance(error, (CrashfuseError, OSError, *NO_FAULTS)):
                 raise
             found = f"the reader of the package {self.package} failed: {said(error)}"
-            raise DataError(Problem(path.name, self.label, found.rstrip("."), "use another format")) from error
+            raise refusal(path.name, self.label, found.rstrip("."), "use another format") from error
         return records
 
 
@@ -61,25 +61,13 @@ _HERE = "crashfuse.readers"
 
 TABLES = "csv"  # the format whose files may accompany those of any other format
 
+_LSDYNA = r"(.+\.)?(binout[^.]*|nodout[^.]*(\.(txt|asc))?)"
+_RADIOSS = r"(?!.*(nodout|binout|glstat)).*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy"
 _OURS = {
     "nhtsa": Format("NHTSA", ".EV5", r".*\.ev5", f"{_HERE}.nhtsa:read_nhtsa", one_a_file=True),
     "isomme": Format("ISO-MME", ".mme", r".*\.mme", f"{_HERE}.isomme:read_isomme_record", one_a_file=True),
-    "lsdyna": Format(
-        "LS-DYNA",
-        "binout, nodout",
-        r"(.+\.)?(binout[^.]*|nodout[^.]*(\.(txt|asc))?)",
-        f"{_HERE}.lsdyna:read_lsdyna",
-        role="cae",
-        axes=True,
-    ),
-    "radioss": Format(
-        "Radioss",
-        "T01 or its .csv",
-        r"(?!.*(nodout|binout|glstat)).*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy",
-        f"{_HERE}.radioss:read_radioss",
-        role="cae",
-        axes=True,
-    ),
+    "lsdyna": Format("LS-DYNA", "binout, nodout", _LSDYNA, f"{_HERE}.lsdyna:read_lsdyna", role="cae", axes=True),
+    "radioss": Format("Radioss", "T01 or its .csv", _RADIOSS, f"{_HERE}.radioss:read_radioss", role="cae", axes=True),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
     TABLES: Format("tables", ".csv, .txt, .lvm, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|lvm|xls[xm]?)", axes=True),
 }

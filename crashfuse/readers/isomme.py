@@ -18,12 +18,12 @@ from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, collecting, printable
-from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.errors import DataError, Problem, collecting, printable, refusal, refuse_all, refuse_if
+from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import vocabulary
 from crashfuse.readers.members import ONE_TEST, as_text, is_numbered, opened_members
 from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
-from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, Doubt
+from crashfuse.readers.vocabulary import ISOMME, UNITS, UNPLACED, ChannelCode, Doubt
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import Sentence
 
@@ -37,15 +37,6 @@ _UNEVEN = 0.02  # of a step, in a time channel
 
 ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)  # beyond 300 channels of 60,000 samples
 _AGAIN, _CORRECT, _STEP = "export it again", "correct the header", "Sampling interval"
-
-_ABOUT_THE_TEST = ("Type of the test", "Subtype of the test", "Title")
-_ABOUT = {
-    "laboratory": "Laboratory name",
-    "test_number": "Laboratory test ref. number",
-    "reference": "Customer test ref. number",
-    "date": "Date of the test",
-}
-_OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +77,13 @@ class IsommeTest:
     descriptors: Pairs
     channels: tuple[Channel, ...]
 
-    def descriptor(self, name: str) -> str | None:
-        """The value of the first descriptor with this name (case ignored); None if there is none."""
+    def descriptor(self, name: str) -> str:
+        """The value of the first descriptor with this name (case ignored); empty if there is none."""
         return _first_of(self.descriptors, name)
 
 
-def _first_of(pairs: Pairs, name: str) -> str | None:
-    return next((value for key, value in pairs if key.lower() == name.lower()), None)
+def _first_of(pairs: Pairs, name: str) -> str:
+    return next((value for key, value in pairs if key.lower() == name.lower()), "")
 
 
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
@@ -105,9 +96,7 @@ def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
 
 def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
     headers = [member for member in members if member.path.suffix.lower() == ".mme"]
-    if len(headers) != 1:
-        found = f"{len(headers)} of them" if headers else "none"
-        raise DataError(Problem(name, "one .mme file", found, ONE_TEST))
+    refuse_if(len(headers) != 1, name, "one .mme file", f"{len(headers)} of them" if headers else "none", ONE_TEST)
     home = headers[0].path.parent
     folders = {folder for member in members if (folder := member.path.parent).name.lower() == "channel"}
     homes = {home, *(folder for folder in folders if folder.parent == home)}
@@ -122,9 +111,8 @@ def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
             channel, clock = _channel(member, listed, budget)
             channels.append((channel, clock))
             clocks |= {name: channel for name in (member.path.suffix[1:], channel.name, channel.code) if name}
-    refuse(problems, name)
-    if not channels:
-        raise DataError(Problem(name, "channel files .001, .002 … in Channel/", "none", "export them too"))
+    refuse_all(problems, name)
+    refuse_if(not channels, name, "channel files .001, .002 … in Channel/", "none", "export them too")
     timed = tuple(_timed(channel, clocks.get(reference or "")) for channel, reference in channels)
     descriptors = _descriptors(_lines_in(headers[0], budget), headers[0].where)
     return IsommeTest(headers[0].path.stem, tuple(descriptors), timed)
@@ -134,33 +122,33 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     lines, where = _lines_in(member, budget), member.where
     end = next((row for row, line in enumerate(lines) if line.strip() and ":" not in line), len(lines))
     header = _descriptors(lines[:end], where)
-    status = _first_of(header, "Data status") or ""
+    status = _first_of(header, "Data status")
     comments = tuple(value for name, value in header if name.lower() in ("comments", "comment", "remarks", "remark"))
     doubts = vocabulary.doubt_of(status), *map(vocabulary.doubt_in, comments)
     values: FloatArray = np.empty(0)
     with suppress(DataError) if Doubt.FAILED in doubts else nullcontext():
         samples, count = _numbers(lines[end:], where), _number_in(header, "Number of samples", where)
         if count not in (None, samples.size):
-            raise DataError(Problem(where, f"{count:g} samples, as its header says", f"{samples.size}", _AGAIN))
+            raise refusal(where, f"{count:g} samples, as its header says", f"{samples.size}", _AGAIN)
         values = samples
     interval = _seconds_in(header, _STEP, where)
-    if interval is not None and interval <= 0:
-        raise DataError(Problem(where, "a number above 0", f"{interval:g}", _CORRECT, _STEP))
-    code, _, name = (_first_of(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
+    if interval is not None:
+        refuse_if(interval <= 0, where, "a number above 0", f"{interval:g}", _CORRECT, _STEP)
+    code, _, name = _first_of(listed, f"Name of channel {member.path.suffix[1:]}").partition("/")
     channel = Channel(
         code=_first_of(header, "Channel code") or code.strip(),
         name=_first_of(header, "Name of the channel") or name.strip(),
-        unit=_first_of(header, "Unit") or "",
+        unit=_first_of(header, "Unit"),
         values=values,
         interval_s=interval,
         start_s=_seconds_in(header, "Time of first sample", where),
         comments=comments,
-        source=_first_of(header, "Data source") or "",
+        source=_first_of(header, "Data source"),
         status=status,
         sensor=" ".join(filter(None, (_first_of(header, f"Transducer {what}") for what in ("type", "id")))),
         prefilter=" ".join(filter(None, (_first_of(header, of) for of in ("Pre-filter type", "Cut off frequency")))),
     )
-    implicit = (_first_of(header, "Reference channel") or "").lower() == "implicit"
+    implicit = _first_of(header, "Reference channel").lower() == "implicit"
     return channel, None if implicit else _first_of(header, "Reference channel name")
 
 
@@ -178,16 +166,14 @@ def _timed(channel: Channel, clock: Channel | None) -> Channel:
 def _lines_in(member: Member, budget: Budget) -> list[str]:
     text = as_text(member.content(budget)).replace("\r\n", "\n").replace("\r", "\n")
     if text.count("\n") > _MOST_LINES:
-        raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", "more", "export a shorter record"))
+        raise refusal(member.where, f"at most {_MOST_LINES} lines", "more", "export a shorter record")
     return text.split("\n")  # splitlines() would also split at the … of Windows-1252 read as Latin-1
 
 
 def _descriptors(lines: list[str], where: str) -> list[tuple[str, str]]:
-    if len(lines) > _MOST_DESCRIPTORS:
-        raise DataError(Problem(where, f"at most {_MOST_DESCRIPTORS} descriptors", "more", _AGAIN))
+    refuse_if(len(lines) > _MOST_DESCRIPTORS, where, f"at most {_MOST_DESCRIPTORS} descriptors", "more", _AGAIN)
     parts = [line.partition(":") for line in lines if ":" in line]
-    if not parts:
-        raise DataError(Problem(where, "lines of the form Name :value", "none", _AGAIN))
+    refuse_if(not parts, where, "lines of the form Name :value", "none", _AGAIN)
     pairs = [(name.strip(), value.strip()) for name, _, value in parts]
     return [(name, value) for name, value in pairs if value.upper() not in ("", NO_VALUE)]
 
@@ -199,30 +185,28 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
         found = "an infinite one" if np.isinf(values).any() else ""
     except ValueError as error:
         found = printable(str(error).rpartition(":")[2].strip())
-    if found:
-        raise DataError(Problem(where, "one number a line after the header", found, _AGAIN))
+    refuse_if(found, where, "one number a line after the header", found, _AGAIN)
     return values
 
 
 def _number_in(header: Pairs, name: str, where: str) -> float | None:
-    if (text := _first_of(header, name)) is None:
+    if not (text := _first_of(header, name)):
         return None
     try:
         value = float(text.split()[0])  # "0.0001 s" occurs in practice
     except ValueError:
         value = np.nan
-    if not np.isfinite(value):
-        raise DataError(Problem(where, "a number", printable(text), _CORRECT, name))
+    refuse_if(not np.isfinite(value), where, "a number", printable(text), _CORRECT, name)
     return value
 
 
 def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
     value = _number_in(header, name, where)
-    unit = (_first_of(header, name) or "").split()[1:]
+    unit = _first_of(header, name).split()[1:]
     if value is None or not unit:
         return value
     if (named := vocabulary.unit_named(unit[0], "time")) is None:
-        raise DataError(Problem(where, "a time in s or ms", printable(unit[0]), _CORRECT, name))
+        raise refusal(where, "a time in s or ms", printable(unit[0]), _CORRECT, name)
     return value * UNITS["time"][named]
 
 
@@ -242,11 +226,11 @@ def record_of(test: IsommeTest, source: str) -> Record:
     on_vehicles = [pair for pair in along_x if pair[0].text[0].isdigit() and not pair[0].is_of_a_dummy]
     if not on_vehicles:
         expected = "an X acceleration of the vehicle (as 10VEHC000000ACXD)"
-        raise DataError(Problem(source, expected, f"none in {len(test.channels)} channels", "export it too"))
+        raise refusal(source, expected, f"none in {len(test.channels)} channels", "export it too")
     objects = {code.text[0] for code, _ in on_vehicles}
     vehicle = min({code.text[0] for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.text[0] == vehicle])
-    texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
+    texts = [test.descriptor(name) for name in ISOMME["kind"]]
     values = (value for _, value in test.descriptors)
     origin = next(filter(vocabulary.is_simulated, texts), "") or vocabulary.statement_of_simulation(values)
     recorded, untimed = dict[str, RecordedChannel](), dict[str, Problem]()
@@ -256,7 +240,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
             untimed[name] = Problem(f"{source}, {name}", expected, "none such", advice)
             continue
         label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
-        status = channel.status if vocabulary.doubt_of(channel.status) else code.dullness or channel.status
+        status = code.status(channel.status)
         words = "the file", channel.source or origin, status, channel.sensor, channel.prefilter, channel.remark
         recorded[name] = RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, *words)
     if not recorded:
@@ -273,9 +257,11 @@ def record_of(test: IsommeTest, source: str) -> Record:
     if any(named[name][1].start_s is None for name in chosen or recorded):
         steps.append("No time of the first sample; find time zero.")
         zero = ""
-    side = test.descriptor(f"Impact side test object {vehicle}") or ""
-    other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
-    about = {name: test.descriptor(descriptor) or "" for name, descriptor in _ABOUT.items()}
+    side = test.descriptor(f"Impact side test object {vehicle}")
+    other = vocabulary.other_setup(texts) or (
+        f"impact side {printable(side)}" if side.upper() in ISOMME["other_side"] else ""
+    )
+    about = {name: test.descriptor(descriptor) for name, descriptor in ISOMME["about"].items()}
     barrier = ((f"0{one.code[1:]}", one) for one in test.channels if one.code[:1].upper() == "B")  # its test object
     codes = [(ChannelCode.parsed(text), one) for text, one in barrier]
     cells = [(code, one) for code, one in codes if code and code.text[12:14] == "FO" and code.is_along_x]
@@ -309,8 +295,8 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, list[s
     speed_mps = _quantity(test, (f"Velocity {its}", f"Velocity {its} lon."), "speed", "m/s")
     mass, front, rear = (_quantity(test, (f"{name} {its}",), "mass", "kg") for name in names)
     notes = [f"ISO-MME test, {printable(test.descriptor('Title') or test.name)}."]
-    if kind := test.descriptor(_ABOUT_THE_TEST[0]):
-        notes.append(f"{_ABOUT_THE_TEST[0]}: {printable(kind)}.")
+    if kind := test.descriptor("Type of the test"):
+        notes.append(f"Type of the test: {printable(kind)}.")
     told = Sentence("Speed {} from the .mme file.", vocabulary.speed(speed_mps or 0.0, form=".4g"))
     notes.append(told if speed_mps else f"No speed of {its} in the .mme file.")
     if front and rear:

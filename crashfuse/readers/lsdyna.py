@@ -16,7 +16,7 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import refusal, refuse_if
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
 from crashfuse.readers.lsdyna_binout import read_binout
@@ -74,7 +74,7 @@ class _RunFiles:
                 if (restarts, part) not in followers:
                     base, (before, lacking) = re.sub(r"_*(%\d+)?$", "", member.path.name), followers[0]
                     expected = f"{base}{'_' * before}{f'%{lacking:03d}' if lacking else ''} before it"
-                    raise DataError(Problem(member.where, expected, "none", COPY_ALL))
+                    raise refusal(member.where, expected, "none", COPY_ALL)
                 followers = [(restarts, part + 1), (restarts + 1, 0)]
             families.append([member for _, member in sorted(files.items())])
         return families
@@ -84,7 +84,7 @@ class _RunFiles:
         key = name.place if name.kind == "binout" else name.kind
         if key in files:
             expected, found = f"one {name.kind} of a run", f"{files[key].where} beside it"
-            raise DataError(Problem(member.where, expected, found, solver_run.KEEP_APART))
+            raise refusal(member.where, expected, found, solver_run.KEEP_APART)
         files[key] = member
 
     @property
@@ -119,8 +119,7 @@ def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
     home = path.stem if zipped else (path.parent if chosen else path).resolve().name
     places = sorted(runs)
     ids = _ids([place if place[-1] else place[:-1] for place in places], home)
-    if len(set(ids)) < len(ids):
-        raise DataError(Problem(path.name, "a name for each run", "one twice", "rename one"))
+    refuse_if(len(set(ids)) < len(ids), path.name, "a name for each run", "one twice", "rename one")
     return {run_id: runs[place] for run_id, place in zip(ids, places, strict=True)}
 
 
@@ -142,8 +141,7 @@ def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYN
 
     with opened_members(path, wanted, _KIND, limits) as (members, budget):
         runs = _runs_of(members, path)
-        if not runs:
-            raise DataError(Problem(path.name, _KIND, "none", "choose the folder of a run"))
+        refuse_if(not runs, path.name, _KIND, "none", "choose the folder of a run")
         most = min(_MOST_NODES, max(_MOST_IN_ALL // len(runs), _FEWEST_NODES))
 
         def record(run_id: str) -> Record:
@@ -163,7 +161,7 @@ def _record(run_id: str, source: str, files: _RunFiles, budget: Budget, most: in
     mass, mass_of = solver_run.impulse_mass(wall, proposed) or None, ""
     if energy is not None and energy > 0 and initial > 0:
         mass, mass_of = 2 * energy / initial**2, "from the kinetic energy at that speed (glstat)"
-    units = solver_run.units_of(proposed, source, mass, may_be_imperial=True)
+    units = solver_run.units_of(proposed, source, mass, imperial=True)
     speed_mps, no_speed, travels = solver_run.departure(proposed, units, (run.start, run.fastest), travel, source)
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units[2], travels, why]
     steps += solver_run.note_of_kept(len(run.nodes), run.total)
@@ -208,8 +206,7 @@ def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | Non
         glstat = energies_text(whole.chunks(budget), whole.where)
     if not matsum and (parts := files.text.get("matsum")) is not None:
         matsum = energies_text(parts.chunks(budget), parts.where)
-    if not run.nodes:
-        raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", ASK))
+    refuse_if(not run.nodes, files.first, "accelerations of nodes (nodout) or rigid bodies", "none", ASK)
     began = float(run.nodes[0].time[0])
     if run.is_cut:  # energies of what was before are not the crash's
         glstat, matsum = (
@@ -228,6 +225,6 @@ def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
     for chunk in file.chunks(budget):
         if content.tell() + len(chunk) > _MOST_UNZIPPED:
             expected = f"a binout of at most {_MOST_UNZIPPED >> 20} MiB in a zip"
-            raise DataError(Problem(file.where, expected, "more", "unpack the zip"))
+            raise refusal(file.where, expected, "more", "unpack the zip")
         content.write(chunk)
     return content

@@ -14,7 +14,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, printable, refusal
 from crashfuse.readers import lsdyna_histories
 from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, Histories, States
 from crashfuse.readers.members import ASK, COPY_AGAIN, COPY_ALL, CUT_SHORT, OTHER_KIND
@@ -146,7 +146,7 @@ class _LsdaFile:
         self._listed.extend((kind, count, offset))
         if len(self._listed) > 3 * _MOST_WANTED or len(self.folders) > _MOST_FOLDERS:
             expected = f"at most {_MOST_FOLDERS:,} states with {_MOST_WANTED:,} variables"
-            raise DataError(Problem(self._where, expected, "more", "write fewer states (DT in *DATABASE_NODOUT)"))
+            raise refusal(self._where, expected, "more", "write fewer states (DT in *DATABASE_NODOUT)")
 
     def _exactly(self, count: int, offset: int | None = None) -> bytes:
         if offset is not None:
@@ -157,7 +157,7 @@ class _LsdaFile:
         return content
 
     def _damaged(self, found: str) -> DataError:
-        return DataError(Problem(self._where, "a sound binout file of LS-DYNA", found, COPY_AGAIN))
+        return refusal(self._where, "a sound binout file of LS-DYNA", found, COPY_AGAIN)
 
 
 def _changed(folder: _Folder, path: str) -> _Folder:
@@ -198,7 +198,7 @@ class _Part:
             values = self.after.read(state, name)
         if values is not None and values.size != self.of.ids.size:
             expected = f"{name} of {self.of.ids.size} nodes in each state"
-            raise DataError(Problem(self.where, expected, f"{values.size} in {state[1]}", COPY_AGAIN))
+            raise refusal(self.where, expected, f"{values.size} in {state[1]}", COPY_AGAIN)
         return values
 
     def names(self, state: _Folder) -> set[str]:
@@ -297,8 +297,7 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
             if not states[database]:
                 continue
             if database not in metadata:
-                expected = f"the numbers of the nodes of {database} (metadata)"
-                raise DataError(Problem(where, expected, "none", COPY_ALL))
+                raise refusal(where, f"the numbers of the nodes of {database} (metadata)", "none", COPY_ALL)
             times = (file.read(state, "time") for state in states[database])
             time = np.array([np.nan if values is None or values.size != 1 else float(values[0]) for values in times])
             order = lsdyna_histories.latest(time.tolist())
@@ -316,7 +315,7 @@ def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
             at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
             if part.database == other.database and at_once and np.intersect1d(part.of.ids, other.of.ids).size:
                 expected, found = f"{part.database} of one run in a folder", f"the same nodes as in {part.where}"
-                raise DataError(Problem(other.where, expected, found, KEEP_APART))
+                raise refusal(other.where, expected, found, KEEP_APART)
 
 
 def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
@@ -340,8 +339,7 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
         forms = _DATABASES[part.database]
         there = [form for form in forms if form.format(axis) in part.names(part.states[0])]
         if forms[1] not in there:
-            expected, found = "velocities of nodes, and accelerations", f"none in {part.database}"
-            raise DataError(Problem(part.where, expected, found, ASK))
+            raise refusal(part.where, "velocities of nodes, and accelerations", f"none in {part.database}", ASK)
         for of, name in zip(values, forms, strict=True):
             if name not in there:
                 continue  # the velocities tell
@@ -350,8 +348,7 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
                 if row is not None:
                     of[:, place] = row[places]
                 elif place + 1 < len(part.states):
-                    expected = f"{name.format(axis)} in each state"
-                    raise DataError(Problem(part.where, expected, f"none in {state[1]}", COPY_AGAIN))
+                    raise refusal(part.where, f"{name.format(axis)} in each state", f"none in {state[1]}", COPY_AGAIN)
     return [
         History(labels[place], part.of.titles.get(labels[place], ""), part.time, accel, velocity)
         for place, accel, velocity in zip(places, *values, strict=True)

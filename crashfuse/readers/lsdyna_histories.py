@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, printable, refusal, refuse_if
 from crashfuse.readers.members import COPY_AGAIN
 from crashfuse.readers.solver_run import CUT, STAMP, History, axis_of_travel, departure_time, quality_by_histories
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
@@ -96,7 +96,7 @@ def check_count(values: int, where: str) -> None:
     """Raise a DataError for more values than are kept per run."""
     if values > MOST_VALUES:
         expected = f"at most {MOST_VALUES:,} states times nodes"
-        raise DataError(Problem(where, expected, "more", "write fewer nodes (*DATABASE_HISTORY_NODE) or states"))
+        raise refusal(where, expected, "more", "write fewer nodes (*DATABASE_HISTORY_NODE) or states")
 
 
 def _lines_of(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
@@ -105,7 +105,7 @@ def _lines_of(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
         *whole, rest = (rest + chunk).split(b"\n")
         yield from whole
         if len(rest) > _LONGEST_LINE:
-            raise DataError(Problem(where, "lines of text", "one without an end", f"choose the {where} of a run"))
+            raise refusal(where, "lines of text", "one without an end", f"choose the {where} of a run")
     if rest:
         yield rest
 
@@ -115,7 +115,7 @@ def _number(cell: bytes, where: str) -> float:
     try:
         return float(plain if "E" in plain else _NO_EXPONENT_LETTER.sub(r"E\1", plain))
     except ValueError:
-        raise DataError(Problem(where, "numbers", repr(printable(cell.decode("latin-1"), 40)), COPY_AGAIN)) from None
+        raise refusal(where, "numbers", repr(printable(cell.decode("latin-1"), 40)), COPY_AGAIN) from None
 
 
 def energies_text(chunks: Iterable[bytes], where: str) -> States:
@@ -204,7 +204,7 @@ class _Nodout:
     def _damaged(self) -> DataError:
         whole = min((len(values) for values in self._series.values()), default=0) // 6
         found = f"one that cannot be read after state {whole}"
-        return DataError(Problem(self._where, "rows with all values of each node", found, COPY_AGAIN))
+        return refusal(self._where, "rows with all values of each node", found, COPY_AGAIN)
 
     def histories(self, title: str) -> Histories:
         if len(self._times) == 1:
@@ -215,12 +215,11 @@ class _Nodout:
             raise self._damaged()
         if not whole:
             expected = "velocities and accelerations of nodes (x-vel, x-accl …)"
-            raise DataError(Problem(self._where, expected, "none", "choose the nodout of a run"))
+            raise refusal(self._where, expected, "none", "choose the nodout of a run")
         time = np.array(self._times[:whole])
         # kinds (acceleration, velocity), axes, nodes, states
-        values = (
-            np.array([of[: 6 * whole] for of in self._series.values()]).reshape(-1, whole, 2, 3).transpose(2, 3, 0, 1)
-        )
+        values = np.array([of[: 6 * whole] for of in self._series.values()])
+        values = values.reshape(-1, whole, 2, 3).transpose(2, 3, 0, 1)
         fastest = np.maximum(np.abs(self._start).max(axis=1), np.abs(values[1]).max(axis=(1, 2)))
         along = values[:, axis_of_travel(self._start, self._travel, fastest)]
         nodes = tuple(
@@ -233,9 +232,7 @@ class _Nodout:
 
     def _rewind(self) -> None:
         place = bisect_left(self._times, self._now)
-        if not place:
-            expected, found = "one run", f"another, which begins at {self._now:.4g}"
-            raise DataError(Problem(self._where, expected, found, "split the file"))
+        refuse_if(not place, self._where, "one run", f"another, which begins at {self._now:.4g}", "split the file")
         self._notes.append(f"A restart repeats the states from {self._now:.4g} on: the later ones are read.")
         del self._times[place:]
         for values in self._series.values():

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from crashfuse.errors import CHECK_PATH, DataError, Problem, collecting
-from crashfuse.files.archive import Budget, Limits, Member, left_by_the_system, refuse, too_many, zip_members
+from crashfuse.errors import CHECK_PATH, Problem, collecting, refusal, refuse_all, refuse_if
+from crashfuse.files.archive import Budget, Limits, Member, left_by_the_system, too_many, zip_members
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -29,10 +29,9 @@ def opened_members(
             yield members, Budget(limits, path.stat().st_size)
         return
     if path.is_file() and not wanted(path):
-        raise DataError(Problem(path.name, kind, "a file of another kind", "choose its folder, or another format"))
+        raise refusal(path.name, kind, "a file of another kind", "choose its folder, or another format")
     folder = path.parent if path.is_file() else path
-    if not folder.is_dir():
-        raise DataError(Problem(str(path), kind, "no such folder or file", CHECK_PATH))
+    refuse_if(not folder.is_dir(), str(path), kind, "no such folder or file", CHECK_PATH)
     members, size = [], 0
     for file in sorted(files_below(folder)):
         if wanted(file) and file.is_file():
@@ -50,7 +49,7 @@ def read_all(items: Iterable[Item], read: Callable[[Item], Result], source: str)
     for item in items:
         with collecting(problems), np.errstate(all="ignore"):  # damaged data may hold any number
             results.append(read(item))
-    refuse(problems, source)
+    refuse_all(problems, source)
     return tuple(results)
 
 
@@ -59,7 +58,7 @@ def files_below(folder: Path) -> Iterator[Path]:
 
     def refuse(error: OSError) -> None:
         found, advice = error.strerror or str(error), "ask for the right to read it"
-        raise DataError(Problem(str(error.filename), "a folder that can be read", found, advice)) from error
+        raise refusal(str(error.filename), "a folder that can be read", found, advice) from error
 
     for home, folders, names in os.walk(folder, onerror=refuse):
         folders[:] = [name for name in folders if not left_by_the_system(name)]

@@ -18,21 +18,17 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.errors import DataError, Problem, printable, refusal, refuse_all, refuse_if
+from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import ONE_TEST, is_numbered, opened_members
 from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
-from crashfuse.readers.vocabulary import Doubt, doubt_in, doubt_of, iso_date, speed, sums_of, weight
+from crashfuse.readers.vocabulary import NHTSA, Doubt, doubt_in, doubt_of, iso_date, speed, sums_of, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS, Sentence
 
 _LONGEST_S = 100 * MS
-_STATUS = {"AM": "as measured", "CF": "channel failed", "CM": "computed", "QD": "questionable data"}
 _CENTRE = "VECG"
-_SETUPS = {"VTV": "vehicle into vehicle (VTV)", "ITV": "impactor into vehicle (ITV)", "VTP": "vehicle into pole (VTP)"}
-_REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
-_REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
 
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)  # beyond 1000 channels of 10,000 samples
 LACKING = "X accelerations of the vehicle", "download all channels of the test"  # expected, and advice
@@ -41,6 +37,9 @@ _AGAIN = "download it again"
 _TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
 _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
 _SPEED = 41
+_CODES = ("sensor", "occupant", "attachment", "axis", "unit", "status")
+_FIELDS = {"vehicle": 0, "sensor": 2, "occupant": 3, "attachment": 4, "axis": 5, "unit": 7, "cutoff": 8, "maker": 9}
+_FIELDS |= {"status": 17, "kind": 18, "comment": 19}
 _ABOUT = {"laboratory": 4, "test_number": 0, "reference": 6, "date": 3}  # fields of TEST; the number is the file's
 _MOST_LINES = 20_000  # of a specification
 _MOST_SAMPLES = 1_000_000
@@ -64,6 +63,14 @@ class Sensor:
     comment: str
     maker: str = ""
 
+    @classmethod
+    def of(cls, number: int, texts: Mapping[str, str]) -> "Sensor":
+        """From the texts of its fields by name, and ``cutoff`` and ``kind``; most are codes, in any case."""
+        codes = {name: texts[name].upper() for name in _CODES}
+        cutoff_hz, redundant = number_in(texts["cutoff"]) or None, texts["kind"].upper() == "R"
+        words = {name: texts[name] for name in ("vehicle", "comment", "maker")}
+        return cls(number=number, cutoff_hz=cutoff_hz, redundant=redundant, **codes, **words)
+
     @property
     def is_of_the_vehicle(self) -> bool:
         """Whether it is an X accelerometer on the vehicle, not on a dummy or the barrier."""
@@ -78,7 +85,7 @@ class Sensor:
     @property
     def quality(self) -> str:
         """The data status in words, else its code."""
-        return _STATUS.get(self.status, self.status)
+        return str(NHTSA["status"].get(self.status, self.status))
 
     @property
     def doubt(self) -> Doubt:
@@ -94,7 +101,7 @@ class Sensor:
     def is_at_the_rear(self) -> bool:
         """Whether it is on the floor behind the crush zone."""
         label = self.comment.upper()
-        return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
+        return self.attachment in NHTSA["rear_floor"] or ("REAR" in label and any(w in label for w in NHTSA["rear"]))
 
 
 def number_in(value: str | float) -> float:
@@ -116,7 +123,7 @@ def condition_steps(speed_kph: float, mass_kg: float, where: str) -> Iterator[st
 def other_configuration(setup: str, angle_deg: float) -> str:
     """The configuration, unless it is that of a full-frontal barrier test (VTB at 0°) or unknown."""
     usual = setup in ("VTB", "") and not angle_deg
-    return "" if usual else printable(f"{_SETUPS.get(setup, setup or 'unknown')} at {angle_deg:g}°")
+    return "" if usual else printable(f"{NHTSA['setup'].get(setup, setup or 'unknown')} at {angle_deg:g}°")
 
 
 def nhtsa_record(
@@ -141,7 +148,7 @@ def nhtsa_record(
             damaged[sensor] = error.problems[0]
     wanted, _ = _at_best_place([entry for entry in sensors if not entry.doubt])
     if set(wanted) & set(damaged) or not channels:
-        refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
+        refuse_all([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
     left_out = (f"Left out as damaged or empty: {', '.join(entry.shown for entry in damaged)}.",) if damaged else ()
     proposed, why = _proposed(channels)
     steps = (*notes, *left_out, *why)
@@ -149,18 +156,11 @@ def nhtsa_record(
     def likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
         return bool(sensor.doubt), not sensor.is_at_the_rear, sensor.attachment != _CENTRE
 
-    return Record(
-        stem.lstrip("vV"),
-        source,
-        condition,
-        tuple(channels[sensor] for sensor in sorted(channels, key=likelihood)),
-        proposed,
-        steps,
-        "0 is first contact, by the format's definition",
-        unread={str(entry.number): problem for entry, problem in damaged.items()},
-        other_setup=other_setup,
-        about={**about, "test_number": stem.lstrip("vV"), "date": iso_date(about["date"], "%d/%b/%Y")},
-    )
+    number, ordered = stem.lstrip("vV"), tuple(channels[sensor] for sensor in sorted(channels, key=likelihood))
+    about = {**about, "test_number": number, "date": iso_date(about["date"], "%d/%b/%Y")}
+    found = number, source, condition, ordered, proposed, steps, "0 is first contact, by the format's definition"
+    unread = {str(entry.number): problem for entry, problem in damaged.items()}
+    return Record(*found, unread=unread, other_setup=other_setup, about=about)
 
 
 def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
@@ -213,7 +213,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         candidates = of_first_vehicle(list({one.number: one for one in listed if one.number in files}.values()))
         if not candidates:
             have = f"{sum(entry.is_of_the_vehicle for entry in listed)} listed, none of them beside it"
-            raise DataError(Problem(specification.where, LACKING[0], have, LACKING[1]))
+            raise refusal(specification.where, LACKING[0], have, LACKING[1])
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
         condition, steps = _condition(sections, candidates[0].vehicle, specification.where)
         steps += other_vehicles([one for one in listed if one.number in files])
@@ -238,14 +238,13 @@ def _specification(members: Sequence[Member], path: Path) -> Member:
         found = [member for member in found if member.path.name == path.name]
     if len(found) != 1:
         advice = ONE_TEST if found else "download the specification (EV5) too"
-        raise DataError(Problem(path.name, "one .EV5 file", f"{len(found) or 'none'}", advice))
+        raise refusal(path.name, "one .EV5 file", f"{len(found) or 'none'}", advice)
     return found[0]
 
 
 def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
     lines = _lines(member, budget)
-    if len(lines) > _MOST_LINES:
-        raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", _AGAIN))
+    refuse_if(len(lines) > _MOST_LINES, member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", _AGAIN)
     sections: dict[str, list[list[str]]] = {}
     current: list[list[str]] = []
     for line in lines:
@@ -254,29 +253,15 @@ def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
         elif "|" in line:
             current.append([field.strip() for field in line.split("|")])
     for name in ("TEST", "VEHICLE", "INSTRUMENTATION"):
-        if not sections.get(name):
-            raise DataError(Problem(member.where, f"a section {name}", "none", _AGAIN))
+        refuse_if(not sections.get(name), member.where, f"a section {name}", "none", _AGAIN)
     return sections
 
 
 def _listed(fields: list[str], where: str) -> Sensor:
     if len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6):
         expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {printable('|'.join(fields))!r}"
-        raise DataError(Problem(where, expected, found, _AGAIN))
-    return Sensor(
-        vehicle=fields[0],
-        number=int(fields[1]),
-        sensor=fields[2].upper(),
-        occupant=fields[3].upper(),
-        attachment=fields[4].upper(),
-        axis=fields[5].upper(),
-        unit=fields[7].upper(),
-        cutoff_hz=number_in(fields[8]) or None,
-        status=fields[17].upper(),
-        redundant=fields[18].upper() == "R",
-        comment=fields[19],
-        maker=fields[9],
-    )
+        raise refusal(where, expected, found, _AGAIN)
+    return Sensor.of(int(fields[1]), {name: fields[index] for name, index in _FIELDS.items()})
 
 
 def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
@@ -288,13 +273,13 @@ def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
 def _samples(member: Member, budget: Budget) -> tuple[FloatArray, FloatArray]:
     lines = [line for line in _lines(member, budget) if line.strip()]
     if not 2 <= len(lines) <= _MOST_SAMPLES:
-        raise DataError(Problem(member.where, f"2 to {_MOST_SAMPLES} samples", f"{len(lines)}", _AGAIN))
+        raise refusal(member.where, f"2 to {_MOST_SAMPLES} samples", f"{len(lines)}", _AGAIN)
     try:
         table = np.array([line.split() for line in lines], dtype=np.float64)
     except ValueError:
         table = np.empty((0, 0))
     if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
-        raise DataError(Problem(member.where, "time and value on each line", "something else", _AGAIN))
+        raise refusal(member.where, "time and value on each line", "something else", _AGAIN)
     return table[:, 0].copy(), table[:, 1].copy()
 
 

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, DataError, printable, refusal, refuse_if
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.readers import radioss_history
 from crashfuse.readers.formats import FORMATS
@@ -57,6 +57,7 @@ _NAME = re.compile(
 )
 _BESIDE = re.compile(r".+_(?:(?!0000)\d{4}\.out|0000\.(?:rad|k|key))", re.IGNORECASE | re.DOTALL)
 _HEAD = 200  # bytes
+_Members = Mapping[PurePosixPath, Member]
 
 
 def read_binary(content: bytes, where: str) -> TimeHistory:
@@ -130,7 +131,7 @@ class _BinaryFile:
             curves += len(columns) * group.elements
             if curves > _MOST_CURVES or curves * len(time) > MOST_VALUES:
                 expected = f"at most {_MOST_CURVES:,} variables with {MOST_VALUES:,} values"
-                raise DataError(Problem(self._where, expected, "more", "watch fewer nodes (/TH/NODE)"))
+                raise refusal(self._where, expected, "more", "watch fewer nodes (/TH/NODE)")
             values = self._block(at).reshape(len(time), group.elements, len(group.codes))
             for place, (number, title) in enumerate(group.names):
                 name = f"{ACCELEROMETER}{number}" if group.kind == _ACCELEROMETERS else str(number)
@@ -204,7 +205,7 @@ class _BinaryFile:
         return found
 
     def _damaged(self, found: str) -> DataError:
-        return DataError(Problem(self._where, _KIND, found, _AGAIN))
+        return refusal(self._where, _KIND, found, _AGAIN)
 
 
 def _about(text: str) -> dict[str, str]:
@@ -230,20 +231,17 @@ def read_converted(content: bytes, where: str) -> TimeHistory:
     first = 1 + next((i for i, label in enumerate(labels[1:]) if label.casefold() not in names), len(labels) - 1)
     others = labels[first:]
     count = table.shape[1] - 1 - len(others)  # global histories that were written
-    if count < 0:
-        raise DataError(Problem(where, f"at least {1 + len(others)} columns", f"{table.shape[1]}", _IMPORT))
+    refuse_if(count < 0, where, f"at least {1 + len(others)} columns", f"{table.shape[1]}", _IMPORT)
     time = table[:, 0]
     if not np.isfinite(time).all() or (np.diff(time) <= 0).any():
         row = int(np.argmin(np.diff(time, prepend=-np.inf) > 0))
-        raise DataError(Problem(where, "a time that increases", f"{time[row]:g}", _IMPORT, "time", row + 2))
+        raise refusal(where, "a time that increases", f"{time[row]:g}", _IMPORT, "time", row + 2)
     model = {name: table[:, 1 + i] for i, name in enumerate(GLOBAL[:count])}
     watched, unread = _watched_of_csv(table, others, 1 + count, where)
-    return TimeHistory("", time, model, watched, unread, notes=(CUT,) if cut else ())
+    return TimeHistory("", time, model, tuple(watched), tuple(unread), notes=(CUT,) if cut else ())
 
 
-def _watched_of_csv(
-    table: FloatArray, labels: Sequence[str], start: int, where: str
-) -> tuple[tuple[Watched, ...], tuple[str, ...]]:
+def _watched_of_csv(table: FloatArray, labels: list[str], start: int, where: str) -> tuple[list[Watched], list[str]]:
     objects: dict[str, dict[str, FloatArray]] = {}
     for place, label in enumerate(labels, start):
         name, variable = _object_and_variable(label, place, where)
@@ -262,26 +260,25 @@ def _watched_of_csv(
         name = number if any(curve[0] in "DVv" for curve in curves) else f"{ACCELEROMETER}{number}"
         others = watched[name].curves if name in watched else {}
         watched[name] = Watched(name, title or group, table[:, 0], {**curves, **others})
-    return tuple(watched.values()), tuple(unread)
+    return [*watched.values()], unread
 
 
 def _labels(content: bytes, where: str) -> tuple[list[str], int]:
     """The labels, and where the numbers begin; a label may hold a line break."""
     if _BEGINS.match(content[:_HEAD]) is None:
-        raise DataError(Problem(where, _KIND, OTHER_KIND, _IMPORT))
+        raise refusal(where, _KIND, OTHER_KIND, _IMPORT)
     end, quotes, breaks = 0, 0, 0
     while not end or quotes % 2:  # to the first line break outside quotes
         begin, end, breaks = end, content.find(b"\n", end, _LONGEST_LABELS) + 1, breaks + 1
-        if not end or breaks > _MOST_COLUMNS:
-            raise DataError(Problem(where, _KIND, "no numbers", _IMPORT))
+        refuse_if(not end or breaks > _MOST_COLUMNS, where, _KIND, "no numbers", _IMPORT)
         quotes += content.count(b'"', begin, end)
     text = _STRAY.sub("", content[:end].decode("latin-1"))
     try:
         labels = next(csv.reader(io.StringIO(text)), [])
     except csv.Error as error:
-        raise DataError(Problem(where, _KIND, str(error), _IMPORT)) from error
+        raise refusal(where, _KIND, str(error), _IMPORT) from error
     if max(len(labels), content[end : end + _LONGEST_LABELS].partition(b"\n")[0].count(b",")) > _MOST_COLUMNS:
-        raise DataError(Problem(where, f"at most {_MOST_COLUMNS:,} columns", "more", _IMPORT))
+        raise refusal(where, f"at most {_MOST_COLUMNS:,} columns", "more", _IMPORT)
     labels = [label[:_LONGEST_LABEL].strip() for label in labels]
     while labels and not labels[-1]:
         labels.pop()
@@ -294,26 +291,22 @@ def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
     first = whole.partition(b"\n")[0]
     width = first.rstrip(b"\r,").count(b",") + 1
     if width * whole.count(b"\n") > MOST_VALUES:
-        raise DataError(Problem(where, "the values of a run", "more than any has", "convert fewer of them"))
+        raise refusal(where, "the values of a run", "more than any has", "convert fewer of them")
     try:
         frame = pd.read_csv(io.BytesIO(whole), header=None, dtype=np.float64, engine="c", index_col=False)
         table = frame.to_numpy(np.float64)[:, :width]
     except (ValueError, OverflowError, pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise DataError(Problem(where, "rows of numbers", printable(str(error)), _IMPORT)) from error
-    if len(table) < 2:
-        raise DataError(Problem(where, "at least two rows of numbers", f"{len(table)}", _IMPORT))
+        raise refusal(where, "rows of numbers", printable(str(error)), _IMPORT) from error
+    refuse_if(len(table) < 2, where, "at least two rows of numbers", f"{len(table)}", _IMPORT)
     short = np.isnan(table).any(axis=1)
-    if short[:-1].any():
-        row = int(short.argmax())
-        raise DataError(Problem(where, f"{width} numbers", "fewer", _IMPORT, row=row + 2))
+    refuse_if(short[:-1].any(), where, f"{width} numbers", "fewer", _IMPORT, row=int(short.argmax()) + 2)
     return (table[:-1], True) if short[-1] else (table, cut)
 
 
 def _object_and_variable(label: str, place: int, where: str) -> tuple[str, str]:
     if found := _UNNAMED.fullmatch(label):
         if int(found[2]) != place:
-            expected = f"this label over column {found[2]}"
-            raise DataError(Problem(where, expected, f"it over column {place}", _IMPORT, label))
+            raise refusal(where, f"this label over column {found[2]}", f"it over column {place}", _IMPORT, label)
         return found[1], f"var {place}"
     found = _NAMED.fullmatch(label)
     return (found[1], found[2]) if found else (label, f"var {place}")
@@ -336,8 +329,7 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
     with opened_members(path, wanted, _KIND, limits) as (members, budget):
         others = {member.path: member for member in members if _BESIDE.fullmatch(member.path.name)}
         runs = _runs([member for member in members if member.path not in others], path)
-        if not runs:
-            raise DataError(Problem(path.name, _KIND, "none", CHECK_PATH))
+        refuse_if(not runs, path.name, _KIND, "none", CHECK_PATH)
 
         def record(run_id: str) -> Record:
             first = runs[run_id][0].path
@@ -347,9 +339,7 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
         return read_all(runs, record, path.name)
 
 
-def _with_listing(
-    history: TimeHistory, first: PurePosixPath, others: Mapping[PurePosixPath, Member], budget: Budget
-) -> TimeHistory:
+def _with_listing(history: TimeHistory, first: PurePosixPath, others: _Members, budget: Budget) -> TimeHistory:
     run, about = _parts_of_name(first.name)[0], dict(history.about)
     mine = [path for path in sorted(others) if path.parent == first.parent and path.name.startswith(f"{run}_")]
     if listings := [path for path in mine if path.suffix.lower() == ".out"]:
@@ -404,7 +394,7 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
         numbers, names = [number for number, _ in parts], [file.path.name for _, file in parts]
         if numbers != list(range(1, len(parts) + 1)):
             expected, advice = "every part of the run once, from T01 on", "add those that are missing"
-            raise DataError(Problem(names[0], expected, " and ".join(names), advice))
+            raise refusal(names[0], expected, " and ".join(names), advice)
         read = []
         for _, file in parts:
             content = file.content(budget)

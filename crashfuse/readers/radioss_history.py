@@ -10,7 +10,7 @@ import numpy as np
 
 from crashfuse.cae_library import RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, refusal
 from crashfuse.readers import solver_run
 from crashfuse.readers.record import Record
 from crashfuse.readers.solver_run import FASTEST_MPS, LONGEST_S, History, Units
@@ -20,11 +20,12 @@ from crashfuse.units import MS
 
 # the global histories in the order of their codes, 1 first, as the solver's converter calls them
 GLOBAL = (
-    "INTERNAL ENERGY", "KINETIC ENERGY", "X-MOMENTUM", "Y-MOMENTUM", "Z-MOMENTUM", "MASS", "TIME STEP",
-    "ROTATION ENERGY", "EXTERNAL WORK", "SPRING ENERGY", "CONTACT ENERGY", "HOURGLASS ENERGY",
-    "ELASTIC CONTACT ENERGY", "FRICTIONAL CONTACT ENERGY", "DAMPING CONTACT ENERGY", "PLASTIC WORK", "ADDED MASS",
-    "PERCENTAGE ADDED MASS", "INLET MASS", "OUTLET MASS", "INLET ENERGY", "OUTLET ENERGY",
-)  # fmt: skip
+    *("INTERNAL ENERGY", "KINETIC ENERGY", "X-MOMENTUM", "Y-MOMENTUM", "Z-MOMENTUM", "MASS", "TIME STEP"),
+    *("ROTATION ENERGY", "EXTERNAL WORK", "SPRING ENERGY", "CONTACT ENERGY", "HOURGLASS ENERGY"),
+    *(f"{kind} CONTACT ENERGY" for kind in ("ELASTIC", "FRICTIONAL", "DAMPING")),
+    *("PLASTIC WORK", "ADDED MASS", "PERCENTAGE ADDED MASS", "INLET MASS", "OUTLET MASS", "INLET ENERGY"),
+    "OUTLET ENERGY",
+)
 
 MOST_VALUES = 40_000_000  # states times values kept of a file
 ACCELEROMETER = "accelerometer "  # what the names of accelerometers begin with; those of nodes are numbers
@@ -105,15 +106,14 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
     whole = parts[0]
     for part, name in zip(parts[1:], names[1:], strict=True):
         if _watched_curves(part) != _watched_curves(whole):
-            expected = f"nodes and accelerometers as in {names[0]}"
-            raise DataError(Problem(name, expected, "others", solver_run.KEEP_APART))
+            raise refusal(name, f"nodes and accelerometers as in {names[0]}", "others", solver_run.KEEP_APART)
         start = float(part.time[0])
         early = whole.time < start
         last = whole.time[early][-3:]
         steps = np.diff(last)
         if not last.size or (steps.size and start - last[-1] > _STEPS * steps.max()):
             expected = f"states from {last[-1]:g} on" if last.size else "states after those before it"
-            raise DataError(Problem(name, expected, f"the first at {start:g}", "add the file that lies between"))
+            raise refusal(name, expected, f"the first at {start:g}", "add the file that lies between")
         watched = []
         for one, later in zip(whole.watched, part.watched, strict=True):
             kept = one.time < start
@@ -232,8 +232,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     if run.unread:
         steps.append(f"Not read: {listed(run.unread)}.")
     if mass is not None and solver_run.mass_unit_kg(mass, units[1] or "m/s²") is None:
-        expected, found = "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g"
-        raise DataError(Problem(source, expected, found, "choose another run"))
+        raise refusal(source, "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g", "choose another run")
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
     steps += solver_run.note_of_kept(len(kept), len(nodes))
     impulse = run.walls.get("XYZ"[axis])  # walls are written as impulses, not as forces

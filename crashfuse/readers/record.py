@@ -4,7 +4,7 @@ Numbers and signs are as found. Time zero, sign and unit are settled in one plac
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from crashfuse.cae_library import RunQuality
 from crashfuse.condition import ABOUT, About
 from crashfuse.errors import DataError, Problem, UsageError, printable
-from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_in, doubt_of, is_computed, is_simulated, weight
+from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_in, doubt_of, is_simulated, mentions, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
 from crashfuse.units import Sentence, joined
@@ -27,41 +27,50 @@ _Signal = tuple[FloatArray, FloatArray]  # time in s, and force in N
 
 
 @dataclass(frozen=True, slots=True)
-class AxleWeights:
-    """A vehicle's weights as stated by one source (a file or a user); None where not stated."""
+class PartialCondition:
+    """The condition as far as a file or a user states it; None where it is not stated."""
 
-    mass_kg: float | None = None
-    front_kg: float | None = None
-    rear_kg: float | None = None
+    speed_mps: float | None = None
+    mass_kg: float | None = None  # of the whole vehicle, for files without axle weights
+    front_weight_kg: float | None = None
+    rear_weight_kg: float | None = None
+    factors: tuple[tuple[str, str], ...] = ()  # what else is worth keeping (make, model, barrier)
     front_share: float | None = None  # front axle's share of the mass
 
     @property
-    def n_stated(self) -> int:
-        """How many of the four values are stated."""
-        return sum(value is not None for value in astuple(self))
+    def weights(self) -> tuple[float | None, float | None, float | None, float | None]:
+        """Mass, front and rear weight and front share, as stated."""
+        return self.mass_kg, self.front_weight_kg, self.rear_weight_kg, self.front_share
 
-    def overruled(self, by: "AxleWeights") -> "AxleWeights":
-        """These weights, less what contradicts ``by``: two values tell all; one keeps share, mass or other axle."""
-        if by.n_stated == 0:
-            return self
-        if by.n_stated > 1:
-            return by
+    def overruled(self, by: "PartialCondition") -> "PartialCondition":
+        """The condition with the values of ``by`` taking precedence; for weights see :meth:`weights_by`."""
+        stated = {field.name: value for field in fields(by) if (value := getattr(by, field.name)) not in (None, ())}
+        weights = self.weights_by(by)
+        front, rear = weights.axles()
+        mass = {"mass_kg": weights.mass_kg, "front_weight_kg": front, "rear_weight_kg": rear, "front_share": None}
+        return replace(self, **{**stated, **mass})
+
+    def weights_by(self, by: "PartialCondition") -> "PartialCondition":
+        """Its weights, less what contradicts ``by``: two values tell all; one keeps share, mass or other axle."""
+        n_stated = sum(value is not None for value in by.weights)
+        if n_stated != 1:
+            return by if n_stated else self
         front, rear = self.axles()
         whole = None if front is None or rear is None else front + rear
         if by.mass_kg is not None:
             if front is not None and whole:
-                return AxleWeights(by.mass_kg, front_share=front / whole)
-            return AxleWeights(by.mass_kg, front, rear, self.front_share)
+                return PartialCondition(mass_kg=by.mass_kg, front_share=front / whole)
+            return PartialCondition(None, by.mass_kg, front, rear, front_share=self.front_share)
         if by.front_share is not None:
-            return AxleWeights(self.mass_kg if whole is None else whole, front_share=by.front_share)
-        front, rear = (front, by.rear_kg) if by.front_kg is None else (by.front_kg, rear)
+            return PartialCondition(mass_kg=self.mass_kg if whole is None else whole, front_share=by.front_share)
+        front, rear = (front, by.rear_weight_kg) if by.front_weight_kg is None else (by.front_weight_kg, rear)
         if front is not None and rear is not None:
-            return AxleWeights(None, front, rear)
-        return AxleWeights(self.mass_kg, by.front_kg, by.rear_kg, self.front_share)
+            return PartialCondition(front_weight_kg=front, rear_weight_kg=rear)
+        return replace(by, mass_kg=self.mass_kg, front_share=self.front_share)
 
     def axles(self) -> tuple[float | None, float | None]:
         """Front and rear weight in kg, as far as they can be derived."""
-        mass, front, rear, share = self.mass_kg, self.front_kg, self.rear_kg, self.front_share
+        mass, front, rear, share = self.weights
         if front is None and rear is None and mass is not None and share is not None:
             front = share * mass
         elif front is None and rear is not None:
@@ -71,14 +80,14 @@ class AxleWeights:
         return front, rear
 
     def contradiction(self) -> str:
-        """The contradiction between stated values; empty if there is none."""
+        """The contradiction between stated weights; empty if there is none."""
         front, rear = self.axles()
-        stated = [value for value in (self.mass_kg, self.front_kg, self.rear_kg) if value is not None]
+        stated = [value for value in self.weights[:3] if value is not None]
         if front is None or rear is None or not all(0 < value < np.inf for value in stated):
             return ""
         whole = front + rear
         if self.mass_kg is not None and (min(front, rear) <= 0 or abs(self.mass_kg - whole) > _UNEQUAL * whole):
-            loads = [Sentence("{}", weight(value)) for value in (self.front_kg, self.rear_kg) if value is not None]
+            loads = [Sentence("{}", weight(value)) for value in self.weights[1:3] if value is not None]
             return Sentence("{} on the axles with a mass of {}", joined(loads, " and "), weight(self.mass_kg))
         if self.front_share is not None and abs(self.front_share - front / whole) > _UNEQUAL:
             return f"{100 * front / whole:.3g} % of the mass in front, and {100 * self.front_share:.3g} %"
@@ -86,9 +95,9 @@ class AxleWeights:
 
     @property
     def stated(self) -> str:
-        """The names of the values that are stated; "none" if there are none."""
+        """The names of the weights that are stated; "none" if there are none."""
         words = "mass", "front weight", "rear weight", "front share"
-        present = [name for name, value in zip(words, astuple(self), strict=True) if value is not None]
+        present = [name for name, value in zip(words, self.weights, strict=True) if value is not None]
         return f"the {' and the '.join(present)} alone" if present else "none"
 
 
@@ -96,32 +105,6 @@ def _other_axle(mass: float | None, one: float, share: float | None) -> float | 
     if mass is not None:
         return mass - one
     return None if not share else one / share - one
-
-
-@dataclass(frozen=True, slots=True)
-class PartialCondition:
-    """The condition as far as a file states it; None where it does not."""
-
-    speed_mps: float | None = None
-    mass_kg: float | None = None  # of the whole vehicle, for files without axle weights
-    front_weight_kg: float | None = None
-    rear_weight_kg: float | None = None
-    factors: tuple[tuple[str, str], ...] = ()  # what else is worth keeping (make, model, barrier)
-
-    def overruled(self, by: "PartialCondition") -> "PartialCondition":
-        """Return the condition with the values of ``by`` taking precedence; for weights see :class:`AxleWeights`."""
-        stated = {field.name: value for field in fields(by) if (value := getattr(by, field.name)) not in (None, ())}
-        return replace(self, **stated).weighing(self.weights.overruled(by.weights))
-
-    def weighing(self, weights: AxleWeights) -> "PartialCondition":
-        """Return the condition with these weights, including those derived from them."""
-        front, rear = weights.axles()
-        return replace(self, mass_kg=weights.mass_kg, front_weight_kg=front, rear_weight_kg=rear)
-
-    @property
-    def weights(self) -> AxleWeights:
-        """The stated weights."""
-        return AxleWeights(self.mass_kg, self.front_weight_kg, self.rear_weight_kg)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -167,7 +150,7 @@ class RecordedChannel:
     def doubt(self) -> Doubt:
         """What speaks against it, by the file."""
         stated = max(doubt for _, doubt in self._accounts)
-        return max(stated, Doubt.SOME if is_computed(self.origin) else Doubt.NONE)
+        return max(stated, Doubt.SOME if mentions(self.origin, "computed") else Doubt.NONE)
 
     @property
     def _accounts(self) -> list[tuple[str, Doubt]]:
@@ -178,7 +161,7 @@ class RecordedChannel:
     def remark(self) -> str:
         """The file's words that speak against it; empty if it is measured and sound."""
         status = next((text for text, doubt in self._accounts if doubt), "")
-        origin = self.origin if self.is_simulated or is_computed(self.origin) else ""
+        origin = self.origin if self.is_simulated or mentions(self.origin, "computed") else ""
         return ", ".join(printable(text, 60) for text in (status, origin) if text)
 
 

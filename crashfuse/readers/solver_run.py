@@ -13,10 +13,9 @@ import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
-from crashfuse.errors import DataError, Problem
-from crashfuse.readers import vocabulary
+from crashfuse.errors import refusal
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, Travel, iso_date, speed, weight
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, PLACES_BY_TITLE, Travel, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
 from crashfuse.units import KPH, MS, G, Sentence, number
@@ -27,13 +26,6 @@ KEEP_APART = "keep each run in a folder of its own"
 _ALIASED = 0.05  # of the velocity
 _ALIKE = 0.1  # of the median travel
 _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
-_PLACES = (
-    (r"(?=.*\b(rear|rr|hinten)\b)(?=.*(cross|x ?mem|x ?mbr|floor|sill|seat|tunnel))", "at the rear, behind the crush"),
-    (r"\b(c\.?o?\.?g|cent(er|re) of gravity|schwerpunkt)\b", "at the centre of gravity"),
-    (r"tunnel", vocabulary.TUNNEL),
-    (r"\b(sill|rocker)", vocabulary.SILLS),
-    (r"\bb ?pillar", vocabulary.PILLARS),
-)
 _SLOWEST_MPS = 1.0
 _LEAST_OF_FASTEST = 0.2  # a vehicle is at its fastest when it sets out; what is accelerated first is none
 _AT_SPEED, _AT_REST, _AT_ONCE = 0.98, 0.05, 5.0  # shares of the largest speed; by so much faster set than lost
@@ -132,7 +124,7 @@ def integral(values: FloatArray, time: FloatArray) -> FloatArray:
 
 def titled_nodes(nodes: Sequence[History]) -> tuple[list[History], str] | None:
     """The nodes whose titles name a place of accelerometers, and the reason; None if no title does."""
-    for words, where in _PLACES:
+    for where, words in PLACES_BY_TITLE.items():
         named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not is_on_a_dummy(node)]
         if named:
             named = _finest(named)
@@ -209,14 +201,11 @@ def departure_time(nodes: Sequence[History], travel: Travel | None) -> float:
     return float(time[first] if is_set else time[0])
 
 
-def units_of(
-    nodes: Sequence[History], source: str, mass: float | None = None, *, may_be_imperial: bool = False
-) -> Units:
+def units_of(nodes: Sequence[History], source: str, mass: float | None = None, *, imperial: bool = False) -> Units:
     """The units of a run, by how long it lasts and how fast its nodes are, and by its mass in the run's own unit."""
     end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
     if not 0 < end <= _LONGEST_MS:
-        found = f"a run that ends at {end:g}"
-        raise DataError(Problem(source, "a crash in s or ms", found, "choose a run in mm, ms, kg or SI"))
+        raise refusal(source, "a crash in s or ms", f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI")
     step = (end - float(nodes[0].time[0])) / max(nodes[0].time.size - 1, 1)
     told = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
     if end > LONGEST_S or (step > _SLOWEST_S and not fastest >= _SLOWEST_MMPS):
@@ -225,9 +214,9 @@ def units_of(
         return 1.0, "mm/s²", f"Units mm and s: {told}."
     may_be = ("m/s²", "ft/s²") if 0 < fastest <= FASTEST_MPS else ("in/s²", "cm/s²")
     fitting = [unit for unit in may_be if mass is not None and mass_unit_kg(mass, unit) is not None]
-    if may_be_imperial and len(fitting) == 1 and fitting[0] != "m/s²":
+    if imperial and len(fitting) == 1 and fitting[0] != "m/s²":
         return 1.0, fitting[0], f"Units {fitting[0].partition('/')[0]} and s, by the mass: {told}."
-    if may_be[0] == "m/s²" and (fitting or not may_be_imperial or not _is_too_hard(nodes)):
+    if may_be[0] == "m/s²" and (fitting or not imperial or not _is_too_hard(nodes)):
         return 1.0, "m/s²", f"SI units: {told}."
     speeds = (number(fastest * ACCELERATION_UNITS[of] / KPH, ".1f") for of in may_be)
     options = " or ".join(f"{kph} km/h if in {of}" for kph, of in zip(speeds, may_be, strict=True))
@@ -270,14 +259,14 @@ def departure(
     if travel is None and (not moves or is_aslant):
         expected = "a vehicle that travels along one axis" if moves else "nodes that are fastest when they set out"
         advice = "choose a run in the vehicle's axes, or give axis and speed (--travel, --speed-kph)"
-        raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
+        raise refusal(source, expected, f"{at_start} at the start, at most {at_most}", advice)
     if travel is not None:
         if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
             expected = f"nodes that move along {travel}, as given"
-            raise DataError(Problem(source, expected, f"at most {at_most}", "check the direction (--travel)"))
+            raise refusal(source, expected, f"at most {at_most}", "check the direction (--travel)")
         if moves and found != travel:
             advice = f"check the direction (--travel {found})"
-            raise DataError(Problem(source, f"nodes that set out along {travel}", f"along {found}", advice))
+            raise refusal(source, f"nodes that set out along {travel}", f"along {found}", advice)
     sentence = f"Travel along {travel or found}, {'as the nodes set out' if travel is None else 'given by the user'}."
     if is_aslant:
         sentence = f"Careful: travel along {travel}, given by the user, but nodes set out at {at_start} at most."

@@ -13,27 +13,11 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, refusal
 from crashfuse.files.csv_text import MOST_ROWS
 from crashfuse.readers.members import ONE_CLOCK
-from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel, proposal
-from crashfuse.readers.table_headers import (
-    OF_A_DUMMY,
-    OTHER_DIRECTION,
-    ColumnRole,
-    ColumnUse,
-    axis_by_motion,
-    bare_name,
-    cutoff_of,
-    exchange_axes,
-    filter_order,
-    is_ahead,
-    names_a_dummy,
-    place_of,
-    use_of,
-    why_no_acceleration,
-    why_not_the_vehicle,
-)
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
+from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnRole, ColumnUse, Heading, axis_by_motion
 from crashfuse.readers.table_sheet import SAMPLE, Sheet, numbers_rows
 from crashfuse.readers.vocabulary import UNITS, Travel, is_simulated, unit_named
 from crashfuse.signals.pulse import FloatArray
@@ -97,7 +81,7 @@ def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
     of_x = {use.column for use in plain.of("acceleration")}
     by_axis = {"x": plain}
     for axis in "yz":
-        if any(exchange_axes(name, axis) != name for name in (*sheet.columns, *chain(*sheet.titles), *sheet.heading)):
+        if any(Heading(name).along(axis) != name for name in (*sheet.columns, *chain(*sheet.titles), *sheet.heading)):
             by_axis[axis] = _along(sheet, axis)
     columns = {}
     for axis, mapping in by_axis.items():
@@ -111,7 +95,7 @@ def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
 def _along(sheet: Sheet, axis: str) -> Mapping:
     sample = replace(sheet, cells=sheet.cells.head(SAMPLE))
     uses = [
-        replace(use_of(exchange_axes(column, axis), unit), column=column)
+        replace(Heading(Heading(column).along(axis), unit).use, column=column)
         for column, unit in zip(sheet.columns, sheet.units, strict=True)
     ]
     if not any(use.role in _OF_CONDITIONS for use in uses):
@@ -139,21 +123,22 @@ def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, a
     begun = next((part for part in (sample, sheet) if part.filled(use.column)), None)
     if begun is None:
         return ColumnUse(use.column, "ignored", None, "it is empty")
-    above = [exchange_axes(text, axis) for text in sheet.said_of(use.column)[1:]]
+    above = [Heading(text).along(axis) for text in sheet.said_of(use.column)[1:]]
     if use.is_unknown:
-        own = exchange_axes(use.column, axis)
-        titled = [(replace(use_of(f"{own} {text}", unit_cell), column=use.column), text) for text in above]
+        own = Heading(use.column).along(axis)
+        titled = [(replace(Heading(f"{own} {text}", unit_cell).use, column=use.column), text) for text in above]
         use, text = next(((one, text) for one, text in titled if not one.is_unknown), (use, ""))
         if not use.is_unknown and use.role != "acceleration":
             why = use.why if use.role == "ignored" else "no acceleration"
             return ColumnUse(use.column, "ignored", None, f"{why}: {printable(text, 60)}")
         use = replace(use, why=f"its title is {printable(text, 60)}") if text else use
     if use.is_unknown:
-        why_not = why_not_the_vehicle(own) or why_no_acceleration(use.column, unit_cell)
+        why_not = Heading(own).why_not_the_vehicle or Heading(use.column, unit_cell).why_no_acceleration
         if why_not or not _numeric(begun, use.column):
             return ColumnUse(use.column, "ignored", None, why_not or "no numbers")
     for text in above:
-        why_not = why_not_the_vehicle(text) or (why_no_acceleration(text, "") if use.is_unknown else "")
+        title = Heading(text)
+        why_not = title.why_not_the_vehicle or (title.why_no_acceleration if use.is_unknown else "")
         if why_not:
             return replace(use, role="ignored", unit=None, why=f"{why_not}: {printable(text, 60)}")
     return replace(use, why="it has no name") if use.is_unknown and sheet.has_row_names(use.column) else use
@@ -197,9 +182,9 @@ def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUs
     for use in uses:
         clock = use.column if use.column in times else clock
         clock_of[use.column] = clock
-    by_filter = sorted((use for use in uses if use.role == "acceleration"), key=lambda use: filter_order(use.column))
-    for use in by_filter:
-        least_filtered.setdefault((clock_of[use.column], place_of(use.column)), use)
+    accelerations = [use for use in uses if use.role == "acceleration"]
+    for use in sorted(accelerations, key=lambda use: Heading(use.column).filter_order):
+        least_filtered.setdefault((clock_of[use.column], Heading(use.column).place), use)
     used = {clock_of[use.column] for use in least_filtered.values()} or {times[0]}
     used = set(times) if "" in used else used  # the user must say which time applies
     settled = []
@@ -210,7 +195,7 @@ def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUs
         elif role == "time":
             role, why = "ignored", f"{', '.join(sorted(used))} is the time"
         elif role == "acceleration":
-            best = least_filtered[clock_of[use.column], place_of(use.column)]
+            best = least_filtered[clock_of[use.column], Heading(use.column).place]
             role, why = (role, why) if best is use else ("ignored", f"{best.column} is less filtered")
         elif role not in ("id", "ignored"):
             role, why = "ignored", "not part of a pulse"
@@ -239,7 +224,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
         raise DataError([_one_column(sheet, role, mapping.of(role)) for role, fine in wanted.items() if not fine])
     time, time_steps = _seconds(sheet, times[0])
     proposed = [use.column for use in accelerations if use.why != _CHOSEN]
-    ahead = {column for column in proposed if any(map(is_ahead, sheet.said_of(column)))}
+    ahead = {column for column in proposed if any(Heading(text).is_ahead for text in sheet.said_of(column))}
     behind = tuple(use for use in accelerations if use.column not in ahead)
     excluded = any(use.why.startswith((OTHER_DIRECTION, OF_A_DUMMY)) for use in mapping.of("ignored"))
     noted = ""
@@ -251,15 +236,15 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     others = [f"{printable(use.column, 60)} ({use.why})" for use in mapping.of("ignored") if use.why]
     more = f" and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
     left_out = f"Left out: {', '.join(others[:_LISTED])}{more}." if others else ""
-    is_dummy = names_a_dummy(sheet.name.partition(": ")[2] or sheet.name)
+    is_dummy = Heading(sheet.name.partition(": ")[2] or sheet.name).names_a_dummy
     doubt = f"Careful: by the name of {sheet.name} it is a dummy's." if is_dummy else ""
 
     def channel(use: ColumnUse, rows: _Rows) -> RecordedChannel:
         column, unit = use.column, use.unit if use.unit in UNITS["acceleration"] else None
         kept = rows[np.isfinite(values[column][rows])]
         _check_order(sheet, times[0], time, kept, once=True)
-        origin, accel = _origin(sheet, column), values[column][kept]
-        return RecordedChannel(column, bare_name(column), time[kept], accel, unit, cutoff_of(column), origin=origin)
+        origin, accel, heading = _origin(sheet, column), values[column][kept], Heading(column)
+        return RecordedChannel(column, heading.name, time[kept], accel, unit, heading.cutoff_hz, origin=origin)
 
     def behind_alone(columns: Sequence[str]) -> tuple[tuple[str, ...], str]:
         chosen = tuple(column for column in columns if column not in ahead)
@@ -286,17 +271,18 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     _check_order(sheet, times[0], time, rows, once=False)
     if together or len(accelerations) == 1:
         return (record(record_id, accelerations, rows),)
-    return tuple(record(bare_name(use.column), (use,), rows) for use in accelerations)
+    return tuple(record(Heading(use.column).name, (use,), rows) for use in accelerations)
 
 
 def _origin(sheet: Sheet, column: str) -> str:
     if "approach" in sheet.columns or {"lower_g", "upper_g"} <= set(sheet.columns):
         return "prediction"
-    names = set(map(bare_name, sheet.columns))
-    expected = re.sub(", (lower|upper)$", "", bare_name(column))
+    names = {Heading(name).name for name in sheet.columns}
+    own = Heading(column).name
+    expected = re.sub(", (lower|upper)$", "", own)
     if {expected, f"{expected}, lower", f"{expected}, upper"} <= names:  # as the tables of figures have them
         return "prediction"
-    texts = (bare_name(column), *sheet.titles_of(column), *(row[0] for row in sheet.titles), *sheet.heading)
+    texts = (own, *sheet.titles_of(column), *(row[0] for row in sheet.titles), *sheet.heading)
     return next(filter(is_simulated, texts), "") or sheet.origin
 
 
@@ -306,13 +292,12 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     if len(ids) != 1:
         raise DataError(_one_column(sheet, "id", ids))
     if len(sheet.cells) > MOST_ROWS:
-        expected = f"conditions in at most {MOST_ROWS:,} rows"
-        raise DataError(Problem(sheet.name, expected, "more", "leave some out"))
+        raise refusal(sheet.name, f"conditions in at most {MOST_ROWS:,} rows", "more", "leave some out")
     names = sheet.text(ids[0].column)
     name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
     if times != 1:
         found = f"{printable(name, 40)!r} {times} times" if times else "none"
-        raise DataError(Problem(sheet.name, "each id once", found, "correct the ids", ids[0].column))
+        raise refusal(sheet.name, "each id once", found, "correct the ids", ids[0].column)
     columns, problems = list[FloatArray | None](), list[Problem]()
     for role in (*_OF_CONDITIONS, "front_share"):
         with collecting(problems):
@@ -326,7 +311,7 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
             cells = (None if of is None or np.isnan(of[row]) else float(of[row]) for of in columns)
             speed, mass, front, rear, share = cells
             if front is None and rear is None:
-                front, rear = AxleWeights(mass, front_share=share).axles()
+                front, rear = PartialCondition(mass_kg=mass, front_share=share).axles()
             others = tuple((column, texts[row]) for column, texts in factors)
             conditions[name] = PartialCondition(speed, mass, front, rear, others)
     return conditions
@@ -354,7 +339,7 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
         grouped = re.compile(rf"[-+]?\d{{1,3}}({re.escape(sheet.decimal)}\d{{3}})?")
         if all(map(grouped.fullmatch, cells)):
             found = f"thousands separators, as in {max(cells, key=lambda cell: sheet.decimal in cell)}"
-            raise DataError(Problem(sheet.name, "decimal signs", found, "export without them", printable(column)))
+            raise refusal(sheet.name, "decimal signs", found, "export without them", printable(column))
     return numbers
 
 
@@ -370,7 +355,7 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows, *,
     texts, pair = sheet.text(use.column), rows[places[0] : places[0] + 2].tolist()
     before, after = (printable(texts[row], 20) for row in pair)
     column, row = printable(use.column), pair[1] + sheet.first_row
-    raise DataError(Problem(sheet.name, expected, f"{after} after {before}", advice, column, row))
+    raise refusal(sheet.name, expected, f"{after} after {before}", advice, column, row)
 
 
 def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:
@@ -380,9 +365,8 @@ def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]
         steps = [f"Time in {unit}: no unit is named, and the record is {length:.6g} long."]
     time_s, n_wraps = _unwrapped(time * UNITS["time"][unit])
     if n_wraps:
-        steps.append(
-            f"Time is counted on where the clock of {printable(use.column, 60)} begins anew ({n_wraps} times)."
-        )
+        clock = printable(use.column, 60)
+        steps.append(f"Time is counted on where the clock of {clock} begins anew ({n_wraps} times).")
     return time_s, tuple(steps)
 
 
@@ -422,7 +406,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
     if use.unit is not None:
         return values * UNITS[quantity][use.unit]
     expected = f"a unit in the header ({', '.join(UNITS[quantity])})"
-    raise DataError(Problem(sheet.name, expected, "none", "give its unit (--column COLUMN=ROLE:UNIT)", use.column))
+    raise refusal(sheet.name, expected, "none", "give its unit (--column COLUMN=ROLE:UNIT)", use.column)
 
 
 def _role_sentences(uses: Iterable[ColumnUse]) -> Iterator[str]:

@@ -18,10 +18,10 @@ from zipfile import BadZipFile, is_zipfile
 import numpy as np
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, printable, refusal, refuse_if
 from crashfuse.files.archive import Budget, Limits, Member, zip_members
 from crashfuse.files.csv_text import original
-from crashfuse.readers.table_headers import is_key, listed_channels, named_above, use_of
+from crashfuse.readers.table_headers import Heading, is_key, listed_channels, named_above
 from crashfuse.readers.vocabulary import statement_of_simulation, unit_named
 from crashfuse.signals.pulse import FloatArray
 
@@ -119,7 +119,7 @@ class Sheet:
             row = int(wrong[0])
             found = repr(printable(cells.iloc[row], 40))
             advice = "correct it, export without thousands separators, or map the column otherwise"
-            raise DataError(Problem(self.name, "a number", found, advice, printable(column), row + self.first_row))
+            raise refusal(self.name, "a number", found, advice, printable(column), row + self.first_row)
         return numbers
 
 
@@ -138,17 +138,17 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str, lines: Seq
     begin = _first_data_row(grid, decimal)
     if begin is None:
         expected, found = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows", "none"
-        raise DataError(Problem(name, expected, found, "export it with one header"))
+        raise refusal(name, expected, found, "export it with one header")
     lines = lines or ["\t".join(filter(None, row)) for row in grid[: begin + 1]]
     rows = zip(grid[:begin], lines, strict=False)
     above = [(_trimmed(row), line) for row, line in rows if any(cell.strip() for cell in row)]
     width, filled = len(grid[begin]), max(len(_trimmed(row)[: len(grid[begin])]) for row in grid[begin:])
     if (widest := max(width, len(above[-1][0]) if above else 0)) > _MOST_COLUMNS:
-        raise DataError(Problem(name, f"at most {_MOST_COLUMNS} columns", f"{widest}", "export fewer columns"))
+        raise refusal(name, f"at most {_MOST_COLUMNS} columns", f"{widest}", "export fewer columns")
     index = above.pop()[0] if _names_an_index([row for row, _ in above], filled) else []
     units = _popped_units(above, width)
     last = above[-1][0] if above else []
-    is_header = above and (len(last) >= max(filled - 1, 2) or use_of(last[0], "").role == "time")
+    is_header = above and (len(last) >= max(filled - 1, 2) or Heading(last[0]).use.role == "time")
     header, header_line = above.pop() if is_header else ([], "")
     names = [*index, *header[len(index) :]]
     if len(names) == filled - 1:
@@ -173,7 +173,7 @@ def _names_an_index(above: Sequence[Sequence[str]], width: int) -> bool:
     # one name below those of the other columns, as pandas writes it
     if len(above) < 2 or len(above[-1]) != 1 or not 1 < len(above[-2]) <= width:
         return False
-    is_free = not above[-2][0].strip() or use_of(above[-1][0], "").role == "time"
+    is_free = not above[-2][0].strip() or Heading(above[-1][0]).use.role == "time"
     return is_free and not any(_is_value(cell) for cell in above[-2][1:])
 
 
@@ -189,7 +189,7 @@ def _popped_units(above: list[tuple[list[str], str]], width: int) -> list[str]:
 def _is_of_titles(row: Sequence[str], width: int, *, is_last: bool) -> bool:
     if all(map(_is_value, row[1:])) or len(row) > width or all(map(is_unnamed, row)):
         return False
-    is_named = not row[0] or use_of(row[0], "").role == "time" or (is_last and not is_key(row[0]))
+    is_named = not row[0] or Heading(row[0]).use.role == "time" or (is_last and not is_key(row[0]))
     return width > 2 or is_named
 
 
@@ -255,12 +255,12 @@ def _aligned(names: list[str], data: Sequence[Sequence[str]], decimal: str, name
 
     if sum(is_number(cell, decimal) for cell in columns[-1]) < _MOST * len(rows):
         return [*names, ""]
-    clocks = [number for number, text in enumerate(names) if use_of(text, "").role == "time"]
+    clocks = [number for number, text in enumerate(names) if Heading(text).use.role == "time"]
     has_row_names = numbers_rows(columns[0]) or not any(is_number(cell, decimal) for cell in columns[0])
     if all(increases(number + 1) for number in clocks) and (clocks or has_row_names or increases(0)):
         return ["", *names]
     found = f"{len(names)} names above {len(names) + 1} columns of numbers"
-    raise DataError(Problem(name, "a name for each column", found, "name all columns"))
+    raise refusal(name, "a name for each column", found, "name all columns")
 
 
 class _Block(NamedTuple):
@@ -283,7 +283,7 @@ def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
         return block.numeric == most.numeric or (len(block.numeric) == width and max(between) < width - 1)
 
     begin = next(block.begin for block in blocks if block is most or goes_on(block))
-    return begin + (use_of(grid[begin][0], "").role == "time")  # a header whose other names are numbers
+    return begin + (Heading(grid[begin][0]).use.role == "time")  # a header whose other names are numbers
 
 
 def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_Block]:
@@ -309,7 +309,7 @@ def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_
 
 def _is_units(row: Sequence[str], width: int) -> bool:
     cells = [cell.strip() for cell in row]
-    if use_of(cells[0], "").role == "time" and unit_named(cells[0], "time") is None:
+    if Heading(cells[0]).use.role == "time" and unit_named(cells[0], "time") is None:
         return False
     named = sum(unit_named(cell) is not None for cell in cells)
     blank = sum(cell.strip("[]()- ") == "" for cell in cells)
@@ -341,8 +341,7 @@ def is_number(cell: str, decimal: str) -> bool:
 
 def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
     """Read every sheet that holds a table."""
-    if not is_zipfile(path):
-        raise DataError(Problem(path.name, "a sound workbook", "a damaged one (no zip)", _AGAIN))
+    refuse_if(not is_zipfile(path), path.name, "a sound workbook", "a damaged one (no zip)", _AGAIN)
     with path.open("rb") as stream:
         budget = Budget(limits, path.stat().st_size)
         uncalculated = [_examined(member, budget) for member in zip_members(stream, path.name, limits)]
@@ -350,7 +349,7 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
         from openpyxl import load_workbook
     except ImportError:
         advice = f"install crashfuse[excel], or {_AS_CSV}"
-        raise DataError(Problem(path.name, "openpyxl to read workbooks with", "none installed", advice)) from None
+        raise refusal(path.name, "openpyxl to read workbooks with", "none installed", advice) from None
     problems: list[Problem] = []
     found, cells = list[Sheet](), 0
     try:
@@ -360,7 +359,7 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
         ):
             sheets = book.worksheets
             if len(sheets) > (most := _MOST_SHEETS):
-                raise DataError(Problem(path.name, f"at most {most} sheets", f"{len(sheets)}", "leave out the others"))
+                raise refusal(path.name, f"at most {most} sheets", f"{len(sheets)}", "leave out the others")
             hidden = [printable(sheet.title, 40) for sheet in sheets if sheet.sheet_state != "visible"]
             for sheet in sheets:
                 if sheet.sheet_state != "visible":
@@ -375,7 +374,7 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
                     problems += [_explained(problem, rows, uncalculated) for problem in error.problems]
     except (BadZipFile, KeyError, ValueError, TypeError, AttributeError, IndexError, SyntaxError, OSError) as error:
         reason = printable(" ".join(str(error).split()), 150) or type(error).__name__
-        raise DataError(Problem(path.name, "a sound workbook", reason, _AGAIN)) from None
+        raise refusal(path.name, "a sound workbook", reason, _AGAIN) from None
     if not found:
         none = f"hidden ones alone ({', '.join(hidden)})" if hidden else "none"
         raise DataError(problems or Problem(path.name, "a sheet with a table", none, "export the data again"))
@@ -394,7 +393,7 @@ def _examined(member: Member, budget: Budget) -> bool:
         joined = end + chunk
         if max(marks.values()) > most or _ENDLESS.search(joined) or _FOREIGN.search(joined):
             found = f"more than {most // 2} elements, or what no workbook has"
-            raise DataError(Problem(member.where, "the XML of a workbook", found, _AS_CSV))
+            raise refusal(member.where, "the XML of a workbook", found, _AS_CSV)
         uncalculated = uncalculated or _NO_VALUE.search(joined) is not None
         end = joined[-_LONGEST_TAG:]
     return uncalculated
@@ -410,8 +409,7 @@ def _grid(rows: Iterator[tuple[object, ...]], name: str, most: int) -> list[list
         grid.append(shown)
         width = max(width, len(shown))
         cells += max(len(row), 1)
-        if cells > most or width * len(grid) > most:
-            raise DataError(Problem(name, f"at most {most} cells", "more", _AS_CSV))
+        refuse_if(cells > most or width * len(grid) > most, name, f"at most {most} cells", "more", _AS_CSV)
     return [row + [""] * (width - len(row)) for row in grid]
 
 

@@ -21,14 +21,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from crashfuse.errors import CHECK_PATH, NO_FILE, DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, NO_FILE, printable, refusal, refuse_if
 from crashfuse.files.archive import Limits
 from crashfuse.readers import table_sheet
 from crashfuse.readers.members import as_text
-from crashfuse.readers.table_headers import bare_name, names_a_test, use_of
+from crashfuse.readers.table_headers import Heading
 from crashfuse.readers.table_mapping import propose
 from crashfuse.readers.table_sheet import SAMPLE, SHEET_LIMITS, Header, Sheet
-from crashfuse.readers.vocabulary import UNITS, plain, unit_named, words
+from crashfuse.readers.vocabulary import HEADERS, UNITS, plain, unit_named, words
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import time_text
 
@@ -65,7 +65,7 @@ def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
     time_s += _DAY_S * np.cumsum(np.diff(time_s, prepend=time_s[0]) < -_DAY_S / 2)
     used = [column]
     for name, cell in zip(sheet.columns, sheet.units, strict=True):
-        unit = use_of(name, cell).unit or unit_named(name, "time")
+        unit = Heading(name, cell).use.unit or unit_named(name, "time")
         values = sheet.parsed(name) * UNITS["time"].get(unit or "", np.nan)
         if (np.diff(values) >= 0).all():
             return sheet  # a time that goes on
@@ -85,9 +85,7 @@ def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
 
 
 def _is_clock(cells: pd.Series) -> bool:
-    return (
-        len(cells) >= _FEWEST_TIMES and all(cells[:SAMPLE].str.fullmatch(_CLOCK)) and all(cells.str.fullmatch(_CLOCK))
-    )
+    return len(cells) >= _FEWEST_TIMES and all(all(some.str.fullmatch(_CLOCK)) for some in (cells[:SAMPLE], cells))
 
 
 def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
@@ -100,16 +98,20 @@ def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
         return (sheet,)
     blocks = [(*range(times[0]), *range(*ends)) for ends in pairwise([*times, len(roles)])]
     cells = [[row[number] for row in sheet.titles for number in block if row[number]] for block in blocks]
-    titles = [next(filter(names_a_test, of_block), next(iter(of_block), "")) for of_block in cells]
-    tests = len(set(titles)) == len(titles) and all(map(names_a_test, titles))
+    named = [[cell for cell in of_block if HEADERS["test"].fullmatch(plain(cell))] for of_block in cells]
+    titles = [next(chain(tests, of_block), "") for tests, of_block in zip(named, cells, strict=True)]
+    tests = len(set(titles)) == len(titles) and all(named)
     parts = []
     for block, title in zip(blocks, titles, strict=True):
         first = next(number for number in block if roles[number] == "acceleration")
         columns = sheet.of_columns(block)
         note = f"One of several times side by side: {', '.join(printable(name, 40) for name in columns.columns)}."
-        name = f"{sheet.name}: {printable(title if tests else bare_name(sheet.columns[first]), 60)}"
+        name = f"{sheet.name}: {printable(title if tests else Heading(sheet.columns[first]).name, 60)}"
         parts.append(replace(columns, name=name, part_of="" if tests else sheet.name, steps=(*sheet.steps, note)))
     return tuple(parts)
+
+
+_Column = tuple[str, str, pd.Series]  # name, unit and cells
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -155,17 +157,18 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
     decimal = "," if "," in entries.get("Decimal_Separator", entries.get("Time", "")) else "."
     segments = _segments(lines, delimiter, decimal)
     if not segments:
-        expected, advice = f"samples below a row of names that begins with {_TIME}", "save it with its headers"
-        raise DataError(Problem(name, expected, "none", advice))
+        raise refusal(
+            name, f"samples below a row of names that begins with {_TIME}", "none", "save it with its headers"
+        )
     width, n = len(segments[0].names), len(segments)
     lines = list(chain.from_iterable(segment.lines for segment in segments))
     if width > _MOST_COLUMNS or width * n > _MOST_COLUMNS_IN_ALL or width * len(lines) > _MOST_CELLS:
         expected = f"at most {_MOST_COLUMNS} columns ({_MOST_COLUMNS_IN_ALL} in all segments) and {_MOST_CELLS} cells"
-        raise DataError(Problem(name, expected, f"{width} columns in {n} segments", "save fewer channels"))
+        raise refusal(name, expected, f"{width} columns in {n} segments", "save fewer channels")
     if odd := next((segment for segment in segments if segment.names != segments[0].names), None):
-        raise DataError(Problem(name, "the same channels in all segments", "others", _APART, row=odd.first_row - 1))
+        raise refusal(name, "the same channels in all segments", "others", _APART, row=odd.first_row - 1)
     cells = _cells(lines, delimiter, width, name, segments[0].first_row)
-    columns: list[tuple[str, str, pd.Series]] = []
+    columns: list[_Column] = []
     clock_s: FloatArray | None = None
     for channel, time_s in _channels(segments, cells, decimal, name):
         if clock_s is None or not np.allclose(clock_s, time_s, rtol=0, atol=_SAME_S, equal_nan=True):
@@ -204,8 +207,8 @@ def _segments(lines: Sequence[str], delimiter: str, decimal: str) -> list[_Segme
 
 
 def _channels(
-    segments: Sequence[_Segment], cells: pd.DataFrame, decimal: str, name: str
-) -> Iterator[tuple[tuple[str, str, pd.Series], FloatArray]]:
+    segments: list[_Segment], cells: pd.DataFrame, decimal: str, name: str
+) -> Iterator[tuple[_Column, FloatArray]]:
     names = segments[0].names
     times = [number for number, text in enumerate(names) if text == _TIME]
     channels = [number for number, text in enumerate(names) if text != _TIME]
@@ -218,8 +221,7 @@ def _channels(
         pairs, shared = zip(segments, stated, strict=True), len(times) == 1
         time_s = np.concatenate([one.times(of, number, channels[0], is_shared=shared) for one, of in pairs])
         if not np.isfinite(time_s).any():
-            expected = f"times, or X0 and Delta_X, of {printable(names[number], 60)}"
-            raise DataError(Problem(name, expected, "none", "save them too"))
+            raise refusal(name, f"times, or X0 and Delta_X, of {printable(names[number], 60)}", "none", "save them too")
         unit = segments[0].cell("Y_Unit_Label", number)
         yield (names[number], unit, cells.iloc[:, number].reset_index(drop=True)), time_s
 
@@ -231,36 +233,35 @@ def _check_continues(time_s: FloatArray, segments: Sequence[_Segment], name: str
         gap_s, step_s = time_s[begin] - time_s[begin - 1], np.diff(time_s[max(begin - 2, 0) : begin])
         if not 0 < gap_s <= _LONGEST_GAP * (step_s[0] if step_s.size else np.inf):
             found = f"one from {time_s[begin]:.6g} s on after one to {time_s[begin - 1]:.6g} s"
-            raise DataError(Problem(name, "segments that continue each other", found, _APART, row=other.first_row))
+            raise refusal(name, "segments that continue each other", found, _APART, row=other.first_row)
 
 
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
     """The tables of a file: one per sheet, or one per time column in it."""
-    if not path.is_file():
-        raise DataError(Problem(str(path), "a table", NO_FILE, CHECK_PATH))
+    refuse_if(not path.is_file(), str(path), "a table", NO_FILE, CHECK_PATH)
     if path.stat().st_size > limits.member_bytes:
-        raise DataError(Problem(path.name, f"at most {limits.member_bytes >> 20} MiB a table", "more", _SHORTER))
+        raise refusal(path.name, f"at most {limits.member_bytes >> 20} MiB a table", "more", _SHORTER)
     if path.suffix.lower() in (".xlsx", ".xlsm"):
         return tuple(part for sheet in table_sheet.read_workbook(path, limits) for part in _split_by_clock(sheet))
     if path.suffix.lower() == ".xls":
-        raise DataError(Problem(path.name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx"))
+        raise refusal(path.name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx")
     return _split_by_clock(_text_sheet(path, limits))
 
 
 def _text_sheet(path: Path, limits: Limits) -> Sheet:
     content = path.read_bytes()
     if content.count(b"\n") + content.count(b"\r") > 2 * limits.rows:
-        raise DataError(Problem(path.name, f"at most {limits.rows} rows", "more", _SHORTER))
+        raise refusal(path.name, f"at most {limits.rows} rows", "more", _SHORTER)
     text = _decoded(content, path.name)
     lines = _with_quoted_breaks_joined(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
     del content, text
     if max(map(len, lines)) > _LONGEST_LINE:
-        raise DataError(Problem(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN))
+        raise refusal(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN)
     sample = lines[: max(1, min(SAMPLE, _LARGEST_SAMPLE // (1 + max(map(len, lines[:SAMPLE])))))]
     if lines[0].startswith("LabVIEW Measurement"):
         return _labview_sheet(lines, path.name)
     if lines[0].strip() == "Curveplot":
-        raise DataError(Problem(path.name, "a table", "a curve file of LS-PrePost", "save the curves as CSV"))
+        raise refusal(path.name, "a table", "a curve file of LS-PrePost", "save the curves as CSV")
     delimiter, decimal = _dialect([line for line in sample if line.strip()], path.name)
     grid = [_split(line, delimiter) for line in sample]
     if delimiter == " ":
@@ -274,7 +275,7 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     while rest and not rest[-1].strip(f" {delimiter}"):
         rest.pop()
     if len(rest) * len(header.columns) > _MOST_CELLS:
-        raise DataError(Problem(path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns"))
+        raise refusal(path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns")
     cells = _cells(rest, delimiter, len(header.columns), path.name, header.begin + 1)
     return table_sheet.sheet_of(path.name, header, cells, decimal, form)
 
@@ -294,19 +295,9 @@ def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_ro
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # cells beyond the width would be dropped
-            return pd.read_csv(
-                io.StringIO("\n".join(lines)),
-                sep=r"\s+" if delimiter == " " else delimiter,
-                header=None,
-                names=range(width),
-                index_col=False,
-                dtype=str,
-                keep_default_na=False,
-                na_filter=False,
-                skip_blank_lines=False,
-                skipinitialspace=True,
-                on_bad_lines="error",
-            )
+            text, between = io.StringIO("\n".join(lines)), r"\s+" if delimiter == " " else delimiter
+            form = {"header": None, "names": range(width), "index_col": False, "dtype": str, "na_filter": False}
+            return pd.read_csv(text, sep=between, skip_blank_lines=False, skipinitialspace=True, **form)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning, ValueError) as error:
         rows = ((at, _split(line, delimiter)) for at, line in enumerate(lines, start=first_row))
         longer = list(islice((row for row in rows if len(row[1]) > width), SAMPLE))
@@ -314,7 +305,7 @@ def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_ro
             _refuse_commas_in_numbers(longer, name, is_ragged=True)
         found = " ".join(str(error).split())[:160]
         advice = f"export it again (data begin in row {first_row})"
-        raise DataError(Problem(name, f"{width} cells in each row", found, advice)) from None
+        raise refusal(name, f"{width} cells in each row", found, advice) from None
 
 
 def _check_commas(grid: Sequence[Sequence[str]], name: str) -> None:
@@ -341,17 +332,15 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
         at, number = broken[0]
         expected, found = "a comma either between columns or in numbers", f"both, as in {number}"
         advice = "export it with plain decimal points, or with semicolons"
-        raise DataError(Problem(name, expected, found, advice, row=at))
+        raise refusal(name, expected, found, advice, row=at)
 
 
 def _decoded(content: bytes, name: str) -> str:
     text = "\x00"
     with suppress(UnicodeDecodeError):
-        text = (
-            content.decode("utf-16") if content[:2] in (b"\xff\xfe", b"\xfe\xff") else _in_likeliest_encoding(content)
-        )
-    if "\x00" in text:
-        raise DataError(Problem(name, "a table as text", "bytes that are no text", f"{_AGAIN} in UTF-8"))
+        is_utf16 = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+        text = content.decode("utf-16") if is_utf16 else _in_likeliest_encoding(content)
+    refuse_if("\x00" in text, name, "a table as text", "bytes that are no text", f"{_AGAIN} in UTF-8")
     return text
 
 
@@ -378,8 +367,7 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
             continue  # they are the same columns, and names may hold blanks
         if score > best_score:
             best, best_score, best_width = delimiter + decimal, score, width
-    if not best:
-        raise DataError(Problem(name, "two columns of numbers", "none", _AGAIN))
+    refuse_if(not best, name, "two columns of numbers", "none", _AGAIN)
     return best[0], best[1]
 
 

@@ -18,42 +18,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, DataError, Problem, printable, refusal, refuse_if
 from crashfuse.files.archive import Budget, Limits, Member
-from crashfuse.readers import nhtsa, table_headers, vocabulary
+from crashfuse.readers import nhtsa, vocabulary
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import ONE_TEST, opened_members, read_all
 from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
-from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse
+from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse, Heading
 from crashfuse.readers.tdms_container import Properties, TdmsChannel, TdmsFile, parse_tdms
-from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode
+from crashfuse.readers.vocabulary import PROPERTIES, UNITS, UNPLACED, ChannelCode
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, time_text
 
 _OF_NHTSA = {"laboratory": "tstprf", "test_number": "tstno", "reference": "tstref", "date": "tstdat"}
-_ABOUT = {  # words in the names of properties
-    "laboratory": r"lab(orator\w*|or)?([ _-]*name)?|test[ _-]*(facility|house|site)",
-    "test_number": r"test[ _-]*(no|nr|num(ber)?|id|ref\w*)\.?",
-    "date": r"(test[ _-]*)?date([ _-]*(of[ _-]*(the[ _-]*)?test|time))?",
-}
-_SENSOR = ("sensor", "sensor name", "sensor_name", "transducer id", "transducer_id", "serial number", "serial_number")
-_COMMENTS = ("comment", "comments", "remark", "remarks", "description")
+_FIELDS = {"sensor": "sentyp", "occupant": "senloc", "attachment": "senatt", "axis": "axis", "unit": "yunits"}
+_FIELDS |= {"status": "dastat", "cutoff": "prefil", "maker": "insman", "kind": "chstat", "comment": "inscom"}
+_ABOUT = {name: PROPERTIES[name] for name in ("laboratory", "test_number", "date")}
+_SENSOR, _COMMENTS = (PROPERTIES[name].split(", ") for name in ("sensor", "comment"))
 _MOST_CHANNELS = 200  # of a test that could be its pulse
 _ONE_CRASH_S = 10.0  # between loggers
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _MOST_VALUES = 20_000_000  # in all of them
 _MOST_CLOCKS = 1000
-_SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
-_PROCESSED = re.compile(r"raw|roh|filter|cfc|process|calc|resampl|copy", re.IGNORECASE)
-_ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)  # 1000 channels of 10,000 samples have 80 MB
 
 
-def _text_of(properties: Properties, name: str) -> str:
-    value = properties.get(name, "")
-    return value.strip() if isinstance(value, str) else f"{value:g}"
+def _text_of(properties: Properties, *names: str) -> str:
+    """The first that is not empty."""
+    values = (properties.get(name, "") for name in names)
+    texts = (value.strip() if isinstance(value, str) else f"{value:g}" for value in values)
+    return next(filter(None, texts), "")
 
 
 def _number_of(properties: Properties, name: str) -> float:
@@ -71,21 +67,21 @@ def _waveform(
         clock = unit_s * (start + increment * np.arange(values.size))
     if clock is None or clock.size != values.size:
         expected, advice = "samples and the time between them (wf_increment)", "export it with a channel of time"
-        raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice))
-    stated = _text_of(properties, "unit_string") or _text_of(properties, "inst_yunits")
-    unit = vocabulary.unit_named(stated, "acceleration")
+        raise refusal(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice)
+    unit = vocabulary.unit_named(_text_of(properties, "unit_string", "inst_yunits"), "acceleration")
     cutoff_hz = _number_of(properties, "inst_prefil") or None
     # descriptors of ISO-MME, which programs that convert it keep as properties, blanks or not
-    origin, status = (
-        _text_of(properties, f"data {name}") or _text_of(properties, f"data_{name}") for name in ("source", "status")
-    )
+    origin, status = (_text_of(properties, f"data {of}", f"data_{of}") for of in ("source", "status"))
     origin = origin or (channel.group if vocabulary.is_simulated(channel.group) else "")
-    sensor = next(filter(None, (_text_of(properties, key) for key in _SENSOR)), "")
+    sensor = _text_of(properties, *_SENSOR)
     code = ChannelCode.parsed(label)
-    status = status if code is None or vocabulary.doubt_of(status) else code.dullness or status
+    status = status if code is None else code.status(status)
     comment = max((_text_of(properties, key) for key in _COMMENTS), key=vocabulary.doubt_in)
     told = "the file", origin, status, sensor, "", comment
     return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, *told)
+
+
+_Named = Mapping[str, RecordedChannel]
 
 
 class _Candidate(NamedTuple):
@@ -99,17 +95,17 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     every = []
     for channel in file.channels:
         properties = file.properties_of(channel)
-        use = table_headers.use_of(" ".join(channel.name.split()), _text_of(properties, "unit_string"))
+        use = Heading(" ".join(channel.name.split()), _text_of(properties, "unit_string")).use
         every.append(_Candidate(channel, properties, use))
     found, what = [one for one in every if one.use.role == "acceleration"], "acceleration"
     if not found:
         unknown = [one for one in every if one.use.is_unknown and not _text_of(one.properties, "unit_string")]
-        found = [one for one in unknown if not table_headers.why_no_acceleration(one.channel.name, "")]
+        found = [one for one in unknown if not Heading(one.channel.name).why_no_acceleration]
         what = "channel"
     if not found:
         expected = "accelerations along X, by units (unit_string) and names"
-        raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
-    found = sorted(found, key=lambda one: table_headers.likelihood(one.channel.name))
+        raise refusal(where, expected, f"none of {len(every)}", "export them with their units")
+    found = sorted(found, key=lambda one: Heading(one.channel.name).likelihood)
     channels, unread, groups, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
@@ -131,7 +127,9 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         channels = {name: replace(one, label=f"group {groups[name]}") for name, one in channels.items()}
     if chosen and (unused := {*groups.values()} - {groups[name] for name in chosen}):
         steps.append(f"Left out: accelerations of other groups: {', '.join(map(printable, sorted(unused)))}.")
-    about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
+    about = [
+        text for name, text in file.properties.items() if isinstance(text, str) and re.search(PROPERTIES["test"], name)
+    ]
     pairs = ((name, key) for name, words in _ABOUT.items() for key in file.properties if re.fullmatch(words, key))
     pedigree = {name: text for name, key in pairs if (text := _text_of(file.properties, key))}
     content = record_id, where, condition, tuple(channels.values()), chosen, (*steps, *why)
@@ -160,30 +158,25 @@ def _read_channels(
         if clock is None and isinstance(start, float) and start > 0:  # 0 is not set
             began_s[name] = start
         unit = read.unit or vocabulary.unit_named(one.use.unit or "", "acceleration")
-        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or table_headers.cutoff_of(channel.name))
+        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or Heading(channel.name).cutoff_hz)
         if sum(channel.values.size for channel in channels.values()) > _MOST_VALUES:
-            expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
-            raise DataError(Problem(where, expected, "more", ONE_TEST))
+            raise refusal(where, f"accelerations of at most {_MOST_VALUES:,} values in all", "more", ONE_TEST)
     return channels, unread, groups, began_s
 
 
-def _groups_alike(
-    channels: Mapping[str, RecordedChannel], groups: Mapping[str, str], began_s: Mapping[str, float]
-) -> list[str]:
+def _groups_alike(channels: _Named, groups: Mapping[str, str], began_s: Mapping[str, float]) -> list[str]:
     """Those with one sensor of a vehicle, as of several tests, unless one is filtered, or began with the other."""
     of_sensor = dict[str, dict[str, float]]()
     for name, channel in channels.items():
         code = ChannelCode.parsed(channel.label)
         is_placed = code is not None and code.rank < UNPLACED
-        if code and is_placed and not channel.is_simulated and not _PROCESSED.search(groups[name]):
+        if code and is_placed and not channel.is_simulated and not re.search(PROPERTIES["processed"], groups[name]):
             of_sensor.setdefault(code.sensor, {})[groups[name]] = began_s.get(name, np.nan)
     alike = (times for times in of_sensor.values() if not np.ptp([*times.values()]) < _ONE_CRASH_S)
     return sorted({group for times in alike if len(times) > 1 for group in times})
 
 
-def _aligned(
-    channels: Mapping[str, RecordedChannel], began_s: Mapping[str, float], steps: list[str]
-) -> dict[str, RecordedChannel]:
+def _aligned(channels: _Named, began_s: Mapping[str, float], steps: list[str]) -> dict[str, RecordedChannel]:
     """In one time, from the first sample on: zeros of their own are those of several triggers."""
     late_s = {name: round(start_s - min(began_s.values()), 6) for name, start_s in began_s.items()}
     times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
@@ -215,9 +208,7 @@ def _clock_of(
     return times[key]
 
 
-def _proposed(
-    channels: Mapping[str, RecordedChannel], n: int, what: str, tests: Sequence[str]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _proposed(channels: _Named, n: int, what: str, tests: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     unit = "" if any(channel.unit for channel in channels.values()) else "; none states its unit"
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
@@ -242,7 +233,7 @@ def _proposed(
 def _laboratory_condition(properties: Properties) -> tuple[PartialCondition, list[str]]:
     steps = ["TDMS file."]
     for name, value in properties.items():
-        if (key := _SPEED.match(name)) is None:
+        if (key := re.match(PROPERTIES["speed"], name)) is None:
             continue
         number, unit = (value, "") if isinstance(value, float) else vocabulary.number_and_unit(value) or (0.0, "")
         unit = unit or name[key.end() :].strip(" _-")
@@ -260,8 +251,7 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
     with opened_members(path, of_the_format, kind, limits) as (members, budget):
         if of_the_format(path):
             members = [member for member in members if member.path.as_posix() == path.name]
-        if not members:
-            raise DataError(Problem(path.name, kind, "none", CHECK_PATH))
+        refuse_if(not members, path.name, kind, "none", CHECK_PATH)
         return read_all(members, lambda member: _record(member, budget), path.name)
 
 
@@ -277,8 +267,7 @@ def _record(member: Member, budget: Budget) -> Record:
 def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]], stem: str, where: str) -> Record:
     sensors = {_sensor(place, pair[1]): pair for place, pair in enumerate(pairs, start=1)}
     candidates = nhtsa.of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
-    if not candidates:
-        raise DataError(Problem(where, nhtsa.LACKING[0], f"none in {len(pairs)} channels", nhtsa.LACKING[1]))
+    refuse_if(not candidates, where, nhtsa.LACKING[0], f"none in {len(pairs)} channels", nhtsa.LACKING[1])
 
     def read(sensor: Sensor) -> RecordedChannel:
         channel, _ = sensors[sensor]
@@ -286,8 +275,7 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
         return _waveform(file, channel, str(sensor.number), label, where)
 
     tests = sorted({_text_of(properties, "test_tstno") for _, properties in pairs})
-    if len(tests) > 1:
-        raise DataError(Problem(where, "one test", f"{printable(', '.join(tests))}", ONE_TEST))
+    refuse_if(len(tests) > 1, where, "one test", f"{printable(', '.join(tests))}", ONE_TEST)
     test = sensors[candidates[0]][1]
     speed = _number_of(test, "veh_vehspd") or _number_of(test, "test_clsspd")
     mass = _number_of(test, "veh_vehtwt")
@@ -302,19 +290,6 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
 
 
 def _sensor(place: int, properties: Properties) -> Sensor:
-    texts = ("sentyp", "senloc", "senatt", "axis", "dastat", "chstat")
-    sensor, occupant, attachment, axis, status, kind = (_text_of(properties, f"inst_{of}").upper() for of in texts)
-    return Sensor(
-        vehicle=_text_of(properties, "veh_vehno") or "1",
-        number=int(_number_of(properties, "inst_curno")) or place,
-        sensor=sensor,
-        occupant=occupant,
-        attachment=attachment,
-        axis=axis,
-        unit=_text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"),
-        cutoff_hz=_number_of(properties, "inst_prefil") or None,
-        status=status,
-        redundant=kind == "R",
-        comment=printable(_text_of(properties, "inst_inscom")),
-        maker=_text_of(properties, "inst_insman"),
-    )
+    texts = {name: _text_of(properties, f"inst_{of}") for name, of in _FIELDS.items()}
+    texts |= {"vehicle": _text_of(properties, "veh_vehno") or "1", "comment": printable(texts["comment"])}
+    return Sensor.of(int(_number_of(properties, "inst_curno")) or place, texts)

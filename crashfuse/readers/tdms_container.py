@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, printable, refusal, refuse_if
 from crashfuse.readers.members import CUT_SHORT, ONE_TEST, OTHER_KIND
 from crashfuse.signals.pulse import FloatArray
 
@@ -148,8 +148,7 @@ class TdmsFile:
     def values(self, channel: TdmsChannel) -> FloatArray:
         """The numbers of a channel, scaled; a DataError for too many or unusable scales."""
         place = f"{self._where}: {printable(channel.name)}"
-        if self.size(channel) > _MOST_VALUES:
-            raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", ONE_TEST))
+        refuse_if(self.size(channel) > _MOST_VALUES, place, f"at most {_MOST_VALUES:,} values", "more", ONE_TEST)
         parts = [np.ndarray(shape, code, self._content, at, by).ravel() for shape, code, at, by in channel._extents]
         with np.errstate(all="ignore"):  # damaged data may hold any number
             values = np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
@@ -157,8 +156,7 @@ class TdmsFile:
                 scales = next((one for one in map(_Scales, self._levels(channel)) if one.count), None)
                 return values if scales is None else scales.applied(scales.count - 1, values)
             except _UnusableScale as error:
-                expected = "scales that give an acceleration"
-                raise DataError(Problem(place, expected, printable(str(error)), _PHYSICAL)) from error
+                raise refusal(place, "scales that give an acceleration", printable(str(error)), _PHYSICAL) from error
 
 
 def parse_tdms(content: bytes, where: str) -> TdmsFile:
@@ -277,4 +275,4 @@ class _Reader:
         return self._content[self.at - count : self.at]
 
     def _damaged(self, found: str, advice: str = "download it again") -> DataError:
-        return DataError(Problem(self._where, "a sound TDMS file", found, advice))
+        return refusal(self._where, "a sound TDMS file", found, advice)

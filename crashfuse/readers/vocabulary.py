@@ -25,8 +25,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum
+from functools import cache
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from crashfuse.errors import UsageError, printable
 from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, MS, G, Quantity
@@ -50,9 +51,13 @@ def plain(text: str) -> str:
 
 _WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
-HEADERS: Mapping[str, str] = _WORDS["header"]
+NHTSA: Mapping[str, Any] = _WORDS["nhtsa"]
+ISOMME: Mapping[str, Any] = _WORDS["isomme"]
+PROPERTIES: Mapping[str, str] = _WORDS["property"]
+HEADERS: Mapping[str, re.Pattern[str]] = {name: re.compile(form) for name, form in _WORDS["header"].items()}
 
 
+@cache
 def words(*groups: str) -> re.Pattern[str]:
     """A pattern of the words in groups of ``words.toml`` (``body``, or ``key.source``), for a name that is plain."""
     terms: list[str] = []
@@ -85,20 +90,9 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 _NAMES = {spelling: name for name, spellings in _WORDS["unit"].items() for spelling in spellings.split(", ")}
 _LEADING_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?")
 _FORM = re.compile(r"[0-9?_][0-9A-Z?_]{15}")
-_DUMMY = frozenset(
-    ["HEAD", "NECK", "CHST", "THSP", "SPIN", "PELV", "FEMR", "TIBI", "FOOT", "ABDO", "SHLD", "KNEE", "RIBS", "ACTB"]
-)
-_SIDE_MEMBERS = ("SIME", "MSME")  # longitudinal beams, from front to rear
-_REAR = ("SEAT", "FLOR", "FORA", "FLPA")  # NHTSA's: seat cross-member, floor, floor pan
-TUNNEL, SILLS, PILLARS = "on the tunnel", "on the sills", "on the B-pillars"
-_PLACES = (
-    ((), "on the rear seat cross-member or floor, behind the crush"),
-    (("VEHC", "CVEH"), "of the vehicle as a whole"),
-    (("TUNN",), TUNNEL),
-    (("SILB", "SILL"), SILLS),
-    (_SIDE_MEMBERS, "on the side members, at the rear"),
-    (("BPIL",), PILLARS),
-)
+_DUMMY, _SIDE_MEMBERS, _REAR = (_WORDS["code"][name].split(", ") for name in ("dummy", "side_member", "rear"))
+_PLACES = [(codes.split(", "), place) for place, codes in _WORDS["place_by_code"].items()]  # the best first
+PLACES_BY_TITLE: Mapping[str, str] = _WORDS["place_by_title"]
 # of CFC 1000, 600, 180, 60 (SAE J211-1), and of these in the editions before
 _CUTOFF_HZ = dict(zip("ABCDEFGH", (1650.0, 1000.0, 300.0, 100.0) * 2, strict=True))
 _RAW_FIRST = "0PAE2BF3CGDH1SXLQV"  # then what the standard does not have
@@ -106,11 +100,6 @@ _DULL = {"L": "filtered with CFC 20", "Q": "filtered below CFC 60", "V": "film a
 _KEY = re.compile(r"([^:=,;\t|]{1,40}?)(?:\s*[:=,;\t|]+|\s{2,})\s*(.*)")
 _MARKS = "#%!*/;,\"' \t"
 _SOURCE = words("key.source")
-_FIRST_WORDS = re.compile(
-    r"(?!.*\b(test|versuch|essai|compared|vs|with|mit|for|fur|pour|vor|no|not|ohne)\b)(\w+ ){0,2}"
-)
-_STATEMENT = re.compile(r"\b(predicted by|ls dyna keyword|ls prepost|nodout|(nodal|element) history)\b")
-_SIMULATION, _PARAMETER, _COMPUTED = words("simulation"), words("parameter"), words("computed")
 _FAULT = words("quality.failure", "quality.doubt").pattern
 _SOUND = re.compile(rf"(({words('quality.sound').pattern})( |$))*|{words('quality.unstated').pattern}")
 _FAILED, _DOUBTED = words("quality.failure", "quality.no_data"), words("quality.doubt")
@@ -228,10 +217,9 @@ class ChannelCode:
         fine = self.text[6:8], self.text[8:10]
         return 0 if "SU" not in fine else 2 if {"SU", "00"} == {*fine} else 1
 
-    @property
-    def dullness(self) -> str:
-        """What its filter takes beyond CFC 60; empty if nothing."""
-        return _DULL.get(self.text[15], "")
+    def status(self, stated: str) -> str:
+        """What speaks against it: what is stated, else what its filter takes beyond CFC 60."""
+        return stated if doubt_of(stated) else _DULL.get(self.text[15], stated)
 
 
 UNPLACED = len(_PLACES)  # the rank of a place that need not follow the motion of the whole vehicle
@@ -260,19 +248,14 @@ class Doubt(IntEnum):
     FAILED = 2
 
 
+def mentions(text: str, *groups: str) -> bool:
+    """Whether a text in the words of a file has one of the words in these groups, see :func:`words`."""
+    return words(*groups).search(_plain(text)) is not None
+
+
 def is_simulated(origin: str) -> bool:
     """Whether words on a channel's source say that nobody measured it."""
-    return names_a_simulation(origin) or names_a_parameter(origin)
-
-
-def names_a_simulation(name: str) -> bool:
-    """Whether a name is that of a simulation or a prediction."""
-    return _SIMULATION.search(_plain(name)) is not None
-
-
-def names_a_parameter(name: str) -> bool:
-    """Whether a name is that of a limit or a parameter."""
-    return _PARAMETER.search(_plain(name)) is not None
+    return mentions(origin, "simulation", "parameter")
 
 
 def key_and_value(line: str) -> tuple[str, str]:
@@ -283,21 +266,18 @@ def key_and_value(line: str) -> tuple[str, str]:
 
 def statement_of_simulation(lines: Iterable[str]) -> str:
     """The first of the lines above a table that says that a program computed it."""
-    return next((line.strip() for line in lines if _STATEMENT.search(_plain(line)) or _says_simulated(line)), "")
+    return next(
+        (line.strip() for line in lines if HEADERS["statement"].search(_plain(line)) or _says_simulated(line)), ""
+    )
 
 
 def _says_simulated(line: str) -> bool:
     key, value = key_and_value(line)
     if _SOURCE.search(_plain(key)):
-        return names_a_simulation(value) or names_a_simulation(f"{key} {value}")
+        return mentions(value, "simulation") or mentions(f"{key} {value}", "simulation")
     text = _plain(key)
-    found = None if _plain(value) in ("no", "none", "nein", "non") else _SIMULATION.search(text)
-    return found is not None and _FIRST_WORDS.fullmatch(text[: found.start()]) is not None
-
-
-def is_computed(origin: str) -> bool:
-    """Whether the words on a channel's source say that it was computed from others."""
-    return _COMPUTED.search(_plain(origin)) is not None
+    found = None if _plain(value) in ("no", "none", "nein", "non") else words("simulation").search(text)
+    return found is not None and HEADERS["before_simulation"].fullmatch(text[: found.start()]) is not None
 
 
 def doubt_of(status: str) -> Doubt:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 from itertools import chain, groupby
 from typing import ClassVar, Literal
 
@@ -22,6 +21,7 @@ from crashfuse.certification.track_record import (
     trial_bounds,
 )
 from crashfuse.certification.verdict import all_met
+from crashfuse.execution.cache import remembered
 from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
 from crashfuse.study.facts import Fact, campaign_facts, tuning_fact
@@ -172,7 +172,7 @@ def _fact(code: str, *about: str, **values: object) -> Fact:
     return CertificationFact(code, values, about)
 
 
-@lru_cache(maxsize=8)  # asked for by every place
+@remembered  # asked for by every place
 def facts(certification: Certification) -> tuple[Fact, ...]:
     """All facts of a certification, the most important first."""
     kinds = _campaign, _matrix, _costs, _record, _domain, _conditions, _not_used, _criteria, _since

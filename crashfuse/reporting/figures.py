@@ -9,16 +9,15 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.calibration import LEVELS
-from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain, measured_bias
 from crashfuse.approaches.displacement_domain.events import cae_events
-from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, one_of, printable, require_a, several
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.reporting.plots import displacement, learning, pulses, ratings
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.curves import LegendName, add_marks, curve_line
@@ -150,7 +149,7 @@ def campaign_figure(
     marked: dict[str, Any] = {"highlight": held_out, **of_all}
 
     def bias() -> go.Figure:
-        model = CaeModel(cache=Cache()).fit(campaign.cae)
+        model = CaeModel().fit(campaign.cae, Run.of(campaign))
         return displacement.bias_by_speed(shown, [measured_bias(test, model) for test in shown], **marked)
 
     figures: dict[str, Draw] = {
@@ -268,8 +267,8 @@ def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -
     config, test = study.config, fold.test
     if config.preset == "paper":
         raise UsageError(ONE_PROCESS)
-    unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=config.seed, cache=Cache())
-    domain, _ = fitted(unfitted, config.training_campaign(study.campaign, test.id), Cache())
+    unfitted, campaign = DisplacementDomain(seed=config.seed), config.training_campaign(study.campaign, test.id)
+    domain, _ = unfitted.fitted(campaign, Run.of(campaign))
     grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(test.condition).phase.crush_m, _STEP_M)
     bias = measured_bias(test, domain.model_) if measured else None
     return displacement.bias_parts(domain.bias_parts(test.condition, grid), grid, bias, display)

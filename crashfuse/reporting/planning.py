@@ -15,6 +15,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, one_of, printable, require_a, require_number, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import Run
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.conditions import BEST, next_tests, sweep_figure
 from crashfuse.reporting.plots.display import Display, DisplayOptions
@@ -133,7 +134,9 @@ def sweep(
             found, most = printable(repr(speeds_mph), 60), f"{FASTEST_MPS / MPH:.0f}"
             raise UsageError(f"A sweep takes a speed above 0 and a higher one, up to {most} mph, not {found}.")
         speeds = planning.speeds_between(*ends)
-    fits = fits_of(campaign, (approach,) if isinstance(approach, Fit) else several(approach), config, cache, watch)
+    run, asked = Run.of(campaign, cache, watch), (approach,) if isinstance(approach, Fit) else several(approach)
+    campaign = run.bind(campaign)
+    fits = fits_of(campaign, asked, config, run)
     return SpeedSweep(campaign, planning.sweep_speed(fits, condition, speeds, watch), fits[0].config)
 
 
@@ -170,6 +173,7 @@ def next_test(
     if candidates == ():
         raise UsageError("There is no candidate: name one, or leave candidates out.")
     over = planning.ConditionRange(low, high)
-    fit = Fit.of(campaign, DisplacementDomain.name, config, cache=cache, watch=watch)
+    fit = Fit.of(campaign, DisplacementDomain.name, config, Run.of(campaign, cache, watch))
+    campaign = fit.campaign
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
     return NextTests(campaign, over, planning.rank_next_tests(fit.approach, over, candidates, planned), config)

@@ -18,6 +18,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import Run
 from crashfuse.reporting import figures
 from crashfuse.reporting.certification_tables import condition_columns, factors_of
 from crashfuse.reporting.notebook import card
@@ -205,22 +206,21 @@ def predict(
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
-    asked = (approach,) if isinstance(approach, Fit) else several(approach)
+    run = Run.of(campaign, cache, watch)
+    campaign, asked = run.bind(campaign), (approach,) if isinstance(approach, Fit) else several(approach)
     for one in asked:
         require_a(str | Fit, one, "the name of an approach, or crashfuse.Fit.of(campaign, approach)")
     names = tuple(dict.fromkeys(name for name in asked if not isinstance(name, Fit)))
     if names and len(names) == len(set(asked)):  # what is predicted is cached, too
         replace(config, approaches=names).check()
-        estimates = [estimate_at(campaign, condition, name, config, cache=cache, watch=watch) for name in names]
+        estimates = [estimate_at(campaign, condition, name, config, run) for name in names]
     else:
-        fits = fits_of(campaign, asked, config, cache, watch)
+        fits = fits_of(campaign, asked, config, run)
         estimates, config = estimates_at(fits, condition), fits[0].config
     return PredictedPulse(campaign, tuple(estimates), config)
 
 
-def fits_of(
-    campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, cache: Cache | None, watch: Watch
-) -> list[Fit]:
+def fits_of(campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, run: Run) -> list[Fit]:
     """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
     for one in approaches:
         require_a(str | Fit, one, "the name of an approach, or crashfuse.Fit.of(campaign, approach)")
@@ -232,7 +232,7 @@ def fits_of(
     for one in asked:
         if isinstance(one, Fit) and one.campaign.fingerprint != campaign.fingerprint:
             raise UsageError(f"The fit of {one.approach.name} learned from other data than {campaign.name} holds.")
-    return [one if isinstance(one, Fit) else Fit.of(campaign, one, config, cache=cache, watch=watch) for one in asked]
+    return [one if isinstance(one, Fit) else Fit.of(campaign, one, config, run) for one in asked]
 
 
 def check_factors(campaign: Campaign, condition: Condition) -> None:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS
-from crashfuse.cae.quality import QualityVerdict
+from crashfuse.cae_library import QualityVerdict
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.condition import ABOUT, About

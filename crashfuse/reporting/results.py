@@ -23,6 +23,7 @@ from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.report.study import study_report
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.one_more_test import Cost
 
 Content = bytes | Mapping[str, bytes] | None  # of a file; of a folder's, by relative path; None without such a file
 
@@ -92,6 +93,10 @@ def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path
             write_atomically(folder / name / speed / path, content)
 
 
+def _cost(text: str | None) -> Cost | None:
+    return None if text is None else Cost.of(text)
+
+
 _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
     "study": {  # of the study, the display and the options of the report
         "scores.csv": lambda study, *_: csv_bytes(study.scores),
@@ -129,8 +134,10 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
     },
     "learning curve": {  # of the curve, the cost of a test and the display
         "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),
-        "report.html": lambda *result: reports.learning_curve_report(*result).encode(),
-        "learning_curve.json": lambda curve, cost, _: json_bytes(learning_curve_record(curve, cost)),
+        "report.html": lambda curve, cost, *display: reports.learning_curve_report(
+            curve, _cost(cost), *display
+        ).encode(),
+        "learning_curve.json": lambda curve, cost, _: json_bytes(learning_curve_record(curve, _cost(cost))),
     },
 }
 

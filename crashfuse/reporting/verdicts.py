@@ -2,9 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, Self, Unpack
+from typing import NamedTuple, Self, Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -19,8 +18,9 @@ from crashfuse.certification.matrix import MatrixGiven, matrix_given
 from crashfuse.certification.verdict import Verdict
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, one_of, require_a, several
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.cache import Cache, remembered
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.workers import running
 from crashfuse.reporting import certification_tables as tables
 from crashfuse.reporting.certification_facts import new_together, unused_at
 from crashfuse.reporting.credibility import credibility_table
@@ -161,9 +161,9 @@ def certify(
         raise UsageError("Costs are that of a test and that of a wrong answer, such as (60_000, 1_200_000).")
     limits = limits if costs is None else with_costs(limits, dict(zip(COSTS, costs, strict=True)))
     config = replace(config, approaches=(approach,))
-    computing: dict[str, Any] = {"cache": cache, "watch": watch, "workers": workers, "scheduler": scheduler}
-    certification = certify_matrix(campaign, limits, conditions, config, **computing)
-    return Verdicts(without_each_test(certification, **computing) if robustness else certification)
+    with running(campaign, cache, watch, workers, scheduler) as run:
+        certification = certify_matrix(campaign, limits, conditions, config, run)
+        return Verdicts(without_each_test(certification, run) if robustness else certification)
 
 
 class Planned(NamedTuple):
@@ -175,7 +175,7 @@ class Planned(NamedTuple):
     why: Sentence
 
 
-@lru_cache(maxsize=8)  # asked for by three parts of a page
+@remembered  # asked for by three parts of a page
 def planned(certification: Certification) -> tuple[Planned, ...]:
     """The answer at every planned test, in the order of speed."""
     domain, unused, together = certification.domain, unused_at(certification), new_together(certification)

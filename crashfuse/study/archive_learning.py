@@ -14,7 +14,6 @@ import pandas as pd
 from crashfuse.approaches.base import Prediction, Settings
 from crashfuse.approaches.calibration import JUDGED, STRIDE, predicted
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.fused import Fused
 from crashfuse.approaches.metric_calibration import (
     drawn_metrics,
@@ -30,16 +29,15 @@ from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, require_a, several
-from crashfuse.execution.cache import Cache, Entry, numbers
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.process import one_thread_throughout
+from crashfuse.execution.cache import Cache, Code, Entry, numbers
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import Run, one_thread_throughout
+from crashfuse.execution.workers import running
 from crashfuse.files.tensors import Arrays
 from crashfuse.signals.metrics import METRIC_LABELS, metric_values
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.learning_curve import subsets
-from crashfuse.study.running import workers_at
 from crashfuse.units import read_out
 from crashfuse.vehicle_archive import LEAST_VEHICLES, PastVehicle, Prior, VehicleArchive
 
@@ -65,8 +63,7 @@ class _Part:
 
     campaign: Campaign
     chosen: _Chosen
-    cache: Cache
-    watch: Watch
+    run: Run
     seed: int
 
     @cached_property
@@ -82,8 +79,8 @@ class _Part:
         few = replace(self.few, prior=None)
 
         def predict() -> tuple[FloatArray, Entry]:
-            settings, approaches = Settings(seed=self.seed, cache=self.cache), (TimeDomain, DisplacementDomain)
-            fits = [fitted(kind.create(settings), few, self.cache, self.watch)[0] for kind in approaches]
+            settings, approaches = Settings(seed=self.seed), (TimeDomain, DisplacementDomain)
+            fits = [kind.create(settings).fitted(few, self.run)[0] for kind in approaches]
             predictions = [fit.predict(test.condition) for test in self.held_out for fit in fits]
             rows = [
                 np.vstack([prediction.accel_mps2, prediction.draws_mps2[:_DRAWS]])[:, ::STRIDE]
@@ -94,10 +91,8 @@ class _Part:
             return pulses, {"pulses": pulses}
 
         digests = [test.digest for test in self.held_out]
-        key = {"campaign": few.fingerprint, "held_out": digests, "seed": self.seed, "code": code_digest(__name__)}
-        pulses = self.cache.get_or_compute(
-            _PARTS, key, predict, lambda entry: numbers(entry, "pulses", *[None] * 4), self.watch
-        )
+        key = {"campaign": few.fingerprint, "held_out": digests, "seed": self.seed, "code": Code(__name__)}
+        pulses = self.run.get_or_compute(_PARTS, key, predict, lambda entry: numbers(entry, "pulses", *[None] * 4))
         return [[Component(rows[0], rows[1:]) for rows in of_test] for of_test in pulses]
 
     def is_predicted(self) -> list[bool]:
@@ -106,7 +101,7 @@ class _Part:
     def scores(self) -> list[tuple[Scores, Scores]]:
         """Scores of the components at each left-out test: with the tuned network, and with the shipped one."""
         few = self.few, replace(self.few, prior=None)
-        networks = [Pretrained(seed=self.seed, cache=self.cache).fit(campaign) for campaign in few]
+        networks = [Pretrained(seed=self.seed).fit(campaign, self.run) for campaign in few]
         tests = Tests.of(self.few, networks[0].model_)
 
         def score(network: Pretrained, test: CrashTest, components: Sequence[Component]) -> Scores:
@@ -120,7 +115,7 @@ class _Part:
 
     @cached_property
     def fused(self) -> Fused:
-        return Fused(seed=self.seed, cache=self.cache).fit(self.few)
+        return Fused(seed=self.seed).fit(self.few, self.run)
 
     def predictions(self) -> Iterator[tuple[CrashTest, Prediction, dict[str, FloatArray], dict[str, float]]]:
         """The fused prediction of each left-out test, the metrics of its draws, and those measured."""
@@ -154,44 +149,39 @@ class _Part:
 
 
 def _done(
-    campaign: Campaign, chosen: _Chosen, cache: Cache, watch: Watch, *, work: Callable[[_Part], R], seed: int
+    campaign: Campaign, chosen: _Chosen, run: Run, *, work: Callable[[_Part], R], seed: int
 ) -> list[tuple[_Chosen, R]]:
     with one_thread_throughout():
-        return [(chosen, work(_Part(campaign, chosen, cache, watch, seed)))]
+        return [(chosen, work(_Part(campaign, chosen, run, seed)))]
 
 
 def _tuned(
-    _: Campaign, members: _Members, cache: Cache, watch: Watch, *, vehicles: Sequence[Vehicle], seed: int
+    _: Campaign, members: _Members, run: Run, *, vehicles: Sequence[Vehicle], seed: int
 ) -> list[tuple[_Members, Arrays]]:
     mine = [vehicles[member] for member in members]
 
     def tune() -> tuple[Arrays, Arrays]:
-        weights = tuned(mine, seed, watch)
+        weights = tuned(mine, seed, run.watch)
         return weights, weights
 
     digest = hashlib.sha256(b"".join(rows.tobytes() for vehicle in mine for rows in vehicle)).hexdigest()
-    key = {"vehicles": digest, "seed": seed, "code": code_digest(Vehicle.__module__)}
-    return [(members, cache.get_or_compute(_NETWORKS, key, tune, dict, watch))]
+    key = {"vehicles": digest, "seed": seed, "code": Code(Vehicle.__module__)}
+    return [(members, run.get_or_compute(_NETWORKS, key, tune, dict))]
 
 
 @dataclass(frozen=True)
-class _Run:
+class _Computation:
     seed: int
-    cache: Cache
-    watch: Watch
-    workers: int | None
+    run: Run
 
     def each(
         self, work: Callable[..., list[tuple[T, R]]], campaign: Campaign, tasks: Sequence[T], step: str
     ) -> list[R]:
         done = dict[T, R]()
-        with (
-            workers_at(None, self.workers) as place,
-            closing(place.completed(work, campaign, tasks, self.cache, self.watch)) as completed,
-        ):
+        with closing(self.run.completed(work, campaign, tasks)) as completed:
             for results in completed:
                 done.update(results)
-                self.watch.report(step, len(done), len(tasks))
+                self.run.watch.report(step, len(done), len(tasks))
         return [done[task] for task in tasks]
 
     def by_part(self, work: Callable[[_Part], list[R]], campaign: Campaign, sizes: Sequence[int], step: str) -> list[R]:
@@ -200,17 +190,16 @@ class _Run:
         return [row for rows in results for row in rows]
 
     def bias(self, campaign: Campaign) -> FloatArray:
-        domain = DisplacementDomain.create(Settings(seed=self.seed, cache=self.cache))
-        return fitted(domain, campaign, self.cache, self.watch)[0].to_teach()
+        return DisplacementDomain(seed=self.seed).fitted(campaign, self.run)[0].to_teach()
 
     def prepared(self, campaign: Campaign) -> Vehicle:
         """Predict a vehicle's tests by both approaches from a few others; its tests as the network reads them."""
-        settings = Settings(seed=self.seed, cache=self.cache)
+        settings = Settings(seed=self.seed)
         conditions = [test.condition for test in campaign.tests]
         for approach in (TimeDomain, DisplacementDomain):
-            approach.create(settings).prepare(replace(campaign, tests=()), conditions, self.watch)
+            approach.create(settings).prepare(replace(campaign, tests=()), conditions, self.run)
         self.by_part(_Part.is_predicted, campaign, SIZES, "predictions from few tests")
-        many, model = campaign.evenly_over_speed(_MOST_TESTS), CaeModel(cache=self.cache).fit(campaign.cae, self.watch)
+        many, model = campaign.evenly_over_speed(_MOST_TESTS), CaeModel().fit(campaign.cae, self.run)
         tests = Tests.of(many, model)
         vectors = np.array([test.condition.vector for test in many.tests])
         return Vehicle(tests.measured_mps2[:, ::STRIDE], tests.cae_mps2[:, ::STRIDE], vectors)
@@ -221,10 +210,11 @@ class _Learning:
     campaigns: Sequence[Campaign]
     biases: FloatArray  # what each teaches of the bias, shape (n_vehicles, 6, 60)
     networks: Mapping[_Members, Arrays]
-    run: _Run
+    computation: _Computation
 
     def _each(self, work: Callable[[_Part], list[R]], member: int, prior: Prior | None, *sizes: int) -> list[R]:
-        return self.run.by_part(work, replace(self.campaigns[member], prior=prior), sizes, "predicted with the others")
+        campaign = replace(self.campaigns[member], prior=prior)
+        return self.computation.by_part(work, campaign, sizes, "predicted with the others")
 
     def prior(self, members: _Members) -> Prior:
         others = {member: self._unweighted(_less(members, member)) for member in members}
@@ -297,15 +287,20 @@ def learn_archive(
     A UsageError if there are fewer, one has fewer than four tests, or two share a name, tests or CAE runs.
     """
     campaigns = [replace(campaign, prior=None) for campaign in _checked(campaigns)]
-    run = _Run(seed, cache or Cache(), watch, workers)
-    vehicles = [run.prepared(campaign) for campaign in campaigns]
+    with running(campaigns[0], cache, watch, workers) as run:
+        return _learned(campaigns, _Computation(seed, run))
+
+
+def _learned(campaigns: Sequence[Campaign], computation: _Computation) -> VehicleArchive:
+    seed = computation.seed
+    vehicles = [computation.prepared(campaign) for campaign in campaigns]
     everyone = tuple(range(len(campaigns)))
     without = [_less(everyone, number) for number in everyone]
     wanted = sorted({everyone, *without, *(_less(members, member) for members in without for member in members)})
     work = partial(_tuned, vehicles=vehicles, seed=seed)
-    weights = run.each(work, campaigns[0], wanted, "Tuning of the pre-trained network")
-    biases = np.array([run.bias(campaign) for campaign in campaigns])
-    learning = _Learning(campaigns, biases, dict(zip(wanted, weights, strict=True)), run)
+    weights = computation.each(work, campaigns[0], wanted, "Tuning of the pre-trained network")
+    biases = np.array([computation.bias(campaign) for campaign in campaigns])
+    learning = _Learning(campaigns, biases, dict(zip(wanted, weights, strict=True)), computation)
     whole, *priors = (learning.prior(members) for members in (everyone, *without))
     rows = [row for number, prior in enumerate(priors) for row in learning.record(number, prior)]
     return VehicleArchive(tuple(map(_past, campaigns)), whole, tuple(priors), pd.DataFrame(rows), seed)

@@ -12,7 +12,6 @@ from crashfuse.approaches.registry import APPROACHES, create, require_approach, 
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, several
-from crashfuse.execution.cache import Cache
 from crashfuse.signals.metrics import FURTHER_METRICS
 from crashfuse.signals.pulse import DT_S
 
@@ -129,9 +128,9 @@ class StudyConfig:
         devices = [device for name in self.approaches if (device := self.create(name).device)] or [self.device]
         return replace(self, device=cast(Device, devices[0]))
 
-    def create(self, approach: str, cache: Cache | None = None) -> Approach:
+    def create(self, approach: str) -> Approach:
         """Create the unfitted approach with this name and these settings."""
-        return create(approach, settings=Settings(self.preset, self.seed, self.device, cache))
+        return create(approach, settings=Settings(self.preset, self.seed, self.device))
 
 
 def require_window(window_ms: object) -> None:

@@ -11,7 +11,6 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.fit_cache import fitted, settings
 from crashfuse.approaches.metric_calibration import (
     Errors,
     calibrated_metrics,
@@ -24,10 +23,8 @@ from crashfuse.approaches.registry import blamed_on
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a
-from crashfuse.execution.cache import Cache, Entry, finite, numbers
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.process import one_thread
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.cache import Cache, Code, Entry, finite, numbers
+from crashfuse.execution.run import Run, one_thread
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
@@ -95,15 +92,7 @@ class Fit:
     campaign: Campaign
 
     @classmethod
-    def of(
-        cls,
-        campaign: Campaign,
-        approach: str,
-        config: StudyConfig = StudyConfig(),
-        *,
-        cache: Cache | None = None,
-        watch: Watch = SILENT,
-    ) -> Self:
+    def of(cls, campaign: Campaign, approach: str, config: StudyConfig = StudyConfig(), run: Run | None = None) -> Self:
         """Fit an approach to the whole campaign as given, or load that fit from the cache.
 
         A UsageError if there is no such approach, preset or device, or not enough to learn from.
@@ -111,9 +100,10 @@ class Fit:
         require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
         require_a(StudyConfig, config, "crashfuse.StudyConfig()")
         require_a(str, approach, "the name of an approach")
-        cache = cache or Cache()
+        run = run or Run.of(campaign)
+        campaign = run.bind(campaign)
         with blamed_on(approach):
-            learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)
+            learned, seconds = config.create(approach).fitted(campaign, run)
             left_out, usual = learned.left_out(campaign), learned.usual_errors
 
         def judge() -> tuple[Errors, Errors]:
@@ -123,8 +113,8 @@ class Fit:
         def restore(entry: Entry) -> Errors:
             return {name: numbers(entry, name, len(left_out) + len(usual.get(name, ()))) for name in METRIC_LABELS}
 
-        key = {**settings(learned), "campaign": campaign.fingerprint, "code": code_digest(__name__)}
-        errors = cache.get_or_compute(_JUDGED, key, judge, restore, watch)
+        key = {**learned.identity, "campaign": campaign.fingerprint, "code": Code(__name__)}
+        errors = run.get_or_compute(_JUDGED, key, judge, restore)
         return cls(learned, config, seconds, left_out, errors, campaign)
 
     def __repr__(self) -> str:
@@ -179,7 +169,7 @@ def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool 
     made: dict[Hashable, tuple[Prediction, float]] = {}
 
     def predict(approach: Approach) -> tuple[Prediction, float]:
-        key = (*settings(approach).values(), approach.taught_)  # equal for approaches that predict the same
+        key = (*approach.identity.values(), approach.taught_)  # equal for approaches that predict the same
         if key not in made:
             parts = [predict(part) for part in approach.parts]
             start = time.perf_counter()
@@ -221,23 +211,17 @@ def _single_parts(approach: Approach) -> list[Approach]:
 
 
 def estimate_at(
-    campaign: Campaign,
-    condition: Condition,
-    approach: str,
-    config: StudyConfig = StudyConfig(),
-    *,
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
+    campaign: Campaign, condition: Condition, approach: str, config: StudyConfig = StudyConfig(), run: Run | None = None
 ) -> Estimate:
     """Fit an approach to the whole campaign as given and predict at a condition; cached."""
-    cache = cache or Cache()
+    run = run or Run.of(campaign)
 
     def compute() -> tuple[Estimate, Entry]:
-        estimate = Fit.of(campaign, approach, config, cache=cache, watch=watch).estimate(condition)
+        estimate = Fit.of(campaign, approach, config, run).estimate(condition)
         return estimate, _entry(estimate)
 
     restore = partial(_restored, condition, approach, campaign.occupant)
-    return cache.get_or_compute(_KIND, _cache_key(campaign, condition, approach, config), compute, restore, watch)
+    return run.get_or_compute(_KIND, _cache_key(campaign, condition, approach, config), compute, restore)
 
 
 def find_estimate(
@@ -248,11 +232,9 @@ def find_estimate(
     return cache.find(_KIND, _cache_key(campaign, condition, approach, config), restore)
 
 
-def is_estimate_cached(
-    campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
-) -> bool:
+def is_estimate_cached(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> bool:
     """Whether :func:`find_estimate` would find one, without reading it."""
-    return cache.is_cached(_KIND, _cache_key(campaign, condition, approach, config))
+    return Cache(campaign.cache_folder).is_cached(_KIND, _cache_key(campaign, condition, approach, config))
 
 
 def store_estimate(estimate: Estimate, campaign: Campaign, config: StudyConfig, cache: Cache) -> None:
@@ -292,7 +274,7 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
 
 
 def _cache_key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
-    fit = settings(config.create(approach))
-    key = {**fit, "campaign": campaign.fingerprint, "condition": condition, "code": code_digest(__name__)}
+    fit = config.create(approach).identity
+    key = {**fit, "campaign": campaign.fingerprint, "condition": condition, "code": Code(__name__)}
     doubts = doubtful_tests(campaign, condition)  # seen in the records, of which the campaign keeps what it learns from
     return {**key, "doubts": [str(doubt) for doubt in doubts]} if doubts else key

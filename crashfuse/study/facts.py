@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
-from weakref import WeakKeyDictionary
 
 from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.campaign import Campaign
 from crashfuse.condition import ABOUT, Condition
 from crashfuse.crash_test import CrashTest
+from crashfuse.execution.cache import remembered
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G, Sentence, joined, statements
@@ -126,11 +126,10 @@ def distinct(facts: Iterable[Fact]) -> tuple[Fact, ...]:
     return tuple(first.values())
 
 
+@remembered
 def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
     """Facts of a campaign, the most important one first."""
-    if campaign not in _known:  # asked for by every page and file
-        _known[campaign] = by_importance(_campaign_facts(campaign))
-    return _known[campaign]
+    return by_importance(_campaign_facts(campaign))
 
 
 def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:
@@ -159,9 +158,6 @@ def window_facts(test: CrashTest, window_ms: float) -> tuple[Fact, ...]:
     late += ["zero velocity"] * (ttzv_ms is None or ttzv_ms >= window_ms)
     values = {"window_ms": window_ms, "beyond": late, "peak_g": peak_g, "peak_ms": peak_ms, "ttzv_ms": ttzv_ms}
     return (Fact("test.beyond_window", values, (test.id,)),) if late else ()
-
-
-_known: WeakKeyDictionary[Campaign, tuple[Fact, ...]] = WeakKeyDictionary()
 
 
 def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:

@@ -15,11 +15,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Self
 
-from crashfuse.approaches.fit_cache import settings
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, printable
-from crashfuse.execution.cache import Cache, default_folder
+from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, is_estimate_cached
@@ -218,19 +217,19 @@ def _now() -> str:
 
 
 def earlier_settings(
-    results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig, cache: Cache
+    results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig
 ) -> list[StudyConfig]:
     """Settings of past results with an approach's prediction of a test in the cache, but for the one that is shown."""
     condition = campaign.test(test_id).condition
 
     def identity(config: StudyConfig) -> str:
-        return repr((settings(config.create(approach)), config.left_out(campaign, test_id)))
+        return repr((config.create(approach).identity, config.left_out(campaign, test_id)))
 
     mine = [result for result in results if result.fingerprint == campaign.fingerprint and test_id in result.tests]
     ways = [way for result in mine if approach in result.config.approaches for way in result.config.split_configs]
     distinct = {identity(shown): shown}
     for way in ways:
         config = replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out)
-        if is_estimate_cached(config.training_campaign(campaign, test_id), condition, approach, config, cache):
+        if is_estimate_cached(config.training_campaign(campaign, test_id), condition, approach, config):
             distinct.setdefault(identity(config), config)
     return list(distinct.values())[1:]

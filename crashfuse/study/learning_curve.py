@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, replace
 from functools import partial
@@ -22,21 +22,20 @@ import pandas as pd
 
 from crashfuse import views
 from crashfuse.approaches.base import MOST_TESTS
-from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, require_a
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.process import one_thread_throughout
+from crashfuse.execution.cache import Cache, Code
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import Run, one_thread_throughout
+from crashfuse.execution.workers import running
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig, StudyPlan, require_rated
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
-from crashfuse.study.running import prepare, workers_at
+from crashfuse.study.running import prepare
 from crashfuse.units import G
 
 if TYPE_CHECKING:
@@ -135,10 +134,6 @@ class LearningCurve:
         rows = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
-    def decided(self, criteria: views.CriteriaGiven) -> LearningCurve:
-        """With the share of verdicts that each prediction decides under such criteria."""
-        return views.with_decided(self, views.criteria_given(criteria))
-
     def plot(self, **display: Unpack[views.DisplayOptions]) -> go.Figure:
         """Rating and width of the band over the number of tests, as the page Study shows them."""
         shown = views.Display.of(self.campaign.units, self.window_ms, **display)
@@ -146,8 +141,7 @@ class LearningCurve:
 
     def write(self, folder: str | Path, *, cost: str | None = None, **display: Unpack[views.DisplayOptions]) -> None:
         """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""
-        price = None if cost is None else views.Cost.of(cost)
-        views.write_result("learning curve", folder, self, price, views.Display.of(self.campaign.units, **display))
+        views.write_result("learning curve", folder, self, cost, views.Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         sizes = self.table["n_tests"].unique()
@@ -179,51 +173,56 @@ def learning_curve(
     config = replace(config, leave_out="test")
     StudyPlan(campaign, config)  # checks tests, windows and settings
     parts = subsets(campaign, repeats, config.seed)
-    cache = cache or Cache()
-    distinct = dict.fromkeys(part.chosen for part in parts)
-    known = {chosen: rows for chosen in distinct if (rows := cache.find(_KIND, _key(campaign, chosen, config), _rows))}
-    # the largest first: at the end, no worker is left alone with a long task
-    unknown = sorted((chosen for chosen in distinct if chosen not in known), key=len, reverse=True)
-    shared = prepare(campaign, set(config.approaches) if unknown else set(), config, cache, watch)
-    work = partial(_predicted, config=config.on_this_device)
-    watch.report(_STEP, len(known), len(distinct))
-    with (
-        workers_at(scheduler, workers) as place,
-        closing(place.completed(work, campaign, unknown, shared, watch)) as completed,
-    ):
-        for finished in completed:
-            for chosen, rows in finished:
-                cache.put(_KIND, _key(campaign, chosen, config), {"rows": np.array(json.dumps(rows))})
-                known[chosen] = rows
-            watch.report(_STEP, len(known), len(distinct))
-    table, forecasts = _table(parts, known)
+    with running(campaign, cache, watch, workers, scheduler) as run:
+        campaign = run.bind(campaign)
+        table, forecasts = _table(parts, _known(campaign, config, dict.fromkeys(part.chosen for part in parts), run))
     table["basis"] = campaign.rating_basis
     return LearningCurve(campaign, config, repeats, table, forecasts, time.perf_counter() - start)
 
 
-def is_curve_cached(campaign: Campaign, config: StudyConfig, cache: Cache, repeats: int = REPEATS) -> bool:
+def _known(
+    campaign: Campaign, config: StudyConfig, distinct: Collection[tuple[str, ...]], run: Run
+) -> dict[tuple[str, ...], list[_Row]]:
+    cache = run.cache
+    known = {chosen: rows for chosen in distinct if (rows := cache.find(_KIND, _key(campaign, chosen, config), _rows))}
+    # the largest first: at the end, no worker is left alone with a long task
+    unknown = sorted((chosen for chosen in distinct if chosen not in known), key=len, reverse=True)
+    shared = prepare(campaign, set(config.approaches) if unknown else set(), config, run)
+    work = partial(_predicted, config=config.on_this_device)
+    run.watch.report(_STEP, len(known), len(distinct))
+    with closing(shared.completed(work, campaign, unknown)) as completed:
+        for finished in completed:
+            for chosen, rows in finished:
+                cache.put(_KIND, _key(campaign, chosen, config), {"rows": np.array(json.dumps(rows))})
+                known[chosen] = rows
+            run.watch.report(_STEP, len(known), len(distinct))
+    return known
+
+
+def is_curve_cached(campaign: Campaign, config: StudyConfig, repeats: int = REPEATS) -> bool:
     """Whether :func:`learning_curve` would find everything in the cache."""
     config = replace(config, leave_out="test")
-    parts = subsets(campaign, repeats, config.seed)
+    parts, cache = subsets(campaign, repeats, config.seed), Cache(campaign.cache_folder)
     return all(cache.is_cached(_KIND, _key(campaign, part.chosen, config)) for part in parts)
 
 
 def _predicted(
-    campaign: Campaign, chosen: tuple[str, ...], cache: Cache, watch: Watch, *, config: StudyConfig
+    campaign: Campaign, chosen: tuple[str, ...], run: Run, *, config: StudyConfig
 ) -> list[tuple[tuple[str, ...], list[_Row]]]:
     held_out = [test for test in campaign.tests if test.id not in chosen]
     training = campaign.without([test.id for test in held_out])
     as_in_studies = len(held_out) == 1
     with one_thread_throughout():
-        studied = (find_estimate(training, held_out[0].condition, name, config, cache) for name in config.approaches)
+        condition, cache = held_out[0].condition, run.cache
+        studied = (find_estimate(training, condition, name, config, cache) for name in config.approaches)
         estimates = [estimate for estimate in studied if estimate is not None] if as_in_studies else []
         if len(estimates) < len(config.approaches):
             # mixtures come last, so that they find the fits of the others in the cache
             names = sorted(config.approaches, key=CLASSES.declared.index)
-            fits = [Fit.of(training, name, config, cache=cache, watch=watch) for name in names]
+            fits = [Fit.of(training, name, config, run) for name in names]
             estimates = [estimate for test in held_out for estimate in estimates_at(fits, test.condition)]
             for estimate in estimates if as_in_studies else ():
-                store_estimate(estimate, training, config, cache)
+                store_estimate(estimate, training, config, run.cache)
         tests = [test for test in held_out for _ in config.approaches]
         pairs = zip(estimates, tests, strict=True)
         return [(chosen, [row for pair in pairs for row in _measured(*pair, config.windows_ms)])]
@@ -272,9 +271,9 @@ def _rows(entry: dict[str, Any]) -> list[_Row]:
 
 def _key(campaign: Campaign, chosen: tuple[str, ...], config: StudyConfig) -> dict[str, object]:
     return {
-        "fits": [settings(config.create(name)) for name in config.approaches],
+        "fits": [config.create(name).identity for name in config.approaches],
         "windows_ms": config.windows_ms,
         "campaign": campaign.fingerprint,
         "chosen": chosen,
-        "code": code_digest(__name__),
+        "code": Code(__name__),
     }

@@ -11,7 +11,6 @@ from functools import cache as cached
 from itertools import combinations
 from math import sqrt
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -22,8 +21,8 @@ from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
-from crashfuse.execution.cache import Cache, Entry
-from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.cache import Code, Entry, remembered
+from crashfuse.execution.run import Run
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import rate_windows
@@ -68,12 +67,11 @@ def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: floa
     return _departure(campaign, campaign.test(test_id), lambda test: measured_bias(test, model), window_ms)
 
 
+@remembered
 def departures(campaign: Campaign) -> tuple[Departure, ...]:
     """How each test that stands apart differs from the others at its speed, over 0–60 ms; kept in the cache."""
-    if campaign not in _known:  # asked for at every condition
-        has_groups = any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids)
-        _known[campaign] = _cached_departures(campaign, Cache()) if has_groups else ()
-    return _known[campaign]
+    has_groups = any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids)
+    return _cached_departures(campaign, Run.of(campaign)) if has_groups else ()
 
 
 def departures_near(campaign: Campaign, condition: Condition, *, at_nearest: bool = False) -> tuple[Departure, ...]:
@@ -117,12 +115,9 @@ def folds_sentence(departure: Departure, metrics: Sequence[Metric]) -> str:
     return Sentence(template, *usual, departure.test, peaks[1], crushes[1])
 
 
-_known: WeakKeyDictionary[Campaign, tuple[Departure, ...]] = WeakKeyDictionary()
-
-
-def _cached_departures(campaign: Campaign, cache: Cache) -> tuple[Departure, ...]:
+def _cached_departures(campaign: Campaign, run: Run) -> tuple[Departure, ...]:
     def compute() -> tuple[tuple[Departure, ...], Entry]:
-        model = CaeModel(cache=cache).fit(campaign.cae)
+        model = CaeModel().fit(campaign.cae, run)
         bias = cached(lambda test_id: measured_bias(campaign.test(test_id), model))  # of each test once
         compared = (
             _departure(campaign, test, lambda test: bias(test.id), WINDOW_MS, only_apart=True)
@@ -138,8 +133,8 @@ def _cached_departures(campaign: Campaign, cache: Cache) -> tuple[Departure, ...
         ]
         return tuple(Departure(**values) for values in tuples)
 
-    key = {"campaign": campaign.fingerprint, "code": code_digest(__name__)}
-    return cache.get_or_compute(_KIND, key, compute, restore)
+    key = {"campaign": campaign.fingerprint, "code": Code(__name__)}
+    return run.get_or_compute(_KIND, key, compute, restore)
 
 
 def _departure(

@@ -20,8 +20,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
-from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import one_thread
 from crashfuse.signals.metrics import Metric, missing_sentences
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate, Fit, estimates_at

@@ -7,7 +7,6 @@ tests, of two at least: one alone cannot tell approaches apart. It is decided by
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -20,7 +19,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, require_number
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.cache import remembered
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.study.config import WINDOWS_MS, StudyConfig
@@ -108,13 +108,12 @@ def account(
     *,
     approach: str | None = None,
     without_neighbours: float | None = None,
-    cache: Cache | None = None,
 ) -> Account:
     """Account of an approach's prediction of a left-out test, by default the approach recommended without its pulse.
 
-    The rating ``without_neighbours`` is by default looked up in the cache.
+    The rating ``without_neighbours`` is by default looked up in the campaign's cache.
     """
-    cache, test = cache or Cache(), fold.test
+    run, test = Run.of(campaign), fold.test
     others = config.training_campaign(campaign, test.id)
     approach = approach or recommend_for(fold.estimates, others, test.condition, window_ms).approach
     estimate = fold.estimate(approach)
@@ -125,45 +124,35 @@ def account(
         without_neighbours = None
     elif without_neighbours is None:
         rest = campaign.without(campaign.speed_group(test.id))
-        if (alone := find_estimate(rest, test.condition, approach, config, cache)) is not None:
+        if (alone := find_estimate(rest, test.condition, approach, config, run.cache)) is not None:
             pulse = Pulse(GRID_S, alone.prediction.accel_mps2)
             without_neighbours = rate_windows(test.pulse, pulse, [window_ms])[float(window_ms)].overall
     apart = None
     if len(neighbours) >= LEAST:
-        apart = departure(campaign, test.id, CaeModel(cache=cache).fit(campaign.cae), window_ms)
+        apart = departure(campaign, test.id, CaeModel().fit(campaign.cae, run), window_ms)
     rating, expected = fold.ratings[approach][window_ms].overall, expected_rating(estimate, others, window_ms)
     inside, group = None if draws is None else Coverage.of(test, draws).accel, (neighbours, apart, without_neighbours)
     return Account(test, approach, rating, window_ms, expected, *group, inside, with_group)
 
 
-def worst_test(
-    study: Study, window_ms: float | None = None, *, approach: str | None = None, cache: Cache | None = None
-) -> Account:
-    """Account of the test that an approach, by default the recommended one, predicted worst over the longest window.
-
-    The cache holds the CAE model and, if it was ever made, the prediction without the neighbours.
-    """
+def worst_test(study: Study, window_ms: float | None = None, *, approach: str | None = None) -> Account:
+    """Account of the test that an approach, by default the recommended one, predicted worst over the longest window."""
     require_a(Study, study, "crashfuse.run_study(campaign)")
     window = max(study.config.windows_ms) if window_ms is None else window_ms
     require_number("window_ms", window)
     approach = recommend(study).approach if approach is None else approach
     one_of("approach of this study", approach, dict.fromkeys(study.config.approaches))
-    known = _worst.setdefault(study, {})  # requested by files, report, and terminal or page
-    if (window, approach) not in known:
-        fold = min(study.folds, key=lambda fold: fold.ratings[approach][window].overall)
-        groups = () if study.speed_groups is None else study.speed_groups.folds
-        # there is none while a study is running
-        apart = next(
-            (group.ratings[approach][window].overall for group in groups if group.held_out == fold.held_out), None
-        )
-        config = study.config.split_configs[0]
-        known[window, approach] = account(
-            study.campaign, config, fold, window, approach=approach, without_neighbours=apart, cache=cache
-        )
-    return known[window, approach]
+    return _worst(study, window, approach)
 
 
-_worst: WeakKeyDictionary[Study, dict[tuple[float, str], Account]] = WeakKeyDictionary()
+@remembered
+def _worst(study: Study, window: float, approach: str) -> Account:
+    fold = min(study.folds, key=lambda fold: fold.ratings[approach][window].overall)
+    groups = () if study.speed_groups is None else study.speed_groups.folds
+    # there is none while a study is running
+    apart = next((group.ratings[approach][window].overall for group in groups if group.held_out == fold.held_out), None)
+    config = study.config.split_configs[0]
+    return account(study.campaign, config, fold, window, approach=approach, without_neighbours=apart)
 
 
 def study_facts(study: Study) -> tuple[Fact, ...]:
@@ -278,28 +267,16 @@ def recommend(study: Study) -> Recommendation:
     recommendation that was made without that test, with how it came out.
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
-    if study not in _recommended:  # requested by files, report, and terminal or page
-        if len(study.folds) > 1:
-            _recommended[study] = _recommendation(study)
-        else:
-            (fold,), window_ms = study.folds, max(study.config.windows_ms)
-            advice = recommend_without(study, fold, window_ms)
-            rating = fold.ratings[advice.approach][window_ms].overall
-            _recommended[study] = replace(advice, facts=advice.after(rating))
-    return _recommended[study]
+    return _recommendation(study)
 
 
-_recommended: WeakKeyDictionary[Study, Recommendation] = WeakKeyDictionary()
-
-
-def recommend_without(study: Study, fold: Fold, window_ms: float) -> Recommendation:
-    """The recommendation for a held-out test, made without it."""
-    rest = study.config.training_campaign(study.campaign, fold.held_out)
-    return recommend_for(fold.estimates, rest, fold.test.condition, window_ms)
-
-
+@remembered
 def _recommendation(study: Study) -> Recommendation:
     window_ms, n, grouped = max(study.config.windows_ms), len(study.folds), study.config.leave_out == "speed group"
+    if n == 1:
+        advice = recommend_without(study, study.folds[0], window_ms)
+        rating = study.folds[0].ratings[advice.approach][window_ms].overall
+        return replace(advice, facts=advice.after(rating))
     crps = {name: crps_g(study, name, window_ms) for name in by_preference(study.config.approaches)}
     best = min(crps.values(), key=lambda values: float(values.mean()))
     excess = {name: values - best for name, values in crps.items()}
@@ -333,6 +310,12 @@ def _recommendation(study: Study) -> Recommendation:
     if any(decays):
         facts.append(Fact("recommendation.falls_back", {"fits": sum(decays), "n": len(study.folds)}))
     return Recommendation(name, tuple(facts), ties=ties)
+
+
+def recommend_without(study: Study, fold: Fold, window_ms: float) -> Recommendation:
+    """The recommendation for a held-out test, made without it."""
+    rest = study.config.training_campaign(study.campaign, fold.held_out)
+    return recommend_for(fold.estimates, rest, fold.test.condition, window_ms)
 
 
 def crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:

@@ -28,10 +28,8 @@ from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache, Entry, numbers
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.process import one_thread
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.cache import Code, Entry, numbers
+from crashfuse.execution.run import Run, one_thread
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 from crashfuse.signals.rating import rate_many
@@ -72,25 +70,19 @@ class Repeatability:
 
 
 def repeatability(
-    campaign: Campaign,
-    windows_ms: Sequence[float],
-    tests: Sequence[str] = (),
-    *,
-    seed: int = 0,
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
+    campaign: Campaign, windows_ms: Sequence[float], tests: Sequence[str] = (), *, seed: int = 0, run: Run | None = None
 ) -> dict[str, dict[float, Repeatability]]:
     """How a repeat would rate against each test, by window [0, w) that its record fills; empty of one test; cached."""
     if len(campaign.tests) < 2:
         return {}
     windows = tuple(float(window) for window in windows_ms)
-    cache, chosen = cache or Cache(), tests or campaign.test_ids
-    shared = {"campaign": campaign.fingerprint, "windows": windows, "seed": seed, "code": code_digest(__name__)}
+    run, chosen = run or Run.of(campaign), tests or campaign.test_ids
+    shared = {"campaign": campaign.fingerprint, "windows": windows, "seed": seed, "code": Code(__name__)}
     by_test = {}
 
     @once
     def scatter() -> Scatter:
-        return Scatter(cache=cache).fit(campaign, watch)
+        return Scatter().fit(campaign, run)
 
     def compute(test_id: str, repeats: tuple[CrashTest, ...]) -> tuple[FloatArray, Entry]:
         rng = np.random.default_rng([seed, campaign.test_ids.index(test_id)])
@@ -99,16 +91,16 @@ def repeatability(
         return rated, {"rated": rated}
 
     for done, test_id in enumerate(chosen):
-        watch.report(REPEATABILITY, done, len(chosen))
+        run.watch.report(REPEATABILITY, done, len(chosen))
         repeats, key = repeats_of(campaign.test(test_id), campaign), {**shared, "test": test_id}
         work = partial(compute, test_id, repeats)
-        rated = cache.get_or_compute(_KIND, key, work, lambda entry: numbers(entry, "rated", len(windows), 3), watch)
+        rated = run.get_or_compute(_KIND, key, work, lambda entry: numbers(entry, "rated", len(windows), 3))
         by_test[test_id] = {
             window: Repeatability(value, lower, upper, tuple(other.id for other in repeats))
             for window, (value, lower, upper) in zip(windows, rated.tolist(), strict=True)
             if not np.isnan(value)
         }
-    watch.report(REPEATABILITY, len(chosen), len(chosen))
+    run.watch.report(REPEATABILITY, len(chosen), len(chosen))
     return by_test
 
 
@@ -194,17 +186,14 @@ class _ScatterBias(HierarchicalBias):
 class Scatter:
     """The scatter of tests, learned from all of a campaign; it draws repeats of a test, with twice its variance."""
 
-    def __init__(self, *, cache: Cache | None = None) -> None:
-        self.cache = cache
-
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run) -> Self:
         """Learn from the tests of a campaign, two at least."""
         campaign = campaign.evenly_over_speed(MOST_TESTS)
-        model = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        model = CaeModel().fit(campaign.cae, run)
         views = [CaeView.of(model, test.condition) for test in campaign.tests]
         pairs = list(zip(campaign.tests, views, strict=True))
         with one_thread():
-            self.bias_ = _ScatterBias().fit([self._points(test, view, len(pairs)) for test, view in pairs], watch)
+            self.bias_ = _ScatterBias().fit([self._points(test, view, len(pairs)) for test, view in pairs], run.watch)
             self.rebound_ = Rebound().fit([view.unloading(test) for test, view in pairs])
         return self
 

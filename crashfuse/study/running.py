@@ -10,19 +10,18 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Mapping, MutableMapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, closing, nullcontext
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
-from numbers import Integral
 
-from crashfuse.approaches.fit_cache import FITS
+from crashfuse.approaches.base import FITS
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
-from crashfuse.errors import UsageError, printable, several
+from crashfuse.errors import several
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.process import give_back, one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.workers import Local, Workers, connected
+from crashfuse.execution.run import Run, give_back, one_thread_throughout
+from crashfuse.execution.workers import running
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.repeatability import Repeatability, repeatability
@@ -51,13 +50,13 @@ class Task:
     repeated: tuple[str, ...] = ()
 
 
-def prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> Cache:
-    """Compute once, on all cores, what no test's pulse affects; returns a new Cache on that folder."""
+def prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, run: Run) -> Run:
+    """Compute once, on all cores, what no test's pulse affects; returns the run with a cache that used nothing else."""
     cae_only = campaign.without(campaign.test_ids)
     conditions = [test.condition for test in campaign.tests]
-    shared = Cache(cache.folder)
+    shared = run.anew()
     for name in sorted(approaches):
-        config.create(name, shared).prepare(cae_only, conditions, watch)
+        config.create(name).prepare(cae_only, conditions, shared)
     give_back()
     return shared
 
@@ -77,14 +76,12 @@ class Computation:
 
     campaign: Campaign
     config: StudyConfig
-    cache: Cache
-    watch: Watch
-    workers: Workers
+    run: Run
     known: Estimates  # new ones are added
     on_more: Callable[[], None]  # called each time that more is known
     seconds: dict[str, float] = field(default_factory=dict)  # duration of the training, and of all
 
-    def run(self, wanted: Sequence[Wanted], repeated: tuple[str, ...]) -> None:
+    def compute(self, wanted: Sequence[Wanted], repeated: tuple[str, ...]) -> None:
         """Compute these; and the repeatability of these tests, where workers have time for it."""
         start = time.perf_counter()
         missing = [one for one in wanted if one not in self.known]
@@ -92,7 +89,7 @@ class Computation:
         early = [one for one in missing if not CLASSES[one.approach].trains_networks]
         tasks = _tasks(early)
         shared = self._prepared(missing, trained=False)
-        elsewhere = self.workers.are_elsewhere(tasks)
+        elsewhere = self.run.workers.are_elsewhere(tasks)
         if elsewhere:  # what is not known of repeatability in the end is computed there
             tasks.append(Task(repeated=repeated))
         if elsewhere and late:
@@ -104,36 +101,34 @@ class Computation:
                 self._compute(_tasks(late), self._prepared(late), _LATE, late)
         self.seconds["held_out_tests"] = time.perf_counter() - start
 
-    def _train_beside(
-        self, tasks: Sequence[Task], late: Sequence[Wanted], shared: Cache, early: Sequence[Wanted]
-    ) -> Cache:
+    def _train_beside(self, tasks: Sequence[Task], late: Sequence[Wanted], shared: Run, early: Sequence[Wanted]) -> Run:
         stop = threading.Event()
         with ThreadPoolExecutor(1, "training") as thread:
             try:
-                training = thread.submit(self._prepared, late, watch=self.watch.also_cancelled_by(stop))
+                training = thread.submit(self._prepared, late, watch=self.run.watch.also_cancelled_by(stop))
                 self._compute(tasks, shared, _EARLY, early)
                 trained = training.result()
             finally:
                 stop.set()
-        trained.used |= {name for name in shared.used if name.startswith(FITS)}  # mixtures are made of them
+        trained.cache.used |= {name for name in shared.cache.used if name.startswith(FITS)}  # mixtures are made of them
         return trained
 
-    def _prepared(self, wanted: Sequence[Wanted], *, trained: bool = True, watch: Watch | None = None) -> Cache:
+    def _prepared(self, wanted: Sequence[Wanted], *, trained: bool = True, watch: Watch | None = None) -> Run:
         start = time.perf_counter()
         names = {one.approach for one in wanted if trained or not CLASSES[one.approach].trains_networks}
-        shared = prepare(self.campaign, names, self.config, self.cache, watch or self.watch)
+        shared = prepare(self.campaign, names, self.config, replace(self.run, watch=watch or self.run.watch))
         self.seconds["prepare"] = time.perf_counter() - start
-        return shared
+        return replace(shared, watch=self.run.watch)
 
-    def _compute(self, tasks: Sequence[Task], shared: Cache, step: str, wanted: Sequence[Wanted]) -> None:
+    def _compute(self, tasks: Sequence[Task], shared: Run, step: str, wanted: Sequence[Wanted]) -> None:
         """Compute tasks; progress is that of fits, which take the time however many tests each of them predicts."""
         work, fits = partial(_computed, config=self.config.on_this_device), _fits(wanted)
-        with closing(self.workers.completed(work, self.campaign, tasks, shared, self.watch)) as completed:
+        with closing(shared.completed(work, self.campaign, tasks)) as completed:
             for estimates in completed:
                 self.known.update(estimates)
                 if fits:
                     left = _fits([one for one in wanted if one not in self.known])
-                    self.watch.report(step, len(fits - left), len(fits))
+                    shared.watch.report(step, len(fits - left), len(fits))
                 if estimates:
                     self.on_more()
 
@@ -149,23 +144,21 @@ def _tasks(wanted: Sequence[Wanted]) -> list[Task]:
     return [Task(tuple(shared)) for shared in by_left_out.values()]
 
 
-def _computed(
-    campaign: Campaign, task: Task, cache: Cache, watch: Watch, *, config: StudyConfig
-) -> list[tuple[Wanted, Estimate]]:
+def _computed(campaign: Campaign, task: Task, run: Run, *, config: StudyConfig) -> list[tuple[Wanted, Estimate]]:
     if task.repeated:
-        repeatability(campaign, config.windows_ms, task.repeated, seed=config.seed, cache=cache, watch=watch)
+        repeatability(campaign, config.windows_ms, task.repeated, seed=config.seed, run=run)
         return []
     training = campaign.without(task.wanted[0].left_out)
     estimates: list[tuple[Wanted, Estimate]] = []
     with one_thread_throughout():
         # mixtures come last, so that they find the fits of the others in the cache
         names = sorted({one.approach for one in task.wanted}, key=CLASSES.declared.index)
-        fits = {name: Fit.of(training, name, config, cache=cache, watch=watch) for name in names}
+        fits = {name: Fit.of(training, name, config, run) for name in names}
         for test in dict.fromkeys(one.test for one in task.wanted):
             wanted = [one for one in task.wanted if one.test == test]
             predicted = estimates_at([fits[one.approach] for one in wanted], campaign.test(test).condition)
             for estimate in predicted:
-                store_estimate(estimate, training, config, cache)
+                store_estimate(estimate, training, config, run.cache)
             estimates += zip(wanted, predicted, strict=True)
     return estimates
 
@@ -207,15 +200,21 @@ def run_study(
     if approaches:
         config = replace(config, approaches=several(approaches))
     plan = StudyPlan(campaign, config, several(held_out))
-    config, cache = plan.config, cache or Cache()
+    with running(campaign, cache, watch, workers, scheduler) as run:
+        return _study(plan, run, {} if folds is None else folds)
+
+
+def _study(plan: StudyPlan, run: Run, folds: MutableMapping[Hashable, Fold]) -> Study:
+    plan = replace(plan, campaign=run.bind(plan.campaign))
+    campaign, config, watch = plan.campaign, plan.config, run.watch
     by_fold = {
         fold_key(campaign, way, test): [Wanted(way.left_out(campaign, test), test, name) for name in config.approaches]
         for way in plan.configs
         for test in plan.held_out
     }
-    finished = {key: fold for key in by_fold if (fold := (folds or {}).get(key)) is not None}
+    finished = {key: fold for key in by_fold if (fold := folds.get(key)) is not None}
     wanted = [one for key, fold in by_fold.items() if key not in finished for one in fold]
-    known = _found_in(cache, campaign, wanted, config)
+    known = _found_in(run.cache, campaign, wanted, config)
 
     rated: dict[tuple[Wanted, ...], Fold] = {}
 
@@ -231,13 +230,11 @@ def run_study(
         if names and any(fold_key(campaign, plan.configs[0], test) in parts for test in plan.held_out):
             watch.show_part(_joined(plan, replace(config, approaches=names), parts, {}, {}))
 
-    with workers_at(scheduler, workers) as place:
-        computation = Computation(campaign, config, cache, watch, place, known, show_part)
-        computation.run(wanted, plan.held_out)
+    computation = Computation(campaign, config, run, known, show_part)
+    computation.compute(wanted, plan.held_out)
     finished |= {key: fold for key in by_fold if key not in finished and (fold := known_of(key)) is not None}
-    if folds is not None:
-        folds.update(finished)
-    repeats = repeatability(campaign, config.windows_ms, plan.held_out, seed=config.seed, cache=cache, watch=watch)
+    folds.update(finished)
+    repeats = repeatability(campaign, config.windows_ms, plan.held_out, seed=config.seed, run=run)
     return _joined(plan, config, finished, computation.seconds, repeats)
 
 
@@ -263,12 +260,3 @@ def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:
     """Key of all that determines the fold of a test; the config is one of ``split_configs``."""
     settings = replace(config, leave_out="test", to_ttzv=False, also=())  # both of tables alone
     return campaign.fingerprint, settings, config.left_out(campaign, test_id), test_id
-
-
-def workers_at(scheduler: str | None, processes: int | None) -> AbstractContextManager[Workers]:
-    """Workers of a Dask cluster if a scheduler is given, else processes on this machine."""
-    if processes is not None and not (isinstance(processes, Integral) and processes >= 1):
-        raise UsageError(f"The number of workers is 1 or more, not {printable(repr(processes), 20)}.")
-    if scheduler is None:
-        return nullcontext(Local(processes))
-    return connected(scheduler)

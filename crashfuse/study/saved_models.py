@@ -14,6 +14,7 @@ from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError, as_path, require_a
 from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.run import Run
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.tensors import read_tensors, tensor_bytes
 from crashfuse.study.config import StudyConfig
@@ -67,10 +68,10 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
     try:
         _check(path, record, campaign)
         config = StudyConfig(preset=record["preset"], seed=int(record["seed"]))
-        approach = config.create(record["approach"], cache)
+        approach = config.create(record["approach"])
         if json.loads(json.dumps(_settings(approach))) != record["settings"]:
             raise ValueError("settings that are not those of its preset")
-        approach.restore(campaign, FittedState(record["learned"], arrays))
+        approach.restore(campaign, FittedState(record["learned"], arrays), Run.of(campaign, cache))
         left_out = approach.left_out(campaign)
         errors = metric_errors(left_out, campaign, approach.usual_errors)
         return Fit(approach, config, float(record["seconds"]), left_out, errors, campaign)

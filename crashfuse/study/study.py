@@ -14,6 +14,7 @@ import numpy as np
 from crashfuse import views
 from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of
 from crashfuse.signals.metrics import checked_metrics, further_metrics
@@ -174,7 +175,7 @@ class Study:
         band: str | None = None,
         measured: bool = True,
         corridors: bool = False,
-        notes: Sequence[views.Note] = (),
+        notes: Sequence[Note] = (),
         **display: Unpack[views.DisplayOptions],
     ) -> go.Figure:
         """A figure of the page Compare, of one held-out test, or of the page Study, of all of them.

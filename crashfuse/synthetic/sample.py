@@ -15,7 +15,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.files.atomic import new_folder
 from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.synthetic.specimens import cae_pulses, measured_pulses
+from crashfuse.synthetic.vehicle import cae_pulses, measured_pulses
 from crashfuse.units import LB, MPH, MS, G
 
 NAME = "Sample (synthetic)"

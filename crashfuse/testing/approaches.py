@@ -19,6 +19,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled, CrashfuseError, NotFittedError, UsageError
 from crashfuse.execution.progress import Watch
+from crashfuse.execution.run import UNKEPT
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import LB, MPH, MS
 
@@ -160,7 +161,7 @@ class ApproachContract:
         cancel = threading.Event()
         cancel.set()
         with pytest.raises(Cancelled, match="Stopped on request"):
-            self.created().fit(CAMPAIGN, Watch(cancel=cancel))
+            self.created().fit(CAMPAIGN, replace(UNKEPT, watch=Watch(cancel=cancel)))
 
     def test_without_tests_it_fits_or_says_that_it_needs_some(self) -> None:
         """What learns from tests says so; what does not is as good without."""

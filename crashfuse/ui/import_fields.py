@@ -56,10 +56,7 @@ def _condition_of(source: Source, records: Sequence[Record]) -> tuple[PartialCon
     speed, share = typed("speed", mps), typed("front share", 0.01)
     front, rear, mass = (typed(name, kg) for name in _WEIGHTS)
     given = PartialCondition(speed, mass, front, rear)
-    weights = replace(given.weights, front_share=share)
-    conditions = [
-        record.condition.overruled(given).weighing(record.condition.weights.overruled(weights)) for record in records
-    ]
+    conditions = [record.condition.overruled(replace(given, front_share=share)) for record in records]
     pairs = [(at.front_weight_kg, at.rear_weight_kg) for at in conditions]
     sums = [None if None in pair else sum(filter(None, pair)) for pair in pairs]
     fronts, rears = zip(*pairs, strict=True)

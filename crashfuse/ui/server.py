@@ -35,7 +35,7 @@ from streamlit.web.cli import main
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
-from crashfuse.execution.process import share_one_heap
+from crashfuse.execution.run import share_one_heap
 from crashfuse.ui.kit import visitors
 from crashfuse.ui.kit.navigation import navigate
 from crashfuse.ui.kit.text import plain
@@ -232,11 +232,11 @@ def _import(done: Future[None]) -> None:
         import_module(_NEXT)
     finally:
         sys.setswitchinterval(usual)
-    from crashfuse.execution.code_digest import code_digest
+    from crashfuse.execution.cache import Cache
     from crashfuse.ui.kit.uploads import sweep_uploads
 
     sweep_uploads()
-    code_digest(_PREDICTS)  # while the first page is read: the first prediction of a new version need not wait
+    Cache().digest(_PREDICTS)  # while the first page is read: the first prediction of a new version need not wait
     gc.freeze()  # what was imported is never garbage: to look for some in it took 0.2 s every dozen answers
 
 

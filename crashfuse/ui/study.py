@@ -8,6 +8,7 @@ from functools import partial
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
+from crashfuse.certification.verdict import with_decided
 from crashfuse.errors import DataError
 from crashfuse.reporting import rating_tables
 from crashfuse.reporting.figures import how_left_out
@@ -206,7 +207,7 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     criteria = view.folder / "criteria.toml"
     if criteria.is_file():
         try:
-            whole = whole.decided(criteria)
+            whole = with_decided(whole, criteria)
         except DataError as error:
             st.warning(plain(str(error.problems[0])), icon=":material/error:")
     curve = whole.over(view.display.window_ms)

@@ -15,7 +15,7 @@ from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import LB, MPH
 from tests.conftest import not_none
@@ -192,6 +192,6 @@ def test_what_components_learned_is_taken_from_the_cache(
 
     rest = campaign.without(["T3"])
     for name in ("time_domain", "displacement_domain"):
-        Fit.of(rest, name, cache=Cache())
+        Fit.of(rest, name, run=Run())
     fitting_is_an_error()
-    assert Fused(cache=Cache()).fit(rest).calibration_.tests
+    assert Fused().fit(rest, Run()).calibration_.tests

@@ -13,6 +13,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import GRID_S, motion
 from crashfuse.synthetic.sample import sample_campaign
 from crashfuse.testing import ApproachContract, small_campaign
@@ -119,7 +120,7 @@ def test_three_tests_correct_most_of_the_cae_models_error(sample: Campaign, emul
     """Learned from three tests over the range of speeds, all others: under half of the error of the raw CAE."""
     known = [sample.test_ids[number] for number in (0, 4, 10)]
     others = [test for test in sample.tests if test.id not in known]
-    fitted = Pretrained(cache=emulated).fit(sample.without([test.id for test in others]))
+    fitted = Pretrained().fit(sample.without([test.id for test in others]), Run(emulated))
     errors = np.array([_errors(fitted, test) for test in others])
     assert errors[:, 0].mean() < 0.5 * errors[:, 1].mean()
 
@@ -136,7 +137,7 @@ def test_its_band_holds_tests_that_it_was_not_shown(sample: Campaign, emulated: 
     """On average over the tests left out in turn, 90 % of a(t) up to zero velocity at least, and most peaks."""
     covered = []
     for test in sample.tests[::2]:
-        draws = not_none(Pretrained(cache=emulated).fit(sample.without([test.id])).predict(test.condition).draws_mps2)
+        draws = not_none(Pretrained().fit(sample.without([test.id]), Run(emulated)).predict(test.condition).draws_mps2)
         covered.append(Coverage.of(test, draws))
     assert np.mean([own.accel for own in covered]) > 0.9
     assert sum(own.peak for own in covered) >= len(covered) - 1

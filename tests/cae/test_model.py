@@ -11,7 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.signals.rating import rate_iso18571
@@ -180,11 +180,9 @@ def test_without_a_paired_run_the_emulator_is_taken(campaign: Campaign) -> None:
 
 def test_the_emulator_is_trained_once(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     condition = Condition.of_vector([12.0, 930.0, 690.0])
-    first = CaeModel(cache=Cache()).fit(campaign.cae).pulse(condition)
+    first = CaeModel().fit(campaign.cae, Run()).pulse(condition)
     monkeypatch.setattr(Emulator, "fit", lambda *_: pytest.fail("trained again"))
-    np.testing.assert_array_equal(
-        CaeModel(cache=Cache()).fit(campaign.cae).pulse(condition).accel_mps2, first.accel_mps2
-    )
+    np.testing.assert_array_equal(CaeModel().fit(campaign.cae, Run()).pulse(condition).accel_mps2, first.accel_mps2)
 
 
 def test_beyond_its_crush_the_curve_goes_on_as_faster_runs_do() -> None:

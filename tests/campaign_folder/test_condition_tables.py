@@ -40,8 +40,7 @@ def test_any_name_becomes_an_id(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "run_id"),
     [
-        ("T1", "T1"),
-        ("Test 3 (rear).v2", "Test 3 (rear).v2"),
+        *((name, name) for name in ("T1", "Test 3 (rear).v2")),
         ('=HYPERLINK("http://x")', "_HYPERLINK(_http___x_)"),
         ("-20C Versuch", "_20C Versuch"),
         ("run?1*", "run_1_"),

@@ -60,22 +60,10 @@ HEADERS = (
     "front_weight_kg",
 )
 TOML = (
-    'name = "\\u001b[31m"',
-    "name = [1, 2]",
-    'name = "' + "x" * 10_000 + '"',
-    "name = " + "[" * 5000,
-    "name = 1" + "0" * 5000,
-    "channel_filter_class = nan",
-    "channel_filter_class = 1e999",
-    "channel_filter_class = 1000",
-    "channel_filter_class = true",
-    "channel_filter_class = 1" + "0" * 400,
-    "channel_filter_class = 60\nfiltered_with = 60",
-    '"\\u0007\\n" = 1',
-    "imported = 3",
-    "notice = 2001-01-01",
-    "a" + ".a" * 3000 + " = 1",
-    "name = 1\nname = 2",
+    *('name = "\\u001b[31m"', "name = [1, 2]", 'name = "' + "x" * 10_000 + '"', "name = " + "[" * 5000),
+    *("name = 1" + "0" * 5000, *(f"channel_filter_class = {value}" for value in ("nan", "1e999", "1000", "true"))),
+    *("channel_filter_class = 1" + "0" * 400, "channel_filter_class = 60\nfiltered_with = 60", '"\\u0007\\n" = 1'),
+    *("imported = 3", "notice = 2001-01-01", "a" + ".a" * 3000 + " = 1", "name = 1\nname = 2"),
 )
 
 
@@ -199,6 +187,26 @@ def _setting(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
 
 
+ARRAYS: dict[str, Callable[[int], Any]] = {
+    "struct": lambda n: pa.array([{"a": 1.0}] * n),
+    "list": lambda n: pa.array([[1.0]] * n),
+    "map": lambda n: pa.array([[("a", 1)]] * n, pa.map_(pa.string(), pa.int64())),
+    "bool": lambda n: pa.array([True] * n),
+    "time": lambda n: pa.array(np.arange(n), pa.timestamp("ns")),
+    "duration": lambda n: pa.array(np.arange(n), pa.duration("ns")),
+    "binary": lambda n: pa.array([b"\xff"] * n),
+    "null": lambda n: pa.nulls(n),
+    "large text": lambda n: pa.array(["x" * 1000] * n, pa.large_string()),
+    "decimal": lambda n: pa.array(np.arange(n) % 7).cast(pa.decimal128(38, 2)),
+    "int": lambda n: pa.array(np.arange(n) * 10**12),
+    "half": lambda n: pa.array(np.full(n, 1e4, np.float16)),
+    "category": lambda n: pa.array(["a", None, "b", ""] * (n // 4) + ["a"] * (n % 4)).dictionary_encode(),
+    "nan": lambda n: pa.array(np.full(n, np.nan)),
+    "huge": lambda n: pa.array(np.full(n, -1e300)),
+}
+TYPES = (*ARRAYS, "text", "twice", "gone", "index")
+
+
 def _typed(path: Path, column: str, kind: str) -> None:
     try:
         table = pq.read_table(path)
@@ -206,25 +214,6 @@ def _typed(path: Path, column: str, kind: str) -> None:
         return
     if table.column_names.count(column) != 1:
         return
-    n = table.num_rows
-    arrays: dict[str, Callable[[], Any]] = {
-        "struct": lambda: pa.array([{"a": 1.0}] * n),
-        "list": lambda: pa.array([[1.0]] * n),
-        "map": lambda: pa.array([[("a", 1)]] * n, pa.map_(pa.string(), pa.int64())),
-        "bool": lambda: pa.array([True] * n),
-        "time": lambda: pa.array(np.arange(n), pa.timestamp("ns")),
-        "duration": lambda: pa.array(np.arange(n), pa.duration("ns")),
-        "binary": lambda: pa.array([b"\xff"] * n),
-        "null": lambda: pa.nulls(n),
-        "text": lambda: pa.array([str(value) for value in table.column(column).to_pylist()]),
-        "large text": lambda: pa.array(["x" * 1000] * n, pa.large_string()),
-        "decimal": lambda: pa.array(np.arange(n) % 7).cast(pa.decimal128(38, 2)),
-        "int": lambda: pa.array(np.arange(n) * 10**12),
-        "half": lambda: pa.array(np.full(n, 1e4, np.float16)),
-        "category": lambda: pa.array(["a", None, "b", ""] * (n // 4) + ["a"] * (n % 4)).dictionary_encode(),
-        "nan": lambda: pa.array(np.full(n, np.nan)),
-        "huge": lambda: pa.array(np.full(n, -1e300)),
-    }
     if kind == "twice":
         table = table.append_column(column, table.column(column))
     elif kind == "gone":
@@ -233,14 +222,10 @@ def _typed(path: Path, column: str, kind: str) -> None:
         frame = pd.DataFrame({name: np.arange(9) for name in ("id", "time_ms", "acceleration_g")})
         table = pa.Table.from_pandas(frame.set_index(column))
     else:
-        table = table.set_column(table.schema.get_field_index(column), column, arrays[kind]())
+        values = table.column(column).to_pylist()
+        array = pa.array([*map(str, values)]) if kind == "text" else ARRAYS[kind](len(values))
+        table = table.set_column(table.schema.get_field_index(column), column, array)
     pq.write_table(table, path)
-
-
-TYPES = (
-    *("struct", "list", "map", "bool", "time", "duration", "binary", "null", "text", "large text", "decimal", "int"),
-    *("half", "category", "nan", "huge", "twice", "gone", "index"),
-)
 
 
 def one(what: str, *arguments: st.SearchStrategy[Any]) -> st.SearchStrategy[Corruption]:
@@ -269,7 +254,12 @@ corruption = st.one_of(
     one("instead", any_of(FILES), any_of(INSTEAD)),
     one("extra", any_of(EXTRA), st.binary(max_size=20)),
     one("setting", st.just("campaign.toml"), st.one_of(any_of(TOML), st.text(max_size=60))),
-    one("typed", st.just("cae_pulses.parquet"), any_of(("id", "time_ms", "acceleration_g")), any_of(TYPES)),
+    one(
+        "typed",
+        st.just("cae_pulses.parquet"),
+        any_of(("id", "time_ms", "acceleration_g")),
+        any_of(TYPES),
+    ),
 )
 
 

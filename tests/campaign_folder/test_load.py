@@ -133,9 +133,8 @@ def test_the_filter_class_of_the_settings_is_applied_to_the_whole_record(campaig
     (campaign_folder / "campaign.toml").write_text('name = "Filtered"\nchannel_filter_class = 60\n')
     loaded = load_campaign(campaign_folder)
     assert loaded.name == "Filtered"
-    np.testing.assert_allclose(
-        loaded.tests[0].pulse.accel_mps2[100:1000], clean[100:1000], atol=0.04 * np.abs(clean).max()
-    )
+    filtered = loaded.tests[0].pulse.accel_mps2
+    np.testing.assert_allclose(filtered[100:1000], clean[100:1000], atol=0.04 * np.abs(clean).max())
 
 
 def test_a_record_that_ends_early_goes_on_without_acceleration_and_says_so(campaign_folder: Path) -> None:
@@ -178,6 +177,13 @@ def test_files_that_nothing_reads_are_named(campaign_folder: Path) -> None:
     assert told.partition(": ")[2] == "study/, summary.csv, tests/T9.xlsx."
 
 
+_no_drive = edit("tests.csv", lambda t: t.assign(drive=t.drive.where(t.id != "T3", "")))
+
+
+def _one_more(folder: Path) -> None:
+    shutil.copy(folder / "tests" / "T1.csv", folder / "tests" / "T9.csv")
+
+
 def _one_test(folder: Path) -> None:
     edit("tests.csv", lambda t: t[:1])(folder)
     for test_id in ("T2", "T3", "T4"):
@@ -188,18 +194,9 @@ def _one_test(folder: Path) -> None:
     ("change", "ids", "told"),
     [
         (_one_test, "1", "Only one test: "),
-        (
-            edit("tests.csv", lambda t: t.assign(drive=t.drive.where(t.id != "T3", ""))),
-            "1234",
-            "tests.csv, drive: not given for T3; fill it in, for tests may differ by it.",
-        ),
-        (
-            lambda folder: shutil.copy(folder / "tests" / "T1.csv", folder / "tests" / "T9.csv"),
-            "1234",
-            "tests: pulses without a row in tests.csv are left out, namely T9.",
-        ),
+        (_no_drive, "1234", "tests.csv, drive: not given for T3; fill it in, for tests may differ by it."),
+        (_one_more, "1234", "tests: pulses without a row in tests.csv are left out, namely T9."),
     ],
-    ids=["one test", "no factor", "no row"],
 )
 def test_what_keeps_no_campaign_from_being_used_is_told(
     campaign_folder: Path, change: Callable[[Path], object], ids: str, told: str
@@ -296,21 +293,15 @@ def test_a_speed_in_the_other_unit_is_warned_of_where_its_change_of_velocity_is_
     assert advice in warning
 
 
+WEIGHTS_LB = ("front_weight_lb", "rear_weight_lb")
+
+
 @pytest.mark.parametrize(
     ("change", "advice"),
     [
-        (
-            lambda t: t.assign(front_weight_lb=t.front_weight_lb * LB, rear_weight_lb=t.rear_weight_lb * LB),
-            "(kilograms",
-        ),
-        (
-            lambda t: t.rename(columns={"front_weight_lb": "front_weight_kg", "rear_weight_lb": "rear_weight_kg"}),
-            "(pounds",
-        ),
-        (
-            lambda t: t.rename(columns={"front_weight_lb": "rear_weight_lb", "rear_weight_lb": "front_weight_lb"}),
-            "which a",
-        ),
+        (lambda t: t.assign(**{name: t[name] * LB for name in WEIGHTS_LB}), "(kilograms"),
+        (lambda t: t.rename(columns={name: name.replace("lb", "kg") for name in WEIGHTS_LB}), "(pounds"),
+        (lambda t: t.rename(columns=dict(zip(WEIGHTS_LB, WEIGHTS_LB[::-1], strict=True))), "which a"),
         (lambda t: t.assign(front_weight_lb=1.3 * t.front_weight_lb), ""),
     ],
 )

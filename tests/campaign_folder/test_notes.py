@@ -95,19 +95,8 @@ def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(
     """A script in notes.csv is shown, not run, in the list and on the figure of the short report."""
     write_notes(campaign_folder, [Note("T1", "<script>alert(1)</script>", 25.0)])
     out = tmp_path / "out"
-    command = [
-        "study",
-        str(campaign_folder),
-        "--out",
-        str(out),
-        "--held-out",
-        "T1",
-        "--approach",
-        "cae",
-        "--workers",
-        "1",
-    ]
-    assert cli.main([*command, "--report", "short"]) == cli.DONE
+    options = ["--held-out", "T1", "--approach", "cae", "--workers", "1", "--report", "short"]
+    assert cli.main(["study", str(campaign_folder), "--out", str(out), *options]) == cli.DONE
     text = (out / "report.html").read_text(encoding="utf-8")
     assert "<script>alert(1)" not in text
     assert "<td>&lt;script&gt;alert(1)&lt;/script&gt;</td>" in text

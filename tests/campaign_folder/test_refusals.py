@@ -124,27 +124,22 @@ BAD: dict[str, Callable[[Path], object]] = {
 }
 
 SETTINGS = (
-    "channel_filter_class = sixty",
-    "name = [1]",
-    "channel_filter_class = 5000",
-    'channel_filter_class = "60 Hz"',
+    *("channel_filter_class = sixty", "name = [1]", "channel_filter_class = 5000", 'channel_filter_class = "60 Hz"'),
     "channel_filter_class = 60\nfiltered_with = 60",
     *(f"cae_gap_mm = {value}" for value in ('"200"', "-1", "true", "nan", "20000")),
     *(f"unused = {value}" for value in ('["T9"]', '"T1"', "[1]", "{T1 = 1}", '["T1", "T2", "T3", "T4"]')),
-    "[occupant]\nolc_restraint_mm = 0",
-    "[occupant]\nvpi_slack_mm = nan",
-    '[occupant]\nolc_free_flight_mm = "65 mm"',
-    "[occupant]\nolc_free_flight_mm = 0.065",
-    "[occupant]\nrestraint = 200",
-    "occupant = 3",
-    '[cae_quality]\nlimits = "din"',
-    '[cae_quality]\nlimits = "nchrp-179"\nenergy_change = 0.1',
-    "[cae_quality]\nhourglass_share = 10",
-    "[cae_quality]\nhourglass_share = true",
-    "[cae_quality]\nleave_out_failing = true",
-    '[cae_quality]\nlimits = "nchrp-179"\nleave_out_failing = 1',
-    "[cae_quality]\nhourglass = 0.1",
-    "cae_quality = 3",
+    *(f"[occupant]\n{line}" for line in ("olc_restraint_mm = 0", "vpi_slack_mm = nan", 'olc_free_flight_mm = "65 mm"')),
+    *("[occupant]\nolc_free_flight_mm = 0.065", "[occupant]\nrestraint = 200", "occupant = 3"),
+    *(f'[cae_quality]\nlimits = "{text}' for text in ('din"', 'nchrp-179"\nenergy_change = 0.1')),
+    *(
+        f"[cae_quality]\n{line}"
+        for line in ("hourglass_share = 10", "hourglass_share = true", "leave_out_failing = true")
+    ),
+    *(
+        '[cae_quality]\nlimits = "nchrp-179"\nleave_out_failing = 1',
+        "[cae_quality]\nhourglass = 0.1",
+        "cae_quality = 3",
+    ),
 )
 
 TABLE = b"id,speed_mph,front_weight_lb,rear_weight_lb\n"

@@ -15,6 +15,8 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.errors import DataError, UsageError
+from crashfuse.execution.run import Run
+from crashfuse.execution.workers import Local
 from crashfuse.reporting.certification_facts import facts
 from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_tables import certification_table, track_record_table
@@ -45,7 +47,7 @@ def matrix(campaign: Campaign, *speeds_mph: float) -> Matrix:
 
 def certified(campaign: Campaign, criteria: Criteria = CRITERIA) -> Certification:
     """Verdicts at 20, 30 and 70 mph."""
-    return certify_matrix(campaign, criteria, matrix(campaign, 20.0, 30.0, 70.0), CONFIG, workers=1)
+    return certify_matrix(campaign, criteria, matrix(campaign, 20.0, 30.0, 70.0), CONFIG)
 
 
 def run_already(certification: Certification) -> dict[str, str]:
@@ -155,7 +157,7 @@ def test_a_test_that_was_tuned_to_still_stands_at_its_condition(campaign: Campai
     """It was run there, and what it measured is told, however it was used."""
     here = campaign.tests[1].condition
     at = Matrix(("M",), (here,))
-    found = certify_matrix(tuned_to(campaign, "T2"), CRITERIA, at, CONFIG, workers=1)
+    found = certify_matrix(tuned_to(campaign, "T2"), CRITERIA, at, CONFIG)
     assert found.run == {"M": ("T2",)}
     assert found.rows["M"][0].run["T2"] is not None
 
@@ -180,9 +182,7 @@ def test_a_held_out_test_has_no_say_in_its_own_verdict(campaign: Campaign) -> No
 def test_nobody_can_choose_the_seed(campaign: Campaign) -> None:
     """Whatever the seed of the config, verdicts are the same to the bit; what the first seed alone would say is not."""
     few = replace(campaign, tests=campaign.tests[:2])
-    found, other = (
-        certify_matrix(few, CRITERIA, matrix(few, 20.0), replace(CONFIG, seed=seed), workers=1) for seed in (0, 5)
-    )
+    found, other = (certify_matrix(few, CRITERIA, matrix(few, 20.0), replace(CONFIG, seed=seed)) for seed in (0, 5))
     assert (found.verdicts, found.record.trials) == (other.verdicts, other.record.trials)
     assert len({*found.verdicts[0][0].chances}) > 1
 
@@ -193,7 +193,7 @@ def test_left_out_tests_have_a_cae_run_where_all_planned_conditions_have_one(
 ) -> None:
     """Else the record is made without, and that with these runs stands beside it."""
     planned = Matrix(("P",), (campaign.tests[1].condition,)) if all_have_runs else matrix(campaign, 20.0)
-    found = certify_matrix(campaign, CRITERIA, planned, CONFIG, workers=1)
+    found = certify_matrix(campaign, CRITERIA, planned, CONFIG)
     assert (found.record_with_runs is None) == all_have_runs
     told: Any = certification_record(found)["track_record"]
     assert ("with_paired_runs" in told) != all_have_runs
@@ -237,7 +237,7 @@ def test_a_limit_that_no_test_comes_near_is_named(campaign: Campaign) -> None:
 def test_three_tests_or_fewer_give_no_verdict(campaign: Campaign, n: int) -> None:
     """Every condition is outside, with the numbers of the prediction."""
     few = replace(campaign, tests=campaign.tests[:n])
-    found = certify_matrix(few, Criteria((CRUSH,)), matrix(campaign, 20.0), CONFIG, workers=1)
+    found = certify_matrix(few, Criteria((CRUSH,)), matrix(campaign, 20.0), CONFIG)
     [[verdict]] = found.verdicts
     assert verdict.word == "outside"
     assert "too few to check verdicts" in verdict.reason
@@ -249,7 +249,7 @@ def test_a_metric_that_no_pulse_is_long_enough_for_leaves_the_others_judged(camp
     """An occupant who flies 1 m meets no restraint in 100 ms: OLC is open, and said to be so, beside a crush."""
     campaign = replace(campaign, occupant=replace(campaign.occupant, olc_free_flight_mm=1000.0))
     both = Criteria((Criterion("slow", "olc", at_most=10.0), Criterion("wide", "max_crush", at_most=5000.0)), 0.8)
-    found = certify_matrix(campaign, both, matrix(campaign, 20.0), CONFIG, workers=1)
+    found = certify_matrix(campaign, both, matrix(campaign, 20.0), CONFIG)
     [[slow, wide]] = found.verdicts
     assert (slow.word, slow.probability, wide.word) == ("open", None, "met")
     assert "too short for the OLC" in slow.reason
@@ -281,7 +281,7 @@ def test_two_processes_find_as_one_does(campaign: Campaign, monkeypatch: pytest.
     found = []
     for n in (1, 2):
         monkeypatch.setenv("CRASHFUSE_CACHE", f"{tmp_path}/{n}")
-        found.append(certify_matrix(few, CRITERIA, asked, CONFIG, workers=n))
+        found.append(certify_matrix(few, CRITERIA, asked, CONFIG, Run(workers=Local(n))))
     assert found[0].verdicts == found[1].verdicts
     assert found[0].record.trials == found[1].record.trials
 
@@ -291,9 +291,7 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
     test = campaign.tests[1]
     rounded = replace(test.condition, speed_mps=1.001 * test.condition.speed_mps)
     apart = replace(test.condition, speed_mps=1.003 * test.condition.speed_mps)
-    found = certify_matrix(
-        campaign, CRITERIA, Matrix(("P1", "P2", "P3"), (test.condition, rounded, apart)), CONFIG, workers=1
-    )
+    found = certify_matrix(campaign, CRITERIA, Matrix(("P1", "P2", "P3"), (test.condition, rounded, apart)), CONFIG)
     assert found.run == {"P1": (test.id,), "P2": (test.id,)}
     crush, _, rating = found.verdicts[0]
     assert crush.run[test.id] == pytest.approx(
@@ -320,7 +318,7 @@ def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_littl
     )
     loose, tight = (Criteria((Criterion("crush", "max_crush", at_most=most),), 0.5) for most in (1e4, 1e-4))
     for criteria in (loose, tight):
-        found = certify_matrix(campaign, criteria, Matrix(("P1", "P2", "P3"), (near, far, other)), CONFIG, workers=1)
+        found = certify_matrix(campaign, criteria, Matrix(("P1", "P2", "P3"), (near, far, other)), CONFIG)
         assert found.run == {"P1": (test.id,)}
         assert not {"P1"} & {*found.waived}
     assert run_already(found)["P1"].startswith(f"test {test.id}, at {test.condition}, which missed crush")
@@ -330,7 +328,7 @@ def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_littl
     assert "missed crush, in doubt as its signal has a spike of 60.0 g at 30.0 ms" in run_already(doubtful)["P1"]
     ran = f"Test {test.id} was run for it, at {test.condition}, and measured "
     assert ran in found.verdicts[0][0].reason
-    assert certify_matrix(campaign, loose, Matrix(("P3",), (other,)), CONFIG, workers=1).run == {}
+    assert certify_matrix(campaign, loose, Matrix(("P3",), (other,)), CONFIG).run == {}
 
 
 CRUSH_500, PEAK_30 = Criterion("crush", "max_crush", at_most=500.0), Criterion("peak", "peak", at_most=30.0)
@@ -389,8 +387,8 @@ def test_variants_are_what_the_same_certification_says_if_asked_otherwise(campai
 def test_each_test_is_left_out_if_asked_for(campaign: Campaign) -> None:
     """As if each had been asked for alone."""
     asked = CRITERIA, matrix(campaign, 20.0, 30.0), StudyConfig(approaches=("cae",))
-    found = certify_matrix(campaign, *asked, workers=1)
-    first, *others = without_each_test(found, workers=1).variants[len(found.variants) :]
+    found = certify_matrix(campaign, *asked)
+    first, *others = without_each_test(found, Run()).variants[len(found.variants) :]
     assert [(own.name, own.left_out) for own in others] == [(f"without {i}", i) for i in campaign.test_ids[1:]]
-    assert first == Variant.of("without T1", found, certify_matrix(campaign.without(("T1",)), *asked, workers=1))
+    assert first == Variant.of("without T1", found, certify_matrix(campaign.without(("T1",)), *asked))
     assert first.left_out == "T1"

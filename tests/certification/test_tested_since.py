@@ -21,6 +21,7 @@ from crashfuse.certification.verdict import EarlierVerdict, Word
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.reporting.certification_facts import exceptions, facts, outcomes, saved_and_missed, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import SHOWN, track_record_table
@@ -52,7 +53,7 @@ def later(campaign: Campaign, shared_cache: Path) -> Certification:
     slow = replace(conditions[1], speed_mps=20 * MPH)
     matrix = Matrix((*(f"at {test}" for test in campaign.test_ids), "slow"), (*conditions, slow))
     config, criteria = StudyConfig(approaches=("cae",)), Criteria((CRUSH, PEAK, GOOD), 0.8)
-    return certify_matrix(campaign, criteria, matrix, config, cache=Cache(shared_cache), workers=1)
+    return certify_matrix(campaign, criteria, matrix, config, Run(Cache(shared_cache)))
 
 
 def earlier(
@@ -238,7 +239,7 @@ def test_what_a_test_off_its_condition_measured_is_moved_there_as_the_cae_model_
     here = later.campaign.test(second).condition
     today = moved(of(later, later.campaign.without(rest)), 0.9, second)
     off, raw = today.campaign.test(second).condition, measured(today, second)
-    emulator = CaeModel(cache=Cache()).fit(today.campaign.cae).emulator_
+    emulator = CaeModel().fit(today.campaign.cae, Run()).emulator_
     there, planned = (float(metric_values(emulator.predict(c), c.speed_mps)["max_crush"]) for c in (off, here))
     limit = replace(CRUSH, at_most=raw["max_crush"] - 0.5 * (there - planned))
     beside = today.beside(earlier(later, MET, criteria=Criteria((limit, PEAK, GOOD), 0.8)))

@@ -20,8 +20,9 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled, CrashfuseError, UsageError
 from crashfuse.execution import workers
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import SILENT, Progress, Watch
-from crashfuse.execution.workers import Local, Work, Workers, connected
+from crashfuse.execution.progress import Progress, Watch
+from crashfuse.execution.run import Run, Work, Workers
+from crashfuse.execution.workers import Cluster, Local, connected
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.running import run_study
 from tests.conftest import Capture
@@ -37,7 +38,7 @@ TASKS = [f"task {number}" for number in range(8)]
 def fatal_once(deaths: Path, lives: int = 1) -> Work[str, str]:
     """Work that ends its own process as often as it is told, in the second task, and returns the task otherwise."""
 
-    def work(_campaign: Campaign, task: str, _cache: Cache, _watch: Watch) -> list[str]:
+    def work(_campaign: Campaign, task: str, _run: Run) -> list[str]:
         import os
         import signal
         import time
@@ -53,7 +54,7 @@ def fatal_once(deaths: Path, lives: int = 1) -> Work[str, str]:
 
 
 def done_by(workers: Workers, work: Work[str, str], campaign: Campaign, cache: Path) -> list[str]:
-    return sorted(chain(*workers.completed(work, campaign, TASKS, Cache(cache), SILENT)))
+    return sorted(chain(*workers.completed(work, campaign, TASKS, Run(Cache(cache)))))
 
 
 @pytest.fixture
@@ -84,20 +85,36 @@ def test_processes_that_die_again_and_again_end_the_study(campaign: Campaign, tm
     assert len(list(deaths.iterdir())) < 10
 
 
+def test_what_a_worker_could_not_keep_is_said_here(
+    campaign: Campaign, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Once, with the reason, however many workers met it: nobody reads what they log."""
+    (tmp_path / "kind").touch()  # in the place of a folder
+    here = Cache(tmp_path)
+
+    def work(_campaign: Campaign, task: str, run: Run) -> list[str]:
+        run.cache.put("kind", {"task": task}, {})
+        return [task]
+
+    assert sorted(chain(*Local(2).completed(work, campaign, TASKS, Run(here)))) == TASKS
+    assert here.lost
+    assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
+        f"Results cannot be kept in {tmp_path}: {here.lost}"
+    ]
+
+
 _SLEEPING = """
 import sys, time
 from pathlib import Path
-from crashfuse.execution.cache import Cache
-from crashfuse.campaign import Campaign
-from crashfuse.execution.progress import SILENT
+from crashfuse.execution.run import Run
 from crashfuse.execution.workers import Local
 
 folder = sys.argv[1]
-def work(campaign, task, cache, watch, folder=folder):
+def work(campaign, task, run, folder=folder):
     Path(folder, task).touch()
     time.sleep(60)
 
-list(Local(2).completed(work, None, ["a", "b"], Cache(), SILENT))
+list(Local(2).completed(work, None, ["a", "b"], Run()))
 """
 
 
@@ -258,15 +275,37 @@ def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, dask: Dask, tm
     dask.add("the last")
     with connected(dask.address) as workers:
 
-        def work(campaign: Campaign, task: str, cache: Cache, watch: Watch) -> list[str]:  # noqa: ARG001
+        def work(campaign: Campaign, task: str, run: Run) -> list[str]:  # noqa: ARG001
             return [task]
 
-        found = workers.completed(work, campaign, TASKS, Cache(tmp_path / "cache"), SILENT)
+        found = workers.completed(work, campaign, TASKS, Run(Cache(tmp_path / "cache")))
         while not next(found):
             pass
         dask.scheduler.kill()
         with pytest.raises(CrashfuseError, match=r"scheduler at tcp://\S+ is gone.*--resume"):
             list(found)
+
+
+def test_a_scheduler_that_died_is_named_before_its_client_notices(campaign: Campaign, tmp_path: Path) -> None:
+    """Until then the client counts as running, and whatever it is asked fails as if workers had died."""
+
+    class Client:
+        asked = 0
+
+        @property
+        def status(self) -> str:
+            return "running" if self.asked <= 4 else "closed"
+
+        def wait_for_workers(self, *_: object, **__: object) -> None:
+            self.asked += 1
+            if self.asked > 1:
+                raise ConnectionError
+
+        def scatter(self, *_: object, **__: object) -> None:
+            raise ConnectionError
+
+    with pytest.raises(CrashfuseError, match=r"scheduler at tcp://host:1 is gone.*--resume"):
+        done_by(Cluster("tcp://host:1", Client()), fatal_once(tmp_path), campaign, tmp_path)
 
 
 def test_an_unreachable_scheduler_is_one_sentence(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:

@@ -126,14 +126,9 @@ def test_a_frame_that_was_written_is_read_to_the_same_frame(
 
 
 def test_a_frame_keeps_its_numbers_and_loses_its_formulas() -> None:
-    frame = pd.DataFrame(
-        {
-            "=name": ["=1+1", None, "plain"],
-            "value": [-1.5, np.nan, 2.0],
-            "kind": pd.Categorical(["+cmd", "-1", "+cmd"]),
-            "mixed": [-3, "@x", None],
-        }
-    )
+    columns = {"=name": ["=1+1", None, "plain"], "value": [-1.5, np.nan, 2.0], "mixed": [-3, "@x", None]}
+    frame = pd.DataFrame(columns)
+    frame.insert(2, "kind", pd.Categorical(["+cmd", "-1", "+cmd"]))
     before = frame.copy(deep=True)
     read = pd.read_csv(io.BytesIO(csv_text.csv_bytes(frame)), dtype=str, keep_default_na=False)
     assert list(read) == ["'=name", "value", "kind", "mixed"]

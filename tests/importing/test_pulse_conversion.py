@@ -17,10 +17,10 @@ from crashfuse.signals.filters import CFC60_NOISE, cfc_filter, noise_share
 from crashfuse.signals.pulse import FloatArray, Kinematics
 from crashfuse.units import KPH, MS, G, signed
 from tests.conftest import SHARED, needs_shared, problems_of
+from tests.importing import crashes
 from tests.importing.crashes import (
     CONDITION,
     CRUSH_M,
-    DURATION_S,
     PEAK_MPS2,
     SPEED_MPS,
     STOP_S,
@@ -28,7 +28,6 @@ from tests.importing.crashes import (
     clock,
     half_sine_g,
     record,
-    ringing_g,
 )
 
 
@@ -95,7 +94,7 @@ def test_time_zero_is_found_by_its_onset_where_a_test_began_recording_early(lead
 def test_a_raw_record_is_filtered_whole_before_it_is_cut() -> None:
     """The ringing goes; the result is CFC 60 of the whole record, cut, not CFC 60 of the cut."""
     time_s = clock()
-    raw = half_sine_g(time_s) + ringing_g(time_s)
+    raw = half_sine_g(time_s) + crashes.ringing_g(time_s)
     settled = settle(record(RecordedChannel("X", "X", time_s, raw, "g", 2800.0)))
     expected = cfc_filter(raw, cfc=60, dt_s=1e-4)[np.searchsorted(time_s, -1e-9) :] * G
     assert settled.channel_filter_class == 60
@@ -107,7 +106,7 @@ def test_a_raw_record_is_filtered_whole_before_it_is_cut() -> None:
 def test_what_is_filtered_already_is_not_filtered_again() -> None:
     """By what the file says, by its rate, or by its spectrum; a user may ask for another class or none."""
     time_s = clock()
-    raw = half_sine_g(time_s) + ringing_g(time_s)
+    raw = half_sine_g(time_s) + crashes.ringing_g(time_s)
     said = RecordedChannel("X", "X", time_s, raw, "g", 100.0)
     assert settle(record(said)).channel_filter_class is None
     smooth = RecordedChannel("X", "X", time_s, cfc_filter(raw, cfc=60, dt_s=1e-4), "g")
@@ -280,7 +279,7 @@ def test_a_record_that_ends_before_its_crash_says_when(role: Literal["tests", "c
     for end_ms in (30, 55, 60):
         (problem,) = problems_of(partial(settle, record(channel(start_s=0.0, end_s=end_ms * MS)), role=role))
         assert f"{end_ms} ms" in problem.found
-    closed = SPEED_MPS - PEAK_MPS2 * DURATION_S / np.pi * (1 - np.cos(np.pi * 60 * MS / DURATION_S))
+    closed = SPEED_MPS - PEAK_MPS2 * crashes.DURATION_S / np.pi * (1 - np.cos(np.pi * 60 * MS / crashes.DURATION_S))
     assert f"{closed / KPH:.1f} km/h" in problem.found
 
 

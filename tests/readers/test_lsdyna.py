@@ -187,16 +187,12 @@ def test_without_accelerations_the_velocities_tell(tmp_path: Path, of: Callable[
         assert any("no accelerations" in step for step in settled.steps)
 
 
-@pytest.mark.parametrize(
-    "layout",
-    [
-        Layout(order=">"),
-        Layout(length=4, offset=4, command=2, kind=2),
-        Layout(relative=True),
-        Layout(folders_a_table=1),
-        Layout(order=">", length=4, relative=True, folders_a_table=7),
-    ],
-)
+SHORT_FIELDS = Layout(length=4, offset=4, command=2, kind=2)
+ALL_AT_ONCE = Layout(order=">", length=4, relative=True, folders_a_table=7)
+LAYOUTS = (Layout(order=">"), SHORT_FIELDS, Layout(relative=True), Layout(folders_a_table=1), ALL_AT_ONCE)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_layout_that_the_header_may_declare_is_read_alike(tmp_path: Path, layout: Layout) -> None:
     """Byte order, widths, relative folders and a symbol table a state make no difference."""
     plain = only(saved(tmp_path / "a", binout=SHORT.binout()))
@@ -387,18 +383,13 @@ def test_a_state_that_was_never_finished_is_left_out(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("there", "missing"),
-    [
-        ("binout0000 %002", "binout0000%001 before it"),
-        ("%001 %002", "binout0000 before it"),
-        ("binout0000 %001 %003", "binout0000%002 before it"),
-        ("_", "binout0000 before it"),
-    ],
+    [("binout0000 %002", "%001"), ("%001 %002", ""), ("binout0000 %001 %003", "%002"), ("_", "")],
 )
 def test_a_family_with_a_missing_member_is_refused(tmp_path: Path, there: str, missing: str) -> None:
     """Whatever would leave a hole in the run, or its nodes without numbers."""
     names = [name if name == "binout0000" else f"binout0000{name}" for name in there.split()]
     said = problem(saved(tmp_path, **dict.fromkeys(names, RUN.binout())))
-    assert f"expected {missing}, found none; copy all files of the run" in said
+    assert f"expected binout0000{missing} before it, found none; copy all files of the run" in said
 
 
 def test_a_state_that_lacks_its_nodes_is_refused(tmp_path: Path) -> None:
@@ -427,20 +418,15 @@ def test_two_runs_in_one_folder_are_never_mixed(tmp_path: Path) -> None:
     assert only(tmp_path / "twice" / "nodout.txt").condition.speed_mps is not None
 
 
+JOBS = ("run12 .binout0000", "Simulation .key.binout0000", "job .nodout", "v1.2 .nodout.txt", "job .nodouthf")
+
+
 @pytest.mark.parametrize(
-    ("name", "run_id"),
-    [
-        ("run12.binout0000", "run12"),
-        ("Simulation.key.binout0000", "Simulation"),
-        ("job.nodout", "job"),
-        ("v1.2.nodout.txt", "v1.2"),
-        ("job.nodouthf", "job"),
-        ("nodouthf", "here"),
-        ("BINOUT", "here"),
-    ],
+    ("run_id", "ending"), [*(job.split() for job in JOBS), ("here", "nodouthf"), ("here", "BINOUT")]
 )
-def test_names_of_jobs_are_those_of_the_runs(tmp_path: Path, name: str, run_id: str) -> None:
+def test_names_of_jobs_are_those_of_the_runs(tmp_path: Path, run_id: str, ending: str) -> None:
     """As LS-DYNA writes them with jobid=, with the energies beside under the same name."""
+    name = f"{run_id}{ending}" if ending[0] == "." else ending
     content = RUN.nodout() if "nodout" in name else RUN.binout()
     folder = saved(tmp_path / "here", **{name: content, f"{run_id}.glstat": Energies().glstat(), "d3plot": b"\0"})
     assert FORMATS["lsdyna"].has(Path(name))

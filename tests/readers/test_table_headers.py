@@ -7,7 +7,7 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.importing import Reading, import_source, read_records
-from crashfuse.readers.table_headers import names_a_dummy, why_no_acceleration
+from crashfuse.readers.table_headers import Heading
 from crashfuse.readers.vocabulary import Travel
 from crashfuse.testing.readers import written
 from tests.conftest import Capture
@@ -80,6 +80,8 @@ CURVES = "RF1;rwall_1;vx;v_x;Contact 3;disp;force;Kraft;Weg;Geschwindigkeit;си
 
 def test_words_of_many_languages_tell_dummies_from_vehicles_and_quantities() -> None:
     """With accents and without, in any script."""
-    assert [name for name in DUMMIES.split(";") if not names_a_dummy(name)] == []
-    assert [name for name in VEHICLES.split(";") if names_a_dummy(name) or why_no_acceleration(name, "")] == []
-    assert [name for name in CURVES.split(";") if not why_no_acceleration(name, "")] == []
+    assert [name for name in DUMMIES.split(";") if not Heading(name).names_a_dummy] == []
+    assert [
+        name for name in VEHICLES.split(";") if Heading(name).names_a_dummy or Heading(name).why_no_acceleration
+    ] == []
+    assert [name for name in CURVES.split(";") if not Heading(name).why_no_acceleration] == []

@@ -36,17 +36,17 @@ SCALES = {93: 1.02, 94: 0.98, 95: 3.0, 97: 0.1, 100: 0.1}
 
 def said(number: int, kind: str, seat: str, place: str, axis: str, rank: str, comment: str) -> dict[str, Any]:
     """The properties of a channel, as NHTSA spells them."""
-    return {
-        "description": f"v09999_{number:03d}aa0.uds; Sensor: type={kind}, Attach={place}", "unit_string": "gn",
-        "Inst_Axis": axis, "Inst_ChStat": rank, "Inst_CurNo": np.int32(number), "Inst_InsCom": comment,
-        "Inst_DaStat": "CF" if number == 100 else "AM", "Inst_PreFil": np.int32(1650), "Inst_SenAtt": place,
-        "Inst_SenLoc": seat, "Inst_SenTyp": kind,
-        "Test_ClsSpd": 56.0, "Test_ImpAng": 0.0, "Test_TstCfn": "VTB", "Test_TstNo": np.int32(9999),
-        "Veh_MakeD": "NOVA", "Veh_ModelD": "ONE", "Veh_VehNo": np.int32(1), "Veh_VehSpd": 56.0,
-        "Veh_VehTWt": 1700.0, "Veh_Year": np.int32(2099),
-        "wf_increment": 1e-4, "wf_start_offset": -0.05, "wf_xname": "Time", "wf_xunit_string": "s",
-        "wf_start_time": datetime(2026, 11, 21, tzinfo=UTC).replace(tzinfo=None),
-    }  # fmt: skip
+    sensor = {"Axis": axis, "ChStat": rank, "CurNo": np.int32(number), "InsCom": comment, "PreFil": np.int32(1650)}
+    sensor |= {"DaStat": "CF" if number == 100 else "AM", "SenAtt": place, "SenLoc": seat, "SenTyp": kind}
+    test = {"ClsSpd": 56.0, "ImpAng": 0.0, "TstCfn": "VTB", "TstNo": np.int32(9999)}
+    vehicle = {"MakeD": "NOVA", "ModelD": "ONE", "VehNo": np.int32(1), "VehSpd": 56.0, "VehTWt": 1700.0}
+    vehicle |= {"Year": np.int32(2099)}
+    wave = {"increment": 1e-4, "start_offset": -0.05, "xname": "Time", "xunit_string": "s"}
+    wave |= {"start_time": datetime(2026, 11, 21, tzinfo=UTC).replace(tzinfo=None)}
+    groups = {"Inst": sensor, "Test": test, "Veh": vehicle, "wf": wave}
+    properties = {f"{group}_{name}": value for group, of in groups.items() for name, value in of.items()}
+    description = f"v09999_{number:03d}aa0.uds; Sensor: type={kind}, Attach={place}"
+    return {"description": description, "unit_string": "gn", **properties}
 
 
 def pulse(number: int) -> FloatArray:
@@ -257,20 +257,15 @@ def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
     assert filtered.channel_filter_class is None
 
 
-@pytest.mark.parametrize(
-    ("properties", "speed_kph"),
-    [
-        ({"Impact_velocity": "55,8 km/h"}, 55.8),
-        ({"impact velocity (mph)": 35.0}, 35 * 1.609344),
-        ({"Impact_velocity": "n/a"}, None),
-        ({"Impact_velocity": "-3"}, None),
-        ({"Impact_velocity": "4 furlongs"}, None),
-    ],
-)
-def test_the_speed_is_a_property(tmp_path: Path, properties: dict[str, Any], speed_kph: float | None) -> None:
+def test_the_speed_is_a_property(tmp_path: Path) -> None:
     """In km/h unless it says otherwise; what is no speed is none."""
-    speed = read(tmp_path, VEHICLE, **properties).condition.speed_mps
-    assert speed == (None if speed_kph is None else pytest.approx(speed_kph * KPH))
+    speeds = {"55,8 km/h": 55.8, "n/a": None, "-3": None, "4 furlongs": None}
+    for properties, kph in [
+        ({"impact velocity (mph)": 35.0}, 35 * 1.609344),
+        *(({"Impact_velocity": text}, kph) for text, kph in speeds.items()),
+    ]:
+        speed = read(tmp_path, VEHICLE, **properties).condition.speed_mps
+        assert speed == (None if kph is None else pytest.approx(kph * KPH))
 
 
 def test_units_and_time_are_in_the_names(tmp_path: Path) -> None:
@@ -310,22 +305,13 @@ def test_sensors_are_aligned_by_the_times_at_which_recording_began(
     began = datetime(2026, 3, 2, 9, 15)
     time_s = np.arange(4000) * 1e-4 - 0.08  # of the first logger, whose record begins 80 ms before contact
     pulses = {"10SEATLERE00ACXP": (0, time_s), "10SEATRIRE00ACXP": (late_us, time_s + late_us * 1e-6)}
-    objects = [
-        ChannelObject(
-            "Vehicle",
-            name,
-            half_sine_g(since_contact_s),
-            properties={
-                "unit_string": "g",
-                "wf_increment": 1e-4 * factor,
-                "wf_start_offset": offset_s * factor,
-                "wf_xunit_string": unit,
-                "wf_start_time": began + timedelta(microseconds=late),
-            },
-        )
-        for name, (late, since_contact_s) in pulses.items()
-    ]
-    (record,) = read_tdms(saved(tmp_path / "two.tdms", written([RootObject({"Impact_velocity": "56.0"}), *objects])))
+    wave = {"unit_string": "g", "wf_increment": 1e-4 * factor, "wf_xunit_string": unit}
+    wave |= {"wf_start_offset": offset_s * factor}
+    objects: list[Any] = [RootObject({"Impact_velocity": "56.0"})]
+    for name, (late, since_contact_s) in pulses.items():
+        properties = {**wave, "wf_start_time": began + timedelta(microseconds=late)}
+        objects.append(ChannelObject("Vehicle", name, half_sine_g(since_contact_s), properties=properties))
+    (record,) = read_tdms(saved(tmp_path / "two.tdms", written(objects)))
     settled = settle(record, WEIGHTS)
     assert settled.channels == tuple(pulses)
     assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=2e-3)

@@ -19,6 +19,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.reporting.certification_facts import CATALOGUE, PLACES, SUBJECTS, exceptions, facts, sentences
 from crashfuse.reporting.certification_record import certification_json, certification_record
 from crashfuse.reporting.certification_tables import SHOWN, certification_table
@@ -56,7 +57,7 @@ def certification(campaign: Campaign, shared_cache: Path) -> Certification:
     """Verdicts of the raw CAE model at three speeds: the first as if too slow for OLC, the last outside."""
     asked = matrix(campaign, 20.0, 30.0, 70.0)
     config = StudyConfig(approaches=("cae",))
-    found = certify_matrix(campaign, CRITERIA, asked, config, cache=Cache(shared_cache), workers=1)
+    found = certify_matrix(campaign, CRITERIA, asked, config, Run(Cache(shared_cache)))
     (crush, olc, rating), *others = found.verdicts
     unknown = replace(olc, value=None, lower=None, upper=None, probability=None, word="open")
     return replace(found, verdicts=((crush, unknown, rating), *others))
@@ -66,7 +67,7 @@ def certification(campaign: Campaign, shared_cache: Path) -> Certification:
 def alone(campaign: Campaign, shared_cache: Path) -> Certification:
     """From a single test, at one speed."""
     one, config = replace(campaign, tests=campaign.tests[:1]), StudyConfig(approaches=("cae",))
-    return certify_matrix(one, CRITERIA, matrix(campaign, 20.0), config, cache=Cache(shared_cache), workers=1)
+    return certify_matrix(one, CRITERIA, matrix(campaign, 20.0), config, Run(Cache(shared_cache)))
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from crashfuse.certification.certify import Certification, Variant, certify_matr
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.reporting.certification_facts import CATALOGUE
 from crashfuse.reporting.credibility import credibility_table, factors
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -25,7 +26,7 @@ def certification(campaign: Campaign, shared_cache: Path) -> Certification:
     """Verdicts of the raw CAE model at 20 mph, and at 70 mph, outside."""
     matrix = Matrix(("M1", "M2"), tuple(replace(campaign.tests[1].condition, speed_mps=v * MPH) for v in (20, 70)))
     criteria, config = Criteria((Criterion("crush", "max_crush", at_most=430.0),), 0.8), StudyConfig(("cae",))
-    return certify_matrix(campaign, criteria, matrix, config, cache=Cache(shared_cache), workers=1)
+    return certify_matrix(campaign, criteria, matrix, config, Run(Cache(shared_cache)))
 
 
 def says(certification: Certification, factor: str, display: Display = DEFAULT) -> str:

@@ -108,7 +108,7 @@ def test_that_of_a_learning_curve(read: crashfuse.Campaign, campaign_on_disk: Pa
     criteria = ("--criteria", str(tmp_path / "criteria.toml"))
     options = ("--approach", *APPROACHES, "--repeats", "0", "--workers", "1", *criteria)
     out = run("learning-curve", campaign_on_disk, tmp_path / "out", *options)
-    curve = crashfuse.learning_curve(read, CONFIG, repeats=0, workers=1).decided(CRITERIA)
+    curve = crashfuse.with_decided(crashfuse.learning_curve(read, CONFIG, repeats=0, workers=1), CRITERIA)
     assert_is_file(curve.table, out / "learning_curve.csv")
     assert curve.table["decided"].notna().all()
 

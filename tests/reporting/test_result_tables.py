@@ -8,8 +8,7 @@ import pytest
 from scipy.stats import norm
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.cae.quality import judge_quality
-from crashfuse.cae_library import NAMED_LIMITS, RunQuality
+from crashfuse.cae_library import NAMED_LIMITS, RunQuality, judge_quality
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest

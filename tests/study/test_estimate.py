@@ -17,6 +17,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import DT_S, kinematics
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.config import StudyConfig
@@ -70,14 +71,14 @@ def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
 ) -> None:
     condition = campaign.tests[1].condition
     config, cache = StudyConfig(approaches=("displacement_domain",)), Cache(tmp_path)  # where no other test fitted
-    first = Fit.of(campaign, "displacement_domain", config, cache=cache).estimate(condition)
+    first = Fit.of(campaign, "displacement_domain", config, Run(cache)).estimate(condition)
     fitting_is_an_error()
-    again = Fit.of(campaign, "displacement_domain", config, cache=cache).estimate(condition)
+    again = Fit.of(campaign, "displacement_domain", config, Run(cache)).estimate(condition)
     assert again.prediction.accel_mps2.tobytes() == first.prediction.accel_mps2.tobytes()
     with pytest.raises(AssertionError, match="fitted again"):
-        Fit.of(campaign.without(["T3"]), "displacement_domain", config, cache=cache)
+        Fit.of(campaign.without(["T3"]), "displacement_domain", config, Run(cache))
     with pytest.raises(AssertionError, match="fitted again"):
-        Fit.of(campaign, "displacement_domain", replace(config, seed=1), cache=cache)
+        Fit.of(campaign, "displacement_domain", replace(config, seed=1), run=Run(cache))
 
 
 @pytest.mark.slow
@@ -120,7 +121,7 @@ def test_parts_with_other_settings_are_not_shared(campaign: Campaign) -> None:
 def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign) -> None:
     rest, config, cache = campaign.without(["T2"]), StudyConfig(), Cache()
     condition = replace(campaign.test("T2").condition, front_weight_kg=911.0)
-    own = Fit.of(rest, "displacement_domain", config, cache=cache).estimate(condition)
+    own = Fit.of(rest, "displacement_domain", config, Run(cache)).estimate(condition)
     store_estimate(own, rest, config, cache)
     found = not_none(find_estimate(rest, condition, "displacement_domain", config, cache))
     assert np.array_equal(found.prediction.accel_mps2, own.prediction.accel_mps2)
@@ -129,7 +130,7 @@ def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign
     assert found.metrics == own.metrics
     assert found.agreements == own.agreements
     assert expected_rating(found, rest) == expected_rating(own, rest)
-    assert not is_estimate_cached(campaign, condition, "displacement_domain", config, cache)
+    assert not is_estimate_cached(campaign, condition, "displacement_domain", config)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.study import history
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
@@ -63,7 +64,7 @@ def test_a_study_is_found_again_with_every_rating(finished: Study, past: PastRes
 
 def test_a_prediction_is_found_again_with_its_condition(campaign: Campaign, shared_cache: Path) -> None:
     """Speed and weights to nine digits, in whatever unit they were given."""
-    fit = Fit.of(campaign, "displacement_domain", CONFIG, cache=Cache(shared_cache))
+    fit = Fit.of(campaign, "displacement_domain", CONFIG, Run(Cache(shared_cache)))
     asked = Condition.of_vector([31.7 * MPH, 910.0, 790.5], (("drive", "2 wheels"),))
     past = PastResult.of_prediction(campaign, [fit.estimate(asked)], CONFIG)
     keep(past)
@@ -184,32 +185,33 @@ def test_where_nothing_can_be_written_the_result_stands(
 
 
 @pytest.fixture
-def cache(shared_cache: Path) -> Cache:
-    """Where the predictions are."""
-    return Cache(shared_cache)
+def kept(campaign: Campaign, shared_cache: Path) -> Campaign:
+    """The campaign, of which the predictions are in the shared cache."""
+    return replace(campaign, cache_folder=shared_cache)
 
 
 @pytest.fixture
-def results(campaign: Campaign, cache: Cache) -> list[PastResult]:
+def results(kept: Campaign) -> list[PastResult]:
     """T2 was left out alone and with its speed group by seed 1, and alone by the seed that is shown."""
     both = replace(SHOWN, seed=1, leave_out="both")
-    studies = [run_study(campaign, config, held_out=["T2"], cache=cache, workers=1) for config in (both, SHOWN)]
+    studies = [run_study(kept, config, held_out=["T2"], workers=1) for config in (both, SHOWN)]
     return [PastResult.of_study(study) for study in studies]
 
 
-def test_each_other_seed_and_way_is_found_once(campaign: Campaign, cache: Cache, results: list[PastResult]) -> None:
+def test_each_other_seed_and_way_is_found_once(kept: Campaign, results: list[PastResult]) -> None:
     """Not those that are shown, however often they were computed."""
-    assert earlier_settings([*results, *results], campaign, "T2", "displacement_domain", SHOWN, cache) == OTHERS
+    assert earlier_settings([*results, *results], kept, "T2", "displacement_domain", SHOWN) == OTHERS
     shown = OTHERS[1]
-    assert earlier_settings(results, campaign, "T2", "displacement_domain", shown, cache) == [OTHERS[0], SHOWN]
-    assert earlier_settings(results, campaign, "T2", "cae", SHOWN, cache) == OTHERS[1:]  # which knows no seed
+    assert earlier_settings(results, kept, "T2", "displacement_domain", shown) == [OTHERS[0], SHOWN]
+    assert earlier_settings(results, kept, "T2", "cae", SHOWN) == OTHERS[1:]  # which knows no seed
 
 
 def test_other_tests_other_data_and_a_deleted_cache_offer_nothing(
-    campaign: Campaign, cache: Cache, results: list[PastResult], tmp_path: Path
+    kept: Campaign, results: list[PastResult], tmp_path: Path
 ) -> None:
     """Nor does an approach that was not among those of the study."""
-    assert earlier_settings(results, campaign, "T3", "displacement_domain", SHOWN, cache) == []
-    assert earlier_settings(results, campaign.without(["T4"]), "T2", "displacement_domain", SHOWN, cache) == []
-    assert earlier_settings(results, campaign, "T2", "lf_tcn", SHOWN, cache) == []
-    assert earlier_settings(results, campaign, "T2", "displacement_domain", SHOWN, Cache(tmp_path)) == []
+    assert earlier_settings(results, kept, "T3", "displacement_domain", SHOWN) == []
+    assert earlier_settings(results, kept.without(["T4"]), "T2", "displacement_domain", SHOWN) == []
+    assert earlier_settings(results, kept, "T2", "lf_tcn", SHOWN) == []
+    elsewhere = replace(kept, cache_folder=tmp_path)
+    assert earlier_settings(results, elsewhere, "T2", "displacement_domain", SHOWN) == []

@@ -153,8 +153,8 @@ def test_what_was_computed_is_not_computed_again(
     curve: LearningCurve, cache: Cache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The second time all rows come from the cache, equal to the digit; other settings do not find them."""
-    assert is_curve_cached(curve.campaign, CONFIG, cache, repeats=1)
-    assert not is_curve_cached(curve.campaign, replace(CONFIG, windows_ms=(50.0,)), cache, repeats=1)
+    assert is_curve_cached(curve.campaign, CONFIG, repeats=1)
+    assert not is_curve_cached(curve.campaign, replace(CONFIG, windows_ms=(50.0,)), repeats=1)
     monkeypatch.setattr(Fit, "of", None)
     again = learning_curve(curve.campaign, CONFIG, repeats=1, cache=cache, workers=1)
     assert again.table.equals(curve.table)

@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
+from crashfuse.execution import cache
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.signals.pulse import GRID_S, FloatArray
-from crashfuse.study import recommendation
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, store_estimate
 from crashfuse.study.expected_rating import expected_rating, mean_near
@@ -255,10 +255,11 @@ def test_the_recommendation_of_a_study_is_computed_once(campaign: Campaign) -> N
     one, other = study(campaign, {"cae": 0.5, "fused": 0.9}), study(campaign, {"cae": 0.9, "fused": 0.5})
     assert recommend(one) is recommend(one)
     assert recommend(other) != recommend(one)
-    before = len(recommendation._recommended)
+    gc.collect()  # those of other tests
+    before = len(cache._remembered)
     del one, other
     gc.collect()
-    assert len(recommendation._recommended) == before - 2
+    assert len(cache._remembered) == before - 2
 
 
 @pytest.mark.parametrize(
@@ -350,14 +351,14 @@ def test_the_worst_test_of_each_view_is_told_as_it_was_left_out_there(campaign: 
 
 def test_a_prediction_without_the_neighbours_that_was_made_before_is_found(campaign: Campaign) -> None:
     """A study has left T3 out with T2; a comparison of T3 alone rates that prediction."""
-    cache, test = Cache(), campaign.test("T3")
+    test = campaign.test("T3")
     rest = campaign.without(campaign.speed_group("T3"))
-    assert account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97), cache=cache).without_neighbours is None
+    assert account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97)).without_neighbours is None
     own = estimate("displacement_domain", rest, test, 1.0)
     errors = {name: np.zeros(0) for name in METRIC_LABELS}
     perfect = replace(own, prediction=Prediction(test.condition, test.pulse.accel_mps2), metric_errors=errors)
-    store_estimate(perfect, rest, CONFIG, cache)
-    found = account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97), cache=cache)
+    store_estimate(perfect, rest, CONFIG, Cache())
+    found = account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97))
     assert found.without_neighbours == pytest.approx(1.0)
 
 

@@ -11,12 +11,13 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_many
 from crashfuse.study.repeatability import Scatter, combined, repeatability, repeats_of
 from crashfuse.synthetic.sample import TABLE_1
-from crashfuse.synthetic.specimens import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
+from crashfuse.synthetic.vehicle import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
 from crashfuse.units import LB, MPH, G
 from tests.conftest import cancelled_after
 
@@ -97,10 +98,10 @@ def test_a_window_beyond_the_record_has_no_value(campaign: Campaign) -> None:
 @pytest.mark.slow
 def test_it_is_computed_once_and_can_be_cancelled(campaign: Campaign, tmp_path: Path) -> None:
     with pytest.raises(Cancelled):
-        repeatability(campaign, WINDOWS, cache=Cache(tmp_path), watch=cancelled_after(lambda _: True))
-    first = repeatability(campaign, WINDOWS, cache=Cache(tmp_path))
+        repeatability(campaign, WINDOWS, run=Run(Cache(tmp_path), cancelled_after(lambda _: True)))
+    first = repeatability(campaign, WINDOWS, run=Run(Cache(tmp_path)))
     cache = Cache(tmp_path)
-    assert repeatability(campaign, WINDOWS, cache=cache) == first
+    assert repeatability(campaign, WINDOWS, run=Run(cache)) == first
     assert {name.split("/")[0] for name in cache.used} == {"repeatability"}
 
 
@@ -151,7 +152,7 @@ def scattered(campaign: Campaign, growing_g: float, seed: int = 0) -> Campaign:
 @pytest.fixture(scope="module")
 def fitted(campaign: Campaign) -> dict[float, tuple[Campaign, Scatter]]:
     campaigns = {growing: scattered(campaign, growing) for growing in (0.0, 1.5, 3.0)}
-    return {growing: (own, Scatter().fit(own)) for growing, own in campaigns.items()}
+    return {growing: (own, Scatter().fit(own, Run())) for growing, own in campaigns.items()}
 
 
 def over_displacement(test: CrashTest, pulses: FloatArray, at_m: FloatArray) -> FloatArray:

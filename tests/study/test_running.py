@@ -9,6 +9,7 @@ from crashfuse.approaches.cae import Cae
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import Watch
+from crashfuse.execution.run import Run
 from crashfuse.execution.workers import Local
 from crashfuse.study import running
 from crashfuse.study.config import StudyConfig
@@ -47,9 +48,9 @@ def test_nothing_trains_before_the_only_test_is_shown(campaign: Campaign, monkey
     order: list[str] = []
     prepare = Cae.prepare
 
-    def noted(self: Cae, campaign: Campaign, conditions: Sequence[Condition], watch: Watch) -> None:
+    def noted(self: Cae, campaign: Campaign, conditions: Sequence[Condition], run: Run) -> None:
         order.append("training")
-        prepare(self, campaign, conditions, watch)
+        prepare(self, campaign, conditions, run)
 
     monkeypatch.setattr(Cae, "prepare", noted)
     watch = Watch(on_part=lambda part: order.append(f"shown {len(part.config.approaches)}"))

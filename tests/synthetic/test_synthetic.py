@@ -17,8 +17,7 @@ from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_windows
 from crashfuse.synthetic.sample import TABLE_1, sample_campaign, write_sample
-from crashfuse.synthetic.specimens import CAE_MODEL, TRUTH, measured_pulses
-from crashfuse.synthetic.vehicle import Coupling, CrushZone, Vehicle, simulate
+from crashfuse.synthetic.vehicle import CAE_MODEL, TRUTH, Coupling, CrushZone, Vehicle, measured_pulses, simulate
 from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
 

@@ -26,6 +26,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import learning_curve
@@ -395,9 +396,9 @@ class Quick(Approach):
 
     name, label = "cae", "CAE"
 
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> "Quick":
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> "Quick":
         """Remember the campaign."""
-        watch.report("Fit", 1, 1)
+        run.watch.report("Fit", 1, 1)
         self.campaign_ = campaign
         return self
 
@@ -405,9 +406,9 @@ class Quick(Approach):
         """Nothing."""
         return FittedState({}, {})
 
-    def restore(self, campaign: Campaign, learned: FittedState) -> "Quick":  # noqa: ARG002 - there is nothing in it
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> "Quick":  # noqa: ARG002
         """Remember the campaign."""
-        return self.fit(campaign)
+        return self.fit(campaign, run)
 
     def predict(self, condition: Condition) -> Prediction:
         """Predict the nearest run."""
@@ -447,10 +448,10 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
     trained = threading.Event()
 
     def create(name: str, **_: object) -> Approach:
-        def fit(self: Quick, campaign: Campaign, watch: Watch = SILENT) -> Quick:
+        def fit(self: Quick, campaign: Campaign, run: Run = UNKEPT) -> Quick:
             while CLASSES[name].trains_networks and not trained.wait(0.01):
-                watch.report("Training LF TCN", 3, 10)
-            return Quick.fit(self, campaign, watch)
+                run.watch.report("Training LF TCN", 3, 10)
+            return Quick.fit(self, campaign, run)
 
         own = {"name": name, "label": LABELS[name], "fit": fit, "__module__": __name__}
         named: type[Quick] = type("Named", (Quick,), own)

@@ -31,9 +31,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import UNKEPT, Run, one_thread
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.vehicle_archive import Prior
@@ -122,7 +121,7 @@ def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> Bi
 class DisplacementDomain(BandedApproach):
     """Bias of the CAE model over displacement, learned from the tests and integrated by Eq. 29.
 
-    The seed is that of the draws and the optimiser's starts; the cache keeps the emulator of the CAE model.
+    The seed is that of the draws and the optimiser's starts.
     """
 
     name = "displacement_domain"
@@ -138,34 +137,33 @@ class DisplacementDomain(BandedApproach):
     bias_: HierarchicalBias | Table4Bias
     points_: tuple[BiasPoints, ...]
 
-    def __init__(self, config: DisplacementConfig | None = None, *, seed: int = 0, cache: Cache | None = None) -> None:
+    def __init__(self, config: DisplacementConfig | None = None, *, seed: int = 0) -> None:
         self.config = DisplacementConfig.fast() if config is None else config
         self.seed = seed
-        self.cache = cache
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
         """Table 4 under the paper's preset, else the hierarchical bias."""
         config = DisplacementConfig.paper() if settings.preset == "paper" else DisplacementConfig.fast()
-        return cls(config, seed=settings.seed, cache=settings.cache)
+        return cls(config, seed=settings.seed)
 
-    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], run: Run = UNKEPT) -> None:  # noqa: ARG002
         """Train the emulator of the CAE model."""
-        CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        CaeModel().fit(campaign.cae, run)
 
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Learn the bias from the campaign's tests."""
         if not campaign.tests:
             raise UsageError("The displacement domain learns from tests; this campaign has none.")
         campaign = self._seen(campaign)
-        unloadings = self._begin(campaign, watch)
+        unloadings = self._begin(campaign, run)
         start = time.perf_counter()
         with one_thread():
             self.rebound_ = Rebound().fit(unloadings)
-            self.bias_.fit(self.points_, watch)
-            taught, self.archive_ = self.taught_bias(campaign.prior, watch)
+            self.bias_.fit(self.points_, run.watch)
+            taught, self.archive_ = self.taught_bias(campaign.prior, run.watch)
             self.bias_, self.taught_ = taught or self.bias_, taught is not None
-            self.calibration_ = self._calibrate(campaign, watch)
+            self.calibration_ = self._calibrate(campaign, run.watch)
         self._seconds = time.perf_counter() - start
         return self
 
@@ -203,8 +201,8 @@ class DisplacementDomain(BandedApproach):
     def _seen(self, campaign: Campaign) -> Campaign:
         return campaign if self.config.bias == "table 4" else self._thinned(campaign)
 
-    def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
-        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+    def _begin(self, campaign: Campaign, run: Run) -> list[Unloading]:
+        self.model_ = CaeModel().fit(campaign.cae, run)
         self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
         self._paired = float(np.mean([view.paired for view in self._views]))
         self._speeds_mps = np.array([test.condition.speed_mps for test in campaign.tests])
@@ -224,9 +222,9 @@ class DisplacementDomain(BandedApproach):
         values = {"seconds": self._seconds, "decay": self.decay_, "archive": self.archive_, "taught": self.taught_}
         return FittedState.of(values, {}, **parts)
 
-    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:
         """Restore the hyperparameters, and condition on the tests again."""
-        unloadings = self._begin(self._seen(campaign))
+        unloadings = self._begin(self._seen(campaign), run)
         with one_thread():
             self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
             self.archive_, self.taught_ = str(learned.values["archive"]), bool(learned.values["taught"])

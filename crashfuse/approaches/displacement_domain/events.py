@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from math import comb
 from typing import cast
 
@@ -13,11 +12,10 @@ from scipy.special import stdtr, stdtrit
 from crashfuse.approaches.base import MOST_TESTS
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
-from crashfuse.approaches.fit_cache import fitted
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.process import one_thread
+from crashfuse.execution.cache import remembered
+from crashfuse.execution.run import Run, one_thread
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.signals.rating import rate_many
 from crashfuse.units import MS, G
@@ -79,10 +77,10 @@ class CaeEvents:
     n_rated: int  # tests whose record lasts as long as the window
 
 
-@lru_cache(maxsize=2)
+@remembered
 def cae_events(campaign: Campaign, window_ms: float) -> CaeEvents:
     """Find what to mend in the CAE model by the hierarchical bias of all tests of a campaign."""
-    domain, _ = fitted(DisplacementDomain(cache=Cache()), campaign, Cache())
+    domain, _ = DisplacementDomain().fitted(campaign, Run.of(campaign))
     with one_thread():
         return _found(domain, campaign.evenly_over_speed(MOST_TESTS).tests, window_ms)
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
 from crashfuse.approaches.calibration import BandedApproach, LeftOut, check_band_far, speed_groups
-from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.time_domain.band import Band, Stopping, stopping_notes
 from crashfuse.approaches.time_domain.config import AboutTimeDomain
@@ -20,8 +19,8 @@ from crashfuse.approaches.time_domain.training import Checkpoint, fine_tune, loa
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.execution.process import one_thread
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.progress import Watch
+from crashfuse.execution.run import UNKEPT, Run, one_thread
 from crashfuse.signals.pulse import FloatArray
 
 _DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says less about 35 mph than a 30 mph test
@@ -35,38 +34,38 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
     on the tests before each step, shape (n_members, n_steps), only after fine-tuning by Adam.
     """
 
-    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], run: Run = UNKEPT) -> None:
         """Train the LF networks, and compute the tangent kernel between these conditions."""
-        lf = self._lf().fit(campaign, watch)
+        lf = self._lf().fit(campaign, run)
         if self.config.tuning == "posterior" and 0 < len(conditions) <= MOST_TESTS + 1:  # of more, others are chosen
-            watch.report(_KERNEL_STEP, 0, 1)
-            self._blocks(lf, campaign).among(np.array([condition.vector for condition in conditions]))
-            watch.report(_KERNEL_STEP, 1, 1)
+            run.watch.report(_KERNEL_STEP, 0, 1)
+            self._blocks(lf, campaign, run).among(np.array([condition.vector for condition in conditions]))
+            run.watch.report(_KERNEL_STEP, 1, 1)
 
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Fine-tune the LF networks on the tests, after training them if they are not in the cache."""
         if not campaign.tests:
             raise UsageError("The time domain learns from tests; this campaign has none.")
         campaign = self._seen(campaign)
-        accel = self._begin(campaign, self._lf().fit(campaign, watch))
+        accel = self._begin(campaign, self._lf().fit(campaign, run), run)
         if self.config.tuning == "gradient":
-            key = {**settings(self), "campaign": campaign.fingerprint}
-            checkpoint = Checkpoint(self.cache, {**key, "training": self.name})
-            tuned = fine_tune(self.network_, self.scaling_, self._vectors, accel, checkpoint, watch)
+            key = {**self.identity, "campaign": campaign.fingerprint}
+            checkpoint = Checkpoint(run, {**key, "training": self.name})
+            tuned = fine_tune(self.network_, self.scaling_, self._vectors, accel, checkpoint)
             self.network_, self.losses_ = tuned
         else:
-            self._learn(campaign, watch)
+            self._learn(campaign, run.watch)
         return self
 
     def _lf(self) -> LfTcn:
-        return LfTcn(self.config, seed=self.seed, device=self._wanted, cache=self.cache)
+        return LfTcn(self.config, seed=self.seed, device=self._wanted)
 
     def _seen(self, campaign: Campaign) -> Campaign:
         return campaign if self.config.tuning == "gradient" else self._thinned(campaign)
 
-    def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
+    def _begin(self, campaign: Campaign, lf: LfTcn, run: Run) -> FloatArray:
         self.lf_, self._library, self.scaling_, self.network_ = lf, campaign.cae, lf.scaling_, lf.network_
-        self._kernel = self._blocks(lf, campaign)
+        self._kernel = self._blocks(lf, campaign, run)
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         # target outputs for the tests, shape (n_tests, n_times)
@@ -84,9 +83,9 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         parts = {"lf": lf, "increments": self.increments_.learned(), **self._learned_band()}
         return FittedState.of({"delta_v_misfit": self._delta_v_misfit}, {}, **parts)
 
-    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:
         """Restore networks and increments."""
-        self._begin(self._seen(campaign), self._lf().restore(campaign, learned.part("lf")))
+        self._begin(self._seen(campaign), self._lf().restore(campaign, learned.part("lf")), run)
         if self.config.tuning == "gradient":
             self.losses_, self.network_ = learned.arrays["losses"], copy.deepcopy(self.network_)
             load_weights(self.network_, learned.part("network").arrays)
@@ -124,9 +123,9 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         ends = [Stopping.of(tests[n].condition, self.scaling_).end_share(p.mean) for n, p in left_out.items()]
         self._delta_v_misfit = float(np.abs(np.array(ends) - self._band.end_shares).mean())
 
-    def _blocks(self, lf: LfTcn, campaign: Campaign) -> KernelBlocks:
+    def _blocks(self, lf: LfTcn, campaign: Campaign, run: Run) -> KernelBlocks:
         library = campaign.cae.for_networks.fingerprint
-        return KernelBlocks(lf.network_, self.config, lf.scaling_.inputs, library, self.cache)
+        return KernelBlocks(lf.network_, self.config, lf.scaling_.inputs, library, run.cache)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
         """Correlation of increments at the tests' speeds and at others, shape (n_tests, n)."""

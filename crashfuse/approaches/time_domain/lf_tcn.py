@@ -1,6 +1,6 @@
 """The low-fidelity (LF) networks: an emulator of the CAE model over time, trained without tests (Eq. 5)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
@@ -14,9 +14,8 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.cache import Code, Entry
+from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.signals.pulse import FloatArray
 
 _KIND = "lf_tcn"
@@ -30,19 +29,16 @@ class TcnApproach(Approach):
     scaling_: Scaling
     _library: CaeLibrary
 
-    def __init__(
-        self, config: TcnConfig | None = None, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None
-    ) -> None:
+    def __init__(self, config: TcnConfig | None = None, *, seed: int = 0, device: Device = "auto") -> None:
         self.config = TcnConfig.fast() if config is None else config
         self.seed = seed
         self._wanted = device
-        self.cache = cache
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
         """Create it with Table 2 under the paper's preset, else with the small networks."""
         config = TcnConfig.paper() if settings.preset == "paper" else TcnConfig.fast()
-        return cls(config, seed=settings.seed, device=settings.device, cache=settings.cache)
+        return cls(config, seed=settings.seed, device=settings.device)
 
     @property
     def device(self) -> str:
@@ -62,29 +58,21 @@ class TcnApproach(Approach):
 class LfTcn(AboutLfTcn, TcnApproach):
     """The LF networks as an approach; the cache keeps them, and checkpoints of an unfinished training."""
 
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Train on the CAE runs of the campaign, or load networks from the cache."""
         cae, config = campaign.cae.for_networks, self.config
         if len(cae) < 2:
             raise UsageError("The LF TCN needs at least 2 CAE runs: it checks itself on some.")
         settings = {"config": config.lf_settings, "seed": self.seed, "device": self.device}
-        key = {"cae": cae.fingerprint, **settings, "code": code_digest(__name__)}
-        if self.cache is None:
-            return self._train(cae, key, watch)
-        return self.cache.get_or_compute(
-            _KIND,
-            key,
-            lambda: (self._train(cae, key, watch), self.learned().arrays),
-            lambda entry: self.restore(campaign, FittedState({}, entry)),
-            watch,
-        )
+        key = {"cae": cae.fingerprint, **settings, "code": Code(__name__)}
 
-    def _train(self, cae: CaeLibrary, key: Mapping[str, object], watch: Watch) -> Self:
-        vectors, accel = self._begin(cae)
-        checkpoint = Checkpoint(self.cache, {**key, "training": _KIND})
-        self.network_, self.losses_ = train(
-            vectors, accel, self.scaling_, self.seed, torch.device(self.device), checkpoint, watch
-        )
+        def compute() -> tuple[Approach, Entry]:
+            vectors, accel = self._begin(cae)
+            checkpoint, device = Checkpoint(run, {**key, "training": _KIND}), torch.device(self.device)
+            self.network_, self.losses_ = train(vectors, accel, self.scaling_, self.seed, device, checkpoint)
+            return self, self.learned().arrays
+
+        run.get_or_compute(_KIND, key, compute, lambda entry: self.restore(campaign, FittedState({}, entry)))
         return self
 
     def _begin(self, cae: CaeLibrary) -> tuple[FloatArray, FloatArray]:
@@ -99,7 +87,7 @@ class LfTcn(AboutLfTcn, TcnApproach):
         self._require("network_")
         return FittedState({}, {**weights_of(self.network_), "losses": self.losses_})
 
-    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:  # noqa: ARG002
         """Restore weights; the scaling is computed from the library."""
         self._begin(campaign.cae.for_networks)
         weights = dict(learned.arrays)

@@ -21,8 +21,7 @@ from crashfuse.approaches.threads import quick_threads, side_by_side
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.network import CausalConv, ResidualBlock, Tcn
 from crashfuse.approaches.time_domain.training import weights_of
-from crashfuse.execution.cache import Cache, Entry
-from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.cache import Cache, Code, Entry
 from crashfuse.signals.pulse import FloatArray
 
 _KIND = "tangent kernel"  # of cache entry: all pairs that are known for these networks
@@ -204,11 +203,11 @@ class KernelBlocks:
     """
 
     def __init__(
-        self, network: Tcn, config: TcnConfig, inputs: Callable[[FloatArray], Tensor], library: str, cache: Cache | None
+        self, network: Tcn, config: TcnConfig, inputs: Callable[[FloatArray], Tensor], library: str, cache: Cache
     ) -> None:
         self._network, self._inputs, self._cache = network, inputs, cache
         weights = hashlib.sha256(b"".join(weight.tobytes() for weight in weights_of(network).values())).hexdigest()
-        settings = {"config": config.lf_settings, "code": code_digest(__name__)}
+        settings = {"config": config.lf_settings, "code": Code(__name__)}
         self._key = {"library": library, "weights": weights, **settings}
         self._blocks: dict[Pair, npt.NDArray[np.float32]] = {}
         # for predictions at any number of conditions
@@ -280,14 +279,12 @@ class KernelBlocks:
         return self._blocks[one, two] if one <= two else self._blocks[two, one].T
 
     def _missing(self, pairs: set[Pair]) -> set[Pair]:
-        if self._cache and not self._blocks:
+        if not self._blocks:
             self._blocks = self._cache.find(_KIND, self._key, _unpacked) or {}
         return pairs - self._blocks.keys()
 
     def _keep(self, latest: Sequence[Vector]) -> None:
         """If there are too many, those between the latest conditions."""
-        if not self._cache:
-            return
         conditions = sorted({vector for pair in self._blocks for vector in pair})
         if len(conditions) > _MOST:
             conditions = sorted(set(latest))

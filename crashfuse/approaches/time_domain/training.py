@@ -19,8 +19,8 @@ from crashfuse.approaches.threads import quick_threads, side_by_side
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.network import Scaling, Tcn
 from crashfuse.errors import Cancelled
-from crashfuse.execution.cache import Cache, Entry
-from crashfuse.execution.progress import Watch
+from crashfuse.execution.cache import Entry
+from crashfuse.execution.run import Run
 from crashfuse.signals.pulse import FloatArray
 
 _FADING = (0.9, 0.95)  # β1, β2: what is kept of both means from step to step
@@ -68,33 +68,32 @@ class Adam:
 class Checkpoint:
     """Storage of an unfinished training: everything that its next step depends on."""
 
-    cache: Cache | None
+    run: Run
     key: Mapping[str, object]
 
     def save(self, state: Entry) -> None:
         """Replace the saved state."""
-        if self.cache:
-            self.cache.put(_KIND, self.key, state)
+        self.run.cache.put(_KIND, self.key, state)
 
 
 def minimise(
-    networks: Sequence[Tcn], objectives: Sequence[TrainingObjective], checkpoint: Checkpoint, watch: Watch, name: str
+    networks: Sequence[Tcn], objectives: Sequence[TrainingObjective], checkpoint: Checkpoint, name: str
 ) -> FloatArray:
     """Train networks in place, side by side, from their checkpoint if there is one.
 
     Returns the learning curves of all members, shape (n_members, n_epochs, n_columns).
     """
     n_steps, columns = objectives[0].n_steps, objectives[0].columns
-    runs = [_Run(network, objective) for network, objective in zip(networks, objectives, strict=True)]
+    runs = [_Training(network, objective) for network, objective in zip(networks, objectives, strict=True)]
     start = _resume(runs, checkpoint, n_steps)
     saved = reported = time.monotonic()
-    pause = _CHECKPOINT_S
+    watch, pause = checkpoint.run.watch, _CHECKPOINT_S
     with quick_threads(networks[0].size):
         watch.report(name, start, n_steps)
         for step in range(start, n_steps):
-            ended = all(side_by_side(partial(_Run.step, number=step), runs))
+            ended = all(side_by_side(partial(_Training.step, number=step), runs))
             now, done = time.monotonic(), step + 1
-            if checkpoint.cache and now - saved > pause and done < n_steps:
+            if now - saved > pause and done < n_steps:
                 checkpoint.save(_state(runs, done))
                 saved = time.monotonic()
                 pause = max(_CHECKPOINT_S, (saved - now) / _SHARE)
@@ -106,12 +105,11 @@ def minimise(
                 except Cancelled:
                     checkpoint.save(_state(runs, done))
                     raise
-    if checkpoint.cache:
-        checkpoint.cache.drop(_KIND, checkpoint.key)
+    checkpoint.run.cache.drop(_KIND, checkpoint.key)
     return np.concatenate([run.curve.cpu().numpy() for run in runs])
 
 
-class _Run:
+class _Training:
     def __init__(self, network: Tcn, objective: TrainingObjective) -> None:
         self.network, self._objective, self._epoch = network, objective, 0
         self.optimiser = Adam(network.parameters())
@@ -137,7 +135,7 @@ class _Run:
         return np.asarray(self.curve[:, self._epoch].mean(dim=0).cpu())
 
 
-def _state(runs: Sequence[_Run], done: int) -> Entry:
+def _state(runs: Sequence[_Training], done: int) -> Entry:
     state: Entry = {"done": np.array(done)}
     for number, run in enumerate(runs):
         state[f"{number} curve"] = run.curve.cpu().numpy()
@@ -146,9 +144,9 @@ def _state(runs: Sequence[_Run], done: int) -> Entry:
     return state
 
 
-def _resume(runs: Sequence[_Run], checkpoint: Checkpoint, n_steps: int) -> int:
+def _resume(runs: Sequence[_Training], checkpoint: Checkpoint, n_steps: int) -> int:
     """Restore a checkpoint, if it is of this training; returns the number of steps done."""
-    if not checkpoint.cache or (state := checkpoint.cache.get(_KIND, checkpoint.key)) is None:
+    if (state := checkpoint.run.cache.get(_KIND, checkpoint.key)) is None:
         return 0
     begun = [(deepcopy(weights_of(run.network)), run.curve.clone()) for run in runs]
     try:
@@ -160,12 +158,12 @@ def _resume(runs: Sequence[_Run], checkpoint: Checkpoint, n_steps: int) -> int:
             load_weights(run.network, weights)
             run.curve.copy_(curve)
             run.optimiser = Adam(run.network.parameters())
-        checkpoint.cache.discard(_KIND, checkpoint.key, error)
+        checkpoint.run.cache.discard(_KIND, checkpoint.key, error)
         return 0
     return done
 
 
-def _restore(runs: Sequence[_Run], state: Entry) -> int:
+def _restore(runs: Sequence[_Training], state: Entry) -> int:
     for number, run in enumerate(runs):
         arrays = {key.removeprefix(f"{number} "): value for key, value in state.items() if key.startswith(f"{number} ")}
         run.curve.copy_(torch.from_numpy(arrays["curve"]))
@@ -202,7 +200,7 @@ def mean_outputs(network: Tcn, inputs: Tensor) -> FloatArray:
 
 def train(
     vectors: FloatArray, accel_mps2: FloatArray, scaling: Scaling, seed: int, device: torch.device,
-    checkpoint: Checkpoint, watch: Watch,
+    checkpoint: Checkpoint,
 ) -> tuple[Tcn, FloatArray]:  # fmt: skip
     """Train the LF networks on CAE runs, conditions of shape (n_runs, 3) and pulses of shape (n_runs, 1250).
 
@@ -217,7 +215,7 @@ def train(
         members = min(together, config.members - first)
         networks.append(Tcn(config, generator, members).to(device))
         objectives.append(LfTraining(inputs, targets, config, _mixed(seed, first), members, generator))
-    losses = minimise(networks, objectives, checkpoint, watch, "Training LF TCN")
+    losses = minimise(networks, objectives, checkpoint, "Training LF TCN")
     return Tcn.joined(networks, config), losses
 
 
@@ -279,7 +277,7 @@ class LfTraining:
 
 
 def fine_tune(
-    network: Tcn, scaling: Scaling, vectors: FloatArray, accel_mps2: FloatArray, checkpoint: Checkpoint, watch: Watch
+    network: Tcn, scaling: Scaling, vectors: FloatArray, accel_mps2: FloatArray, checkpoint: Checkpoint
 ) -> tuple[Tcn, FloatArray]:
     """Fine-tune a copy of the LF networks on tests (Eq. 6): θ_MF = θ_LF + θ_HF with the penalty λ‖θ_HF‖².
 
@@ -290,7 +288,7 @@ def fine_tune(
     targets = scaling.targets(vectors, accel_mps2).to(network.device)
     tuned = deepcopy(network)
     objective = FineTuning(inputs, targets, scaling.config, list(network.parameters()))
-    return tuned, minimise([tuned], [objective], checkpoint, watch, "Fine-tuning on tests")[..., 0]
+    return tuned, minimise([tuned], [objective], checkpoint, "Fine-tuning on tests")[..., 0]
 
 
 class FineTuning:

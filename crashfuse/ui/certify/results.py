@@ -15,7 +15,6 @@ from crashfuse.certification.criteria import Criteria, criteria_text
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError
-from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_facts import Place, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import SHOWN, csv_as_given, matrix_table
@@ -60,7 +59,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Ver
         ("certification", said_of(campaign), criteria, matrix, approach, config.preset, config.seed, config.device),
         f"{campaign.name}: verdicts on {len(matrix.ids)} planned tests",
         lambda watch: certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch),
-        lambda: is_computed(campaign, criteria, matrix, config, Cache()),
+        lambda: is_computed(campaign, criteria, matrix, config),
     )
 
 

@@ -10,14 +10,13 @@ from weakref import WeakValueDictionary
 import numpy as np
 import streamlit as st
 
-from crashfuse.approaches.fit_cache import is_cached
 from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import read_folder
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError
-from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
+from crashfuse.execution.run import Run
 from crashfuse.files.archive import zipped
 from crashfuse.reporting.figures import otherwise
 from crashfuse.reporting.planning import SpeedSweep
@@ -119,8 +118,8 @@ def study_request(campaign: Campaign, held_out: tuple[str, ...], config: StudyCo
 def _is_fold_known(campaign: Campaign, way: StudyConfig, test_id: str) -> bool:
     if fold_key(campaign, way, test_id) in _folds():
         return True
-    training, condition, cache = way.training_campaign(campaign, test_id), campaign.test(test_id).condition, Cache()
-    return all(is_estimate_cached(training, condition, name, way, cache) for name in way.approaches)
+    training, condition = way.training_campaign(campaign, test_id), campaign.test(test_id).condition
+    return all(is_estimate_cached(training, condition, name, way) for name in way.approaches)
 
 
 def _unlike_usual(config: StudyConfig) -> str:
@@ -152,7 +151,7 @@ def fit_request(campaign: Campaign, config: StudyConfig) -> Request[Fitted]:
         early_first = sorted(names, key=lambda name: CLASSES[name].trains_networks)
         fits: dict[str, Fit] = {}
         for name in early_first:
-            fits[name] = Fit.of(campaign, name, config, watch=watch)
+            fits[name] = Fit.of(campaign, name, config, Run(watch=watch))
             if set(fits) - {BASELINE}:  # the raw CAE model alone answers nothing
                 watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits)))
         fitted = Fitted(tuple(fits[name] for name in names))
@@ -164,7 +163,7 @@ def fit_request(campaign: Campaign, config: StudyConfig) -> Request[Fitted]:
         ("fit", said_of(campaign), names, config.preset, config.seed, config.device),
         f"{campaign.name}: fit on all {len(campaign.tests)} tests{_unlike_usual(config)}",
         work,
-        lambda: all(is_cached(config.create(name, Cache()), campaign, Cache()) for name in names),
+        lambda: all(config.create(name).is_cached(campaign) for name in names),
     )
 
 
@@ -214,5 +213,5 @@ def learn_curve(campaign: Campaign, config: StudyConfig) -> Request[LearningCurv
         ("learning curve", said_of(campaign), config),
         f"{campaign.name}: predict tests from fewer of the others",
         lambda watch: learning_curve(campaign, config, watch=watch),
-        lambda: is_curve_cached(campaign, config, Cache()),
+        lambda: is_curve_cached(campaign, config),
     )

@@ -273,7 +273,7 @@ def _offered_runs(display: Display, campaign: Campaign) -> Mapping[str, str]:
 def _known_of_test(
     ended: int, test_id: str, approach: str, shown: StudyConfig, campaign: Campaign  # noqa: ARG001 - part of the key
 ) -> Sequence[StudyConfig]:  # fmt: skip
-    return earlier_settings(past_results(), campaign, test_id, approach, shown, Cache())
+    return earlier_settings(past_results(), campaign, test_id, approach, shown)
 
 
 @st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False, hash_funcs=HASHED)

@@ -16,6 +16,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import NotFittedError
 from crashfuse.execution.progress import SILENT, Progress, Watch
+from crashfuse.execution.run import Run
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_windows
@@ -162,7 +163,7 @@ def test_the_paper_preset_runs_and_tells_how_its_fit_went() -> None:
 @pytest.mark.slow
 def test_progress_is_reported_and_the_state_is_plain_json(campaign: Campaign) -> None:
     seen: list[Progress] = []
-    model = DisplacementDomain(FEW).fit(campaign, Watch(seen.append))
+    model = DisplacementDomain(FEW).fit(campaign, Run(watch=Watch(seen.append)))
     assert list(dict.fromkeys(p.step for p in seen)) == ["CAE emulator", "Bias model", "Check of the band"]
     state = json.loads(json.dumps(model.state))
     assert state["seconds"] >= 0

@@ -16,6 +16,7 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from tests.conftest import cancelled_after, not_none, with_pulse
 
@@ -53,7 +54,7 @@ def test_held_out_tests_lie_within_the_band(campaign: Campaign, tmp_path: Path) 
     """Each test left out in turn: acceleration and velocity nine tenths of the time, crush and peak always."""
     found = []
     for test in campaign.tests:
-        approach = TimeDomain(SMALL, cache=Cache(tmp_path)).fit(campaign.without([test.id]))
+        approach = TimeDomain(SMALL).fit(campaign.without([test.id]), Run(Cache(tmp_path)))
         draws = not_none(approach.predict(test.condition).draws_mps2)
         found.append(Coverage.of(test, draws))
     assert np.mean([own.accel for own in found]) > 0.9
@@ -111,9 +112,9 @@ def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
 ) -> None:
     """A study fits the LF TCN once without tests: no fold trains a member again."""
     quick = replace(SMALL, min_steps=20)
-    LfTcn(quick, cache=Cache()).fit(campaign.without(campaign.test_ids))
+    LfTcn(quick).fit(campaign.without(campaign.test_ids), Run())
     monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", None)
-    TimeDomain(quick, cache=Cache()).fit(campaign)
+    TimeDomain(quick).fit(campaign, Run())
 
 
 def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -> None:
@@ -126,9 +127,9 @@ def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -
 def test_an_infinite_penalty_keeps_the_lf_network(campaign: Campaign) -> None:
     """λ → ∞ leaves no increments: at the same rate, where λ = 0 moves the pulse by far, θ_MF = θ_LF to rounding."""
     condition = campaign.tests[0].condition
-    start = LfTcn(BY_ADAM, cache=Cache()).fit(campaign).predict(condition).accel_mps2
+    start = LfTcn(BY_ADAM).fit(campaign, Run()).predict(condition).accel_mps2
     free, held = (
-        TimeDomain(replace(BY_ADAM, penalty=penalty), cache=Cache()).fit(campaign).predict(condition).accel_mps2
+        TimeDomain(replace(BY_ADAM, penalty=penalty)).fit(campaign, Run()).predict(condition).accel_mps2
         for penalty in (0.0, 1e6)
     )
     assert np.abs(held - start).max() < 0.02 * np.abs(free - start).max()
@@ -141,7 +142,7 @@ def test_an_infinite_penalty_keeps_the_lf_network(campaign: Campaign) -> None:
 def test_a_training_that_is_cancelled_ends_at_its_next_report(campaign: Campaign, step: str, config: TcnConfig) -> None:
     watch = cancelled_after(lambda progress: progress.step == step and progress.done > 0)
     with pytest.raises(Cancelled, match=step):
-        TimeDomain(replace(config, epochs=5, min_steps=0)).fit(campaign, watch)
+        TimeDomain(replace(config, epochs=5, min_steps=0)).fit(campaign, replace(UNKEPT, watch=watch))
 
 
 def test_the_papers_network_takes_a_few_steps(campaign: Campaign) -> None:

@@ -11,7 +11,7 @@ from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.training import load_weights, weights_of
 from crashfuse.campaign import Campaign
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import Run
 from tests.approaches.time_domain.test_approach import relative_error
 
 pytestmark = pytest.mark.slow
@@ -45,13 +45,13 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: C
 
 
 def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:
-    LfTcn(SMALL, cache=Cache()).fit(campaign)
+    LfTcn(SMALL).fit(campaign, Run())
     monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", None)
-    again = LfTcn(SMALL, cache=Cache()).fit(campaign)
+    again = LfTcn(SMALL).fit(campaign, Run())
     condition = campaign.tests[0].condition
     assert again.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
     np.testing.assert_array_equal(again.losses_, lf.losses_)
-    LfTcn(replace(SMALL, tuning="gradient", penalty=1.0, n_draws=3), cache=Cache()).fit(campaign)
+    LfTcn(replace(SMALL, tuning="gradient", penalty=1.0, n_draws=3)).fit(campaign, Run())
 
 
 def test_members_differ_and_their_mean_predicts(campaign: Campaign, lf: LfTcn) -> None:

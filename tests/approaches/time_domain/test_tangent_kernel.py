@@ -14,6 +14,7 @@ from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.tangent_kernel import KernelBlocks, Tangent
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.run import UNKEPT
 from crashfuse.signals.pulse import FloatArray
 
 N_TIMES = 9
@@ -55,7 +56,7 @@ def inputs(vectors: FloatArray) -> Tensor:
     return torch.from_numpy(waves.astype(np.float32))
 
 
-def blocks(cache: Cache | None = None) -> KernelBlocks:
+def blocks(cache: Cache = UNKEPT.cache) -> KernelBlocks:
     return KernelBlocks(NETWORK, CONFIG, inputs, "library", cache)
 
 

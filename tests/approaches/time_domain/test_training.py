@@ -17,6 +17,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch
+from crashfuse.execution.run import Run
 from tests.conftest import cancelled_after
 
 pytestmark = pytest.mark.slow
@@ -57,7 +58,7 @@ def _dies_at(step: str, done: int) -> Callable[[Progress], None]:
 
 def _cancel_at_once(lf: LfTcn, campaign: Campaign) -> None:
     with pytest.raises(Cancelled):
-        lf.fit(campaign, cancelled_after(lambda _: True))
+        lf.fit(campaign, Run(watch=cancelled_after(lambda _: True)))
 
 
 def _bits(network: Tcn) -> dict[str, bytes]:
@@ -84,10 +85,10 @@ def every_step(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: Campaign, undisturbed: LfTcn) -> None:
     """In mid-epoch, with dropout: no step is done twice, weights and curve are those of an undisturbed run."""
     with pytest.raises(Killed):
-        LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(_dies_at("Training LF TCN", 17)))
+        LfTcn(SMALL).fit(campaign, Run(watch=Watch(_dies_at("Training LF TCN", 17))))
     assert _checkpoints() == 1
     reports: list[Progress] = []
-    resumed = LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
+    resumed = LfTcn(SMALL).fit(campaign, Run(watch=Watch(reports.append)))
     assert reports[0].done == 17
     assert _bits(resumed.network_) == _bits(undisturbed.network_)
     np.testing.assert_array_equal(resumed.losses_, undisturbed.losses_)
@@ -98,8 +99,8 @@ def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: C
 def test_a_fine_tuning_that_was_killed_goes_on_as_well(campaign: Campaign) -> None:
     undisturbed = TimeDomain(BY_ADAM).fit(campaign)
     with pytest.raises(Killed):
-        TimeDomain(BY_ADAM, cache=Cache()).fit(campaign, Watch(_dies_at("Fine-tuning on tests", 11)))
-    resumed = TimeDomain(BY_ADAM, cache=Cache()).fit(campaign)
+        TimeDomain(BY_ADAM).fit(campaign, Run(watch=Watch(_dies_at("Fine-tuning on tests", 11))))
+    resumed = TimeDomain(BY_ADAM).fit(campaign, Run())
     assert _bits(resumed.network_) == _bits(undisturbed.network_)
     np.testing.assert_array_equal(resumed.losses_, undisturbed.losses_)
     assert _checkpoints() == 0
@@ -108,31 +109,31 @@ def test_a_fine_tuning_that_was_killed_goes_on_as_well(campaign: Campaign) -> No
 def test_a_training_that_is_cancelled_leaves_what_it_had(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "_REPORT_S", 0.0)
     with pytest.raises(Cancelled):
-        LfTcn(SMALL, cache=Cache()).fit(campaign, cancelled_after(lambda progress: progress.done == 5))
+        LfTcn(SMALL).fit(campaign, Run(watch=cancelled_after(lambda progress: progress.done == 5)))
     reports: list[Progress] = []
-    LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
+    LfTcn(SMALL).fit(campaign, Run(watch=Watch(reports.append)))
     assert reports[0].done == 6
 
 
 def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campaign) -> None:
-    _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
+    _cancel_at_once(LfTcn(SMALL), campaign)
     reports: list[Progress] = []
-    LfTcn(SMALL, seed=1, cache=Cache()).fit(campaign, Watch(reports.append))
+    LfTcn(SMALL, seed=1).fit(campaign, Run(watch=Watch(reports.append)))
     assert reports[0].done == 0
     cae = replace(campaign.cae, accel_mps2=1.1 * campaign.cae.accel_mps2)
     reports.clear()
-    LfTcn(SMALL, cache=Cache()).fit(replace(campaign, cae=cae), Watch(reports.append))
+    LfTcn(SMALL).fit(replace(campaign, cae=cae), Run(watch=Watch(reports.append)))
     assert reports[0].done == 0
 
 
 def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
-    _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
+    _cancel_at_once(LfTcn(SMALL), campaign)
     (kept,) = (Cache().folder / "checkpoints").glob("*.bin")
     damaged = bytearray(kept.read_bytes())
     damaged[-200] ^= 1
     kept.write_bytes(damaged)
     reports: list[Progress] = []
-    LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
+    LfTcn(SMALL).fit(campaign, Run(watch=Watch(reports.append)))
     assert reports[0].done == 0
 
 

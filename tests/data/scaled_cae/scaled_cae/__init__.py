@@ -4,13 +4,12 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import Approach, FittedState, Prediction, Settings
+from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.execution.run import UNKEPT, Run
 
 
 class ScaledCae(Approach):
@@ -23,19 +22,11 @@ class ScaledCae(Approach):
     colour = "#8C6D1F"
     preference = 45
 
-    def __init__(self, *, cache: Cache | None = None) -> None:
-        self.cache = cache
-
-    @classmethod
-    def create(cls, settings: Settings) -> Self:
-        """It needs the cache alone, where the emulator is kept."""
-        return cls(cache=settings.cache)
-
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+    def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Find the factor."""
         if not campaign.tests:
             raise UsageError(f"The approach {self.name} learns from tests; this campaign has none.")
-        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        self.model_ = CaeModel().fit(campaign.cae, run)
         cae = np.array([self.model_.pulse(test.condition).accel_mps2 for test in campaign.tests])
         measured = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         self.factor_ = float((cae * measured).sum() / (cae**2).sum())
@@ -52,8 +43,8 @@ class ScaledCae(Approach):
         self._require("factor_")
         return FittedState({"factor": self.factor_}, {})
 
-    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:
         """Take up the factor that was found before."""
-        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae)
+        self.model_ = CaeModel().fit(campaign.cae, run)
         self.factor_ = learned.values["factor"]
         return self
