@@ -100,11 +100,11 @@ const text = element => element?.textContent ?? "", main = '[data-testid="stMain
 const seen = figure => figure?.querySelector(".main-svg") && figure.checkVisibility({ visibilityProperty: true });
 const whole = () => {
   const all = css => [...document.querySelectorAll(css)];
-  const labels = () => all('[data-testid="stMetricLabel"], .cf-name > :first-child').map(label => text(label).trim());
+  const labels = () => all('[data-testid="stMetricLabel"], .st-key-explained button').map(text);
   return document.querySelector('[data-testid="stApp"]')?.dataset.testScriptState === "notRunning"
     && text(document.querySelector(`${main} h1`)).includes(title)
     && (!test || text(document.querySelector(`${main} h3`)).includes(test))
-    && (!rated.length || rated.every(label => labels().includes(label)))
+    && (!rated.length || rated.every(name => labels().some(label => label.includes(name))))
     && !document.querySelector('[data-stale="true"], [data-testid="stSkeleton"]')
     && all('[data-testid="stPlotlyChart"]').every(each => seen(each.querySelector(".js-plotly-plot")));
 };

@@ -168,9 +168,8 @@ def _look(browser: WebDriver, page: str, session: Session, truth: Truth) -> None
     own = session.test[:3]
     if f"Test {own}" not in browser.find_element(By.CSS_SELECTOR, '[data-testid="stMain"]').text:
         session.trouble.append(f"{page} did not show test {own}")
-    shown = {
-        value.text for value in browser.find_elements(By.CSS_SELECTOR, '[data-testid="stMetricValue"], .cf-values b')
-    }
+    rated = '[data-testid="stMetricValue"], .st-key-explained strong'
+    shown = {value.text for value in browser.find_elements(By.CSS_SELECTOR, rated)}
     if not session.trains and shown != truth.ratings[own]:
         session.trouble.append(f"{page} showed {sorted(shown)} for {own}, not {sorted(truth.ratings[own])}")
 

@@ -26,9 +26,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify_matrix
 from crashfuse.certification.criteria import Criteria
-from crashfuse.certification.earlier import parse_earlier
+from crashfuse.certification.earlier import LaterTests, parse_earlier
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, all_met, needs_no_test
 from crashfuse.crash_test import CrashTest
@@ -109,9 +108,9 @@ def _one_at_a_time(
         campaign = Campaign(plan.name, plan.cae, (*plan.begun, *run))
         found = certify_matrix(campaign, criteria, matrix, run=Run())
         if before is not None:
-            found, since = found.beside(before), TestedSince(before, campaign)
+            found, since = found.beside(before), LaterTests(before, campaign)
             wrong, n = outcomes(since)["verdicts"]  # of all that were run so far
-            said = [n, wrong, *TrackRecord(since.with_intervals).intervals]
+            said = [n, wrong, *TrackRecord(since.counted).intervals]
         before = parse_earlier(certification_json(found))
         left = {i: row for i, row in found.rows.items() if i not in found.run}
         unsettled = {

@@ -8,6 +8,7 @@ from .campaign_folder.notes import Note as Note
 from .campaign_folder.notes import read_notes as read_notes
 from .campaign_folder.notes import write_notes as write_notes
 from .campaign_folder.writer import write_campaign as write_campaign
+from .certification.certify import Certification as Certification
 from .certification.criteria import Criteria as Criteria
 from .certification.matrix import Matrix as Matrix
 from .certification.verdict import with_decided as with_decided
@@ -49,7 +50,6 @@ from .reporting.report.prediction import prediction_report as prediction_report
 from .reporting.report.study import study_report as study_report
 from .reporting.solver_curves import SolverCurve as SolverCurve
 from .reporting.training_progress import watching as watching
-from .reporting.verdicts import Verdicts as Verdicts
 from .reporting.verdicts import certify as certify
 from .signals.metrics import Metric as Metric
 from .signals.metrics import pulse_metrics as pulse_metrics

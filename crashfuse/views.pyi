@@ -1,6 +1,10 @@
 from .campaign_folder.writer import campaign_of_frames as campaign_of_frames
 from .campaign_folder.writer import conditions_frame as conditions_frame
 from .campaign_folder.writer import pulses_frame as pulses_frame
+from .reporting.certification_tables import certification_table as certification_table
+from .reporting.certification_tables import counts_table as counts_table
+from .reporting.certification_tables import track_record_table as track_record_table
+from .reporting.credibility import credibility_table as credibility_table
 from .reporting.figures import Further as Further
 from .reporting.figures import campaign_figure as campaign_figure
 from .reporting.figures import figure_of_test as figure_of_test
@@ -21,3 +25,5 @@ from .reporting.result_tables import scores_table as scores_table
 from .reporting.result_tables import study_metrics as study_metrics
 from .reporting.result_tables import study_pulses as study_pulses
 from .reporting.results import write_result as write_result
+from .reporting.verdicts import certification_figure as certification_figure
+from .reporting.verdicts import certification_html as certification_html

@@ -4,7 +4,7 @@ import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.certification.certify import APPROACH
-from crashfuse.ui.certify import answer, results
+from crashfuse.ui.certify import results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
 from crashfuse.ui.certify.results import Judgement, judge
@@ -15,7 +15,7 @@ from crashfuse.ui.kit.figures import show_tabs
 from crashfuse.ui.kit.navigation import end_page
 from crashfuse.ui.kit.progress import patience, result_or_none
 
-TABS = {"Answer": answer.show, "Track record": results.show_record, "Validated domain": results.show_domain}
+TABS = {"Answer": results.show_answer, "Track record": results.show_record, "Validated domain": results.show_domain}
 
 view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")
 address.default("approach", APPROACH, APPROACHES)
@@ -38,7 +38,7 @@ if question != asked:  # the choices above fold away into it, or unfold
 if verdicts is None:
     end_page()
 verdicts = results.beside_earlier(verdicts, request.key)
-since = verdicts.certification.since
+since = verdicts.since
 key = request.key, None if since is None else since.earlier.digest
 judgement = Judgement(verdicts, view.display, notes_of(view), key)
-show_tabs(TABS, judgement, key="certify_tab", export=answer.show_files)
+show_tabs(TABS, judgement, key="certify_tab", export=results.show_files)

@@ -15,15 +15,15 @@ from crashfuse import errors
 from crashfuse.campaign import Campaign
 
 NAMES = """
-
-Cache Campaign Choices ColumnChoice Condition CrashTest CrashfuseError Criteria DataError Display EarlierPrediction
-Estimate ExpectedRating Fit Fold Kinematics LearningCurve Matrix Metric Neighbour NextTests Note OccupantModel
-PartialCondition PredictedPulse Prediction Preview Problem Pulse PulseExport QualityLimits Rating RatingChoices
-RatingExplanation Recommendation ReportOptions Run SolverCurve SpeedSweep Study StudyConfig UsageError VehicleArchive
-Verdicts Watch __version__ certify darkened excursions_table explain_files explain_rating figure_table humps_table
-import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict prediction_report
-preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences read_notes recommend
-run_study sample_folder save_model study_report sweep watching with_decided worst_test write_campaign write_notes
+Cache Campaign Certification Choices ColumnChoice Condition CrashTest CrashfuseError Criteria DataError Display
+EarlierPrediction Estimate ExpectedRating Fit Fold Kinematics LearningCurve Matrix Metric Neighbour NextTests Note
+OccupantModel PartialCondition PredictedPulse Prediction Preview Problem Pulse PulseExport QualityLimits Rating
+RatingChoices RatingExplanation Recommendation ReportOptions Run SolverCurve SpeedSweep Study StudyConfig UsageError
+VehicleArchive Watch __version__ certify darkened excursions_table explain_files explain_rating figure_table
+humps_table import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict
+prediction_report preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences
+read_notes recommend run_study sample_folder save_model study_report sweep watching with_decided worst_test
+write_campaign write_notes
 """
 
 
@@ -55,7 +55,7 @@ def test_types_that_public_calls_ask_for_are_public() -> None:
     called += [(kind.__name__, kind) for kind in settings]
     called += [
         (f"{kind.__name__}.{name}", call)
-        for kind in (crashfuse.Study, crashfuse.PredictedPulse, crashfuse.Verdicts, crashfuse.LearningCurve)
+        for kind in (crashfuse.Study, crashfuse.PredictedPulse, crashfuse.Certification, crashfuse.LearningCurve)
         for name, call in inspect.getmembers(kind, inspect.isfunction)
         if not name.startswith("_") and name != "beside"
     ]
@@ -70,6 +70,7 @@ def test_types_that_public_calls_ask_for_are_public() -> None:
 
 TIME_S = np.arange(1250) * 8e-5
 BRAKING = -680.0 * np.sin(np.pi * TIME_S / 0.07) * (TIME_S < 0.07)  # takes 30.3 m/s away, so it stops a vehicle at 28
+PULSE = crashfuse.Pulse(TIME_S, BRAKING)
 
 
 def prediction() -> crashfuse.Prediction:
@@ -103,7 +104,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "window as text": (lambda: crashfuse.rate_iso18571(BRAKING, BRAKING, dt_s=8e-5, window_ms="60"), "is a number"),  # type: ignore[arg-type]
     "a path": (lambda: crashfuse.rate_iso18571("a.csv", "b.csv", dt_s=8e-5), "expected an array of numbers"),  # type: ignore[arg-type]
     "a step of pulses": (
-        lambda: crashfuse.rate_iso18571(*2 * [crashfuse.Pulse(TIME_S, BRAKING)], dt_s=8e-5),
+        lambda: crashfuse.rate_iso18571(PULSE, PULSE, dt_s=8e-5),
         "leave out",
     ),
     "other sign": (lambda: crashfuse.pulse_metrics(-BRAKING, 28.0), "change its sign"),
@@ -114,7 +115,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "per cent for a share": (lambda: prediction().band(95), "between 0 and 1, such as 0.95, not 95"),
     "a band upside down": (lambda: prediction().band(-0.95), "between 0 and 1"),
     "two curves at once": (
-        lambda: crashfuse.rate_iso18571(*2 * [np.ones((600, 2))], dt_s=8e-5),
+        lambda: crashfuse.rate_iso18571(np.ones((600, 2)), np.ones((600, 2)), dt_s=8e-5),
         "one dimension, found one of 600 × 2",
     ),
     "no filter class": (lambda: crashfuse.Choices(channel_filter_class=61), '60, 180, 600, 1000 or "none", not 61'),

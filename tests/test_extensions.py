@@ -138,28 +138,19 @@ def shown(installed: Path, place: Path, campaign_on_disk: Path) -> dict[str, Any
     return found
 
 
-def test_it_may_be_imported_before_crashfuse(shown: dict[str, Any]) -> None:
-    """Its approach and its format are known then, too; the approach that cannot be loaded is not."""
+def test_what_it_adds_stands_beside_ours(shown: dict[str, Any], place: Path) -> None:
+    """Imported before crashfuse it is known, too, but for the approach that cannot be loaded.
+
+    Its approach is studied by the command line, in report, legend and table; its format recognised and imported.
+    """
     assert shown["known"] == [True, True, False]
-
-
-def test_its_approach_stands_beside_ours(shown: dict[str, Any], place: Path) -> None:
-    """Studied by the command line, rated, in the report under its label."""
     ended, out, err = shown["study"]
     assert ended == 0, err
     assert "\nScaled CAE  " in out
     assert "the CAE model times {factor}" in out
     assert "Scaled CAE" in (place / "study" / "report.html").read_text(encoding="utf-8")
-
-
-def test_its_approach_stands_on_the_pages(shown: dict[str, Any]) -> None:
-    """Chosen like ours: in the legend of the figure, in the tables."""
     assert "Scaled CAE" in " ".join(shown["legend"])
     assert "Scaled CAE" in shown["table"]
-
-
-def test_its_format_is_recognised_and_imported(shown: dict[str, Any]) -> None:
-    """By the name of a file, as ours are."""
     ended, out, err = shown["import"]
     assert ended == 0, err
     assert out.startswith("P2: 34.8 mph (56.0 km/h)")
@@ -234,6 +225,7 @@ except CrashfuseError as error:
 """
 
 
+@pytest.mark.usefixtures("one_cache")
 def test_what_is_not_used_is_not_imported(tmp_path: Path, campaign_on_disk: Path) -> None:
     """A package that hangs as it is imported is in the way of those alone who ask for what it adds."""
     there = tmp_path / "slow_to_import-1.0.dist-info"

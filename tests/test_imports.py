@@ -34,7 +34,6 @@ def loaded(program: str, *arguments: str) -> list[set[str]]:
 
 
 def test_the_package_itself_loads_nothing_heavy_and_a_rating_numpy_alone() -> None:
-    """Names are imported when they are first asked for."""
     assert loaded(f"import sys, crashfuse; print(*sys.modules)\n{RATE}\nprint(*sys.modules)") == [set(), {"numpy"}]
 
 

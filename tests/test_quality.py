@@ -11,7 +11,6 @@ from tests.conftest import ROOT
 @pytest.mark.parametrize("tool", [["ruff", "check", "."], ["ruff", "format", "--check", "."], ["mypy"]])
 @pytest.mark.slow
 def test_the_code_is_clean(tool: list[str]) -> None:
-    """The tool finds nothing."""
     done = subprocess.run([sys.executable, "-m", *tool], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 

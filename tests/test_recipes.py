@@ -146,7 +146,6 @@ def shown(program: Path, campaign_on_disk: Path, tmp_path_factory: pytest.TempPa
 
 
 def test_a_new_approach_keeps_the_contract(shown: dict[str, Any]) -> None:
-    """Registered, it is run by the contract test."""
     ended, said = shown["contract"]
     assert ended == 0, said
     assert re.search(r"^10 passed", said, flags=re.MULTILINE), said
@@ -163,23 +162,14 @@ def test_a_new_approach_is_studied(shown: dict[str, Any]) -> None:
     assert "\nScaled CAE  " in shown["studied"]
 
 
-def test_a_new_format_is_recognised_and_imported(shown: dict[str, Any]) -> None:
-    """By its name; the rest is detected as in any format. The reader keeps the contract."""
+def test_a_new_format_metric_figure_and_page_are_there(shown: dict[str, Any]) -> None:
+    """The format is imported by its name, its reader keeps the contract; the metric has its unit and interval.
+
+    The figure has a curve for each test, over ms; the page is reached through app.py, as the others are.
+    """
     ended, said = shown["contract of readers"]
     assert ended == 0, said
     assert shown["imported"].startswith("V7: 34.8 mph (56.0 km/h)")
-
-
-def test_a_new_metric_is_read_off_every_pulse(shown: dict[str, Any]) -> None:
-    """With its unit and interval."""
     assert shown["metric"] == ["300.0 [300.0, 300.0]", "mm", "Crush at 20 ms"]
-
-
-def test_a_new_figure_draws_what_it_is_given(shown: dict[str, Any]) -> None:
-    """A curve for each test, over ms."""
     assert shown["figure"] == [4, 100, "Jerk (g/ms)"]
-
-
-def test_a_new_page_is_in_the_navigation_and_shows_its_figure(shown: dict[str, Any]) -> None:
-    """Reached through app.py, as the others are."""
     assert shown["page"] == ["Jerk", 1]

@@ -1,30 +1,48 @@
 """Certification of a campaign: a verdict for every condition and criterion, and the record of left-out tests."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack
 
+from crashfuse import views
 from crashfuse.approaches.base import holds_whole
 from crashfuse.approaches.mixture import AboutFused
 from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.criteria import WINDOW_MS, Criteria, varied
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.earlier import Earlier, RemovedTest
-from crashfuse.certification.forecasts import Asked, Forecasts, MeanForecast, paired_runs, quantity
+from crashfuse.certification.earlier import Earlier, LaterTests, read_earlier
+from crashfuse.certification.forecasts import Forecast, Forecasts, Query, paired_runs, quantity
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
-from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
+from crashfuse.certification.verdict import (
+    WORDS,
+    AllMet,
+    Verdict,
+    Word,
+    all_met,
+    beside_tests,
+    judge,
+    needs_no_test,
+    with_reason,
+)
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, require_a
 from crashfuse.execution.run import Run
 from crashfuse.study.config import StudyConfig, check_window
 from crashfuse.study.outliers import departures_near
-from crashfuse.units import Sentence, joined, probability_text, read_out
+from crashfuse.units import Sentence, probability_text, read_out
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
@@ -44,7 +62,7 @@ class Variant(NamedTuple):
     left_out: str = ""  # the test without which all was computed again, if one was
 
     @classmethod
-    def of(cls, name: str, usual: "Certification", other: "Certification") -> Self:
+    def of(cls, name: str, usual: Certification, other: Certification) -> Self:
         """Compare two certifications of the same conditions."""
         pairs = {i: (answer, other.answers[i]) for i, answer in usual.answers.items()}
         left_out = " ".join(test for test in usual.campaign.test_ids if test not in other.campaign.test_ids)
@@ -64,22 +82,64 @@ class Certification:
     verdicts: Rows  # held against the record and against tests at the condition, open where these contradict
     record: TrackRecord
     seconds: dict[str, float]  # to learn, leaving tests out included, and to judge the matrix
-    since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it
+    since: LaterTests | None = None  # an earlier certification, with what tests that were run after it say of it
     variants: tuple[Variant, ...] = ()  # other limits and confidences, and without each test if asked for
     key: str = ""  # that seals its files, if one does
     # by the first seed, its error not counted, each test with its paired CAE run; None where the record has these, too
     record_with_runs: TrackRecord | None = None
 
     def __repr__(self) -> str:
-        size = f"{len(self.criteria.items)} × {len(self.matrix.ids)} verdicts"
-        return f"<Certification of {self.campaign.name!r}: {size} by {self.config.approaches[0]}>"
+        counts = ", ".join(f"{n} {word}" for word, n in self.n_by_word.items() if n)
+        n = len(self.matrix.ids)
+        return f"<Certification of {self.campaign.name!r}, {n} condition{'s' * (n > 1)}: {counts}>"
 
-    def beside(self, earlier: Earlier) -> Self:
-        """The same held against an earlier one, too; a DataError if that is another vehicle's."""
+    def _repr_html_(self) -> str:
+        return views.certification_html(self)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a condition and criterion, as ``certification.csv``."""
+        return views.certification_table(self)
+
+    @property
+    def track_record(self) -> pd.DataFrame:
+        """One row a left-out test and criterion, as ``track_record.csv``."""
+        return views.track_record_table(self)
+
+    @property
+    def credibility(self) -> pd.DataFrame:
+        """One row a factor of ASME V&V 40, as ``credibility.csv``."""
+        return views.credibility_table(self)
+
+    @property
+    def counts(self) -> pd.DataFrame:
+        """Number of verdicts of each kind, one row a criterion."""
+        return views.counts_table(self)
+
+    def plot(self, figure: str = "verdicts", **display: Unpack[views.DisplayOptions]) -> go.Figure:
+        """A figure of the page Certify.
+
+        Parameters
+        ----------
+        figure : {"verdicts", "record", "reliability", "domain"}
+            The verdicts in colours, conditions by criteria; what left-out tests were predicted to show and showed; how
+            often probabilities came true; where predictions are checked.
+        """
+        return views.certification_figure(self, figure, **display)
+
+    def write(self, folder: str | Path, *, notes: Sequence[Note] = (), **display: Unpack[views.DisplayOptions]) -> None:
+        """Write what ``crashfuse certify`` writes; with notes in the report."""
+        for note in notes:
+            require_a(Note, note, "crashfuse.Note(test, text)")
+        views.write_result("certification", folder, self, views.Display.of(self.campaign.units, **display), notes)
+
+    def beside(self, earlier: Earlier | str | Path) -> Self:
+        """The same held against an earlier one, or its file or folder; a DataError if that is another vehicle's."""
+        earlier = earlier if isinstance(earlier, Earlier) else read_earlier(Path(earlier))
         earlier.require_of(self.campaign)
-        since = TestedSince(earlier, self.campaign)
+        since = LaterTests(earlier, self.campaign)
         record = replace(self.record, since=since.held_against(self.criteria))
-        verdicts = hold(self.judged, self.campaign, self.criteria, record, since.gone_runs)
+        verdicts = _hold(self.judged, self.campaign, self.criteria, record)
         return replace(self, verdicts=verdicts, record=record, since=since)
 
     @cached_property
@@ -93,7 +153,7 @@ class Certification:
         return tuple((i, verdict) for i, row in self.rows.items() for verdict in row)
 
     @property
-    def counts(self) -> dict[Word, int]:
+    def n_by_word(self) -> dict[Word, int]:
         """Number of verdicts of each kind."""
         words = [verdict.word for _, verdict in self.cells]
         return {word: words.count(word) for word in WORDS}
@@ -194,29 +254,39 @@ def certify_matrix(
     for window in criteria.windows_ms:
         for test in campaign.tests:
             check_window(test, window)
-    asked = _Plan.of(campaign, criteria, matrix, config.approaches[0])
-    forecasts, start = asked.forecasts(config, run), time.perf_counter()
-    at_trials = forecasts.averaged(asked.trials, _LEARN, learn_for=asked.cells)
-    with_runs = forecasts.all([trial._replace(with_runs=True) for trial in asked.with_runs], _WITH_RUNS)
+    plan = _Plan.of(campaign, criteria, matrix, config, run)
+    forecasts, start = plan.forecasts, time.perf_counter()
+    at_trials = forecasts.averaged(plan.trials, _LEARN, learn_for=plan.cells)
+    with_runs = forecasts.all(plan.with_runs, _WITH_RUNS)
     learned = time.perf_counter()
-    at_cells = forecasts.averaged(asked.cells, _JUDGE)
+    at_cells = forecasts.averaged(plan.cells, _JUDGE)
     seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
-    domain, cells, splits = Domain.of(campaign), asked.cells, asked.splits
-    tests_run = matrix.run((test.id, test.condition) for test in campaign.tests)
-    left_out = [*_left_out(campaign, criteria, splits, config.approaches[0], at_trials)]
-    restored = {trial._replace(with_runs=False): MeanForecast((own,)) for trial, own in with_runs.items()}
-    left_out_with_runs = [*_left_out(campaign, criteria, splits, config.approaches[0], at_trials | restored)]
+    domain, tests_run = Domain.of(campaign), matrix.run((test.id, test.condition) for test in campaign.tests)
+    left_out, left_out_with_runs = (
+        [*_left_out(campaign, criteria, plan.splits, config.approaches[0], found)]
+        for found in (at_trials, at_trials | with_runs)
+    )
 
     def by(criteria: Criteria) -> Certification:
         record = _record(criteria, left_out)
-        flattered = _record(criteria, left_out_with_runs) if restored else None
+        flattered = _record(criteria, left_out_with_runs) if with_runs else None
         judged = tuple(
             judge(at_cells[cell], at, criteria, domain.outside(at), tests, domain.unshown(at))
-            for cell, at, tests in zip(cells, matrix.conditions, tests_run, strict=True)
+            for cell, at, tests in zip(plan.cells, matrix.conditions, tests_run, strict=True)
         )
-        verdicts = hold(judged, campaign, criteria, record)
-        made = campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds
-        return Certification(*made, record_with_runs=flattered)
+        verdicts = _hold(judged, campaign, criteria, record)
+        return Certification(
+            campaign=campaign,
+            criteria=criteria,
+            matrix=matrix,
+            config=config,
+            domain=domain,
+            judged=judged,
+            verdicts=verdicts,
+            record=record,
+            seconds=seconds,
+            record_with_runs=flattered,
+        )
 
     found = by(criteria)
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
@@ -240,57 +310,51 @@ def without_each_test(certification: Certification, run: Run) -> Certification:
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig) -> bool:
     """Whether the cache has every forecast that a certification takes."""
     config = replace(config, approaches=config.approaches[:1])
-    asked = _Plan.of(campaign, criteria, matrix, config.approaches[0])
-    forecasts = asked.forecasts(config, Run.of(campaign))
-    restored = all(forecasts.is_known(trial._replace(with_runs=True)) for trial in asked.with_runs)
-    return restored and forecasts.are_known((*asked.cells, *asked.trials))
+    plan = _Plan.of(campaign, criteria, matrix, config, Run.of(campaign))
+    find = plan.forecasts
+    return all(map(find.is_known, plan.with_runs)) and find.are_known((*plan.cells, *plan.trials))
 
 
 _Split = tuple[CrashTest, LeftOut, tuple[str, ...]]  # a test, what is left out with it, the ids of all left out
 
 
-@dataclass(frozen=True, eq=False)
-class _Plan:
+class _Plan(NamedTuple):
     """What is to be predicted: left-out tests as the conditions of the matrix are, so mostly without a paired run."""
 
-    campaign: Campaign
-    criteria: Criteria
     splits: Sequence[_Split]
-    trials: Sequence[Asked]
-    cells: Sequence[Asked]
-    with_runs: Sequence[Asked]  # trials that differ if a CAE run at the test's condition stays
+    trials: Sequence[Query]
+    with_runs: Sequence[Query]  # those that lack the CAE runs at their tests' conditions, with these
+    cells: Sequence[Query]
+    forecasts: Forecasts
 
     @classmethod
-    def of(cls, campaign: Campaign, criteria: Criteria, matrix: Matrix, approach: str) -> Self:
-        splits: list[_Split] = []
+    def of(cls, campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, run: Run) -> Self:
+        approach, splits = config.approaches[0], list[_Split]()
         if len(campaign.tests) > 1:
             groups = [(test, campaign.speed_group(test.id)) for test in campaign.tests]
             splits += [(test, "test", (test.id,)) for test in campaign.tests]
             splits += [(test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)]
         all_have_runs = all(campaign.cae.paired_run(condition) is not None for condition in matrix.conditions)
         trials = [
-            Asked(held_out, name, test.condition, with_runs=all_have_runs or not paired_runs(campaign, held_out))
+            Query(held_out, name, test.condition, with_runs=all_have_runs or not paired_runs(campaign, held_out))
             for test, _, held_out in splits
             for name in dict.fromkeys((approach, BASELINE))
         ]
-        without = [trial for trial in trials if not trial.with_runs]
-        cells = [Asked((), approach, condition, with_runs=True) for condition in matrix.conditions]
-        return cls(campaign, criteria, splits, trials, cells, without)
-
-    def forecasts(self, config: StudyConfig, run: Run) -> Forecasts:
+        with_runs = [trial._replace(with_runs=True) for trial in trials if not trial.with_runs]
+        cells = [Query((), approach, condition, with_runs=True) for condition in matrix.conditions]
         # networks, which all trials share, are trained on none of the runs that one of these lacks
-        tests = {test for trial in self.with_runs for test in trial.held_out}
-        trains = CLASSES[config.approaches[0]].trains_networks
-        untrained = paired_runs(self.campaign, sorted(tests)) if trains else frozenset()
-        cae = replace(self.campaign.cae, untrained=untrained) if untrained else self.campaign.cae
-        return Forecasts(replace(self.campaign, cae=cae), self.criteria.windows_ms, config, run)
+        tests = sorted({test for trial in with_runs for test in trial.held_out})
+        if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
+            campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
+        forecasts = Forecasts(campaign, criteria.windows_ms, config, run)
+        return cls(splits, trials, with_runs, cells, forecasts)
 
 
 class _LeftOut(NamedTuple):
     test: CrashTest
     way: LeftOut
-    forecast: MeanForecast
-    cae: MeanForecast
+    forecast: Forecast
+    cae: Forecast
     outside: tuple[str, ...]
     unshown: tuple[str, ...]
     measured: dict[str, float | None]  # by :func:`quantity`
@@ -302,7 +366,7 @@ def _left_out(
     criteria: Criteria,
     splits: Sequence[_Split],
     approach: str,
-    forecasts: Mapping[Asked, MeanForecast],
+    forecasts: Mapping[Query, Forecast],
 ) -> Iterator[_LeftOut]:
     by_key = {(asked.held_out, asked.approach, asked.condition): own for asked, own in forecasts.items()}
     for test, way, held_out in splits:
@@ -311,8 +375,9 @@ def _left_out(
         own, cae = (by_key[held_out, name, test.condition] for name in (approach, BASELINE))
         measured = {quantity(limit): own.measured(limit, test, campaign.occupant) for limit in criteria.items}
         whole = None
-        if len(own.whole_mps2) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
-            whole = holds_whole((own.whole_mps2[0], own.whole_mps2[1]), test.pulse.accel_mps2)
+        band = own.whole_mps2.mean(axis=0)
+        if len(band) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
+            whole = holds_whole((band[0], band[1]), test.pulse.accel_mps2)
         yield _LeftOut(test, way, own, cae, *outside, measured, whole)
 
 
@@ -328,18 +393,16 @@ def _record(criteria: Criteria, left_out: Sequence[_LeftOut]) -> TrackRecord:
     return TrackRecord(tuple(trials), whole=whole, tuned=tuple(tuned))
 
 
-def hold(
-    judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord, removed: Sequence[RemovedTest] = ()
-) -> Rows:
-    """Verdicts held against the record and the tests run, apart or removed at each condition."""
+def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord) -> Rows:
+    """Verdicts held against the record and the tests run or apart at each condition."""
     supports = {criterion: record.support(criterion) for criterion in criteria.items}
 
     def held(verdict: Verdict, apart: Sequence[str]) -> Verdict:
         support = supports[verdict.criterion]
         if verdict.decided and (shortfall := support.shortfall(criteria.confidence)):
-            verdict = _with_reason(verdict, shortfall, contradicted=True)
+            verdict = with_reason(verdict, shortfall, contradicted=True)
         elif verdict.decided and (reservation := support.reservation(criteria.confidence)):
-            verdict = _with_reason(verdict, reservation)
+            verdict = with_reason(verdict, reservation)
         if verdict.run:
             verdict = beside_tests(verdict, *_measured(verdict, record))
         if apart:
@@ -349,8 +412,8 @@ def hold(
                 which = "{} either way." if alike == otherwise else "{} if a test comes out as it did, else {}."
                 may = Sentence(f"met with probability {which}", otherwise, alike)
             caveat = Sentence("{} stands apart at about this speed: {}", read_out(apart), may)
-            verdict = _with_reason(verdict, caveat)
-        return _beside_removed(verdict, removed)
+            verdict = with_reason(verdict, caveat)
+        return verdict
 
     found = []
     for row in judged:
@@ -367,35 +430,3 @@ def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | 
     }
     off = {i: t.verdict.condition for i, t in trials.items() if not t.verdict.condition.is_at(verdict.condition)}
     return {test: trials[test].measured if test in trials else None for test in verdict.run}, off
-
-
-def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
-    """The verdict beside what tests there (or a little ``off``) measured; open if one contradicts it."""
-    criterion, contradicted, told = verdict.criterion, False, []
-    did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
-    for test, value in run.items():
-        if value is not None:
-            met = criterion.is_met_by(value)
-            where = Sentence("for it, at {},", off[test]) if test in off else "there"
-            does = "meets" if met else "misses"
-            shown = criterion.shown(value)
-            told.append(Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, shown, does))
-            contradicted |= met is not (verdict.word == "met")
-    return replace(_with_reason(verdict, *told, contradicted=contradicted), run=run)
-
-
-def _beside_removed(verdict: Verdict, removed: Sequence[RemovedTest]) -> Verdict:
-    criterion = verdict.criterion
-    for test in removed if criterion.window_ms is None else ():  # a rating was of another prediction
-        value = test.measured.get(quantity(criterion)) if test.condition.is_at(verdict.condition) else None
-        if value is not None:
-            met = criterion.is_met_by(value)
-            told = "Test {}, whose record of then is not used any more, {} it there with {}."
-            sentence = Sentence(told, test.test, "met" if met else "missed", criterion.shown(value))
-            verdict = _with_reason(verdict, sentence, contradicted=met is not (verdict.word == "met"))
-    return verdict
-
-
-def _with_reason(verdict: Verdict, *sentences: str, contradicted: bool = False) -> Verdict:
-    word = "open" if verdict.decided and contradicted else verdict.word
-    return replace(verdict, word=word, reason=joined([verdict.reason, *sentences]))

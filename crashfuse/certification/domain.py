@@ -63,11 +63,19 @@ class Domain:
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
         below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for *_, gap in (gaps[0], gaps[-1]))
         lightest, heaviest = float(masses.min()), float(masses.max())
-        reach = max((*(gap for *_, gap in inside), SPEED_STEP_MPS))
         return cls(
-            n_tests, tuple(speeds.tolist()), reach, below, above, (lightest - slack, heaviest + slack),
-            campaign.factors, campaign.cae, (lightest, heaviest), tuple(test.id for test, *_ in inside), tuned,
-        )  # fmt: skip
+            n_tests=n_tests,
+            speeds_mps=tuple(speeds.tolist()),
+            reach_mps=max((*(gap for *_, gap in inside), SPEED_STEP_MPS)),
+            below_mps=below,
+            above_mps=above,
+            masses_kg=(lightest - slack, heaviest + slack),
+            factors=campaign.factors,
+            cae=campaign.cae,
+            tested_kg=(lightest, heaviest),
+            inside=tuple(test.id for test, *_ in inside),
+            tuned=tuned,
+        )
 
     @property
     def speed_ranges_mps(self) -> tuple[tuple[float, float], ...]:

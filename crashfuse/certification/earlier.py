@@ -1,61 +1,52 @@
-"""An earlier certification, as its ``certification.json`` tells it: what was said of which conditions."""
+"""An earlier certification, as its ``certification.json`` tells it, and whether tests run since prove it right."""
 
 import hashlib
 import json
-from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
 from crashfuse.campaign_folder.settings import occupant_settings
 from crashfuse.certification import seal
 from crashfuse.certification.criteria import Criteria, Criterion, criteria_of, is_number
-from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import Trial
-from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, Word
+from crashfuse.certification.verdict import WORDS, Verdict, reaches
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, printable
-from crashfuse.signals.metrics import METRIC_UNITS
+from crashfuse.execution.run import Run
+from crashfuse.signals.metrics import METRIC_UNITS, metric_values
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.estimate import is_beyond
 
 FILE = seal.FILE
-_SHORT = 12  # characters of the fingerprint of the CAE runs among the settings
-Shown = Mapping[str, float | None]
-"""What a test showed, by quantity or criterion; None if its record is too short."""
+_LONGEST = 200  # characters of a setting
+_WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, CrashfuseError
 
 
-@dataclass(frozen=True, eq=False)
-class RemovedTest:
-    """A test whose record is not used any more, by its id then, at the condition of the matrix that it was run for."""
-
-    test: str
-    digest: str
-    condition: Condition
-    measured: Shown  # by :func:`quantity`; a rating is that of the prediction of then
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Earlier:
-    """An earlier certification, by its own account."""
+    """An earlier certification, by its own account; equal to another that says the same, whenever it was given."""
 
-    digest: str  # SHA-256 of its file
-    date: str
+    digest: str = field(compare=False)  # SHA-256 of its file
+    date: str = field(compare=False)
     settings: Mapping[str, str]  # what decides verdicts besides tests, criteria and matrix, by names that readers know
     tests: Mapping[str, str]  # those that it learned from: digests by id
     criteria: Criteria
     matrix: Matrix
     occupant: OccupantModel
-    trials: tuple[Trial, ...]  # verdicts of certifications before it on tests that were run since
-    waived_before: Mapping[str, bool]  # tests run where those before it needed none: whether each missed a criterion
-    gone: tuple[RemovedTest, ...]  # of certifications before it, not used any more
-    run: Mapping[str, Mapping[str, Shown]]  # what tests at its conditions showed: by condition, test and criterion
-    verdicts: tuple[tuple[EarlierVerdict, ...], ...]  # by condition of its matrix, then by criterion
+    rows: Mapping[str, tuple[Verdict, ...]]  # by condition of its matrix, then by criterion
+    run: tuple[str, ...]  # conditions that tests had been made for
     waived: tuple[str, ...]  # conditions that needed no test, and had none
+    trials: tuple[Trial, ...]  # verdicts of certifications before it on tests that were run since
 
     def __repr__(self) -> str:
         return f"<Earlier certification of {len(self.matrix.ids)} conditions from {len(self.tests)} tests>"
@@ -65,32 +56,6 @@ class Earlier:
         """Twelve hexadecimal digits, as of other past results."""
         return self.digest[:12]
 
-    @property
-    def rows(self) -> dict[str, tuple[EarlierVerdict, ...]]:
-        """The verdicts of each condition, by its id."""
-        return dict(zip(self.matrix.ids, self.verdicts, strict=True))
-
-    @property
-    def content_key(self) -> Hashable:
-        """Equal for equal verdicts from equal tests, criteria, conditions and settings, whenever they were given."""
-        given = frozenset(self.settings.items()), frozenset(self.tests.items())
-        before = frozenset((trial.held_out, trial.verdict.criterion, trial.verdict.word) for trial in self.trials)
-        gone = frozenset(test.digest for test in self.gone)
-        return *given, self.criteria, self.matrix, frozenset(self.run), before, gone, self.verdicts
-
-    @property
-    def records(self) -> tuple[RemovedTest, ...]:
-        """The tests at its conditions, and those that were gone then, with what they showed of metrics."""
-        conditions = dict(self.matrix.items)
-        of = {criterion.name: quantity(criterion) for criterion in self.criteria.items}
-        at_conditions = (
-            RemovedTest(test, self.tests[test], conditions[i], {of[name]: shown[name] for name in of if name in shown})
-            for i, tests in self.run.items()
-            for test, shown in tests.items()
-            if test in self.tests
-        )
-        return *self.gone, *at_conditions
-
     def require_of(self, campaign: Campaign) -> None:
         """Raise a DataError unless it is of the vehicle of this campaign (:meth:`is_of`)."""
         if not self.is_of(campaign):
@@ -99,22 +64,75 @@ class Earlier:
 
     def is_of(self, campaign: Campaign) -> bool:
         """Whether it knew a test of a campaign: by its record, or by its id if name or CAE runs are those of then."""
-        same_runs = campaign.cae.fingerprint[:_SHORT] in self.settings.get("CAE runs", "")
-        same = same_runs or self.settings["campaign"] == campaign.name
+        runs = campaign.cae.fingerprint[:12]
+        same = self.settings["campaign"] == campaign.name or runs in self.settings.get("CAE runs", "")
         known = {*self.tests.values(), *(self.tests if same else ())}
         return any({test.id, test.digest} & known for test in campaign.tests)
 
 
-def trial_of(
-    test: str, condition: Condition, criterion: Criterion, said: EarlierVerdict, measured: float, shift: float = 0.0
-) -> Trial:
-    """An earlier verdict as one on a test that was only planned then."""
-    verdict = Verdict(condition, criterion, None, said.lower, said.upper, said.probability, said.word, "")
-    return Trial(test, "planned", verdict, measured, None, shift)
+# metrics of which a CAE model knows how they change within 1 km/h and 2 % (benchmarks/off_condition.py)
+_SHIFTED = ("delta_v", "max_crush", "mean", "olc", "vpi", "esw")
 
 
-_LONGEST = 200  # characters of a setting
-_WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, CrashfuseError
+@dataclass(frozen=True, eq=False)
+class LaterTests:
+    """What a campaign's tests have to say of an earlier certification of the same vehicle."""
+
+    earlier: Earlier
+    campaign: Campaign
+
+    @cached_property
+    def new(self) -> tuple[str, ...]:
+        """Tests that it did not know, neither by their record nor by their id."""
+        known = {*self.earlier.tests, *self.earlier.tests.values()}
+        return tuple(test.id for test in self.campaign.tests if not {test.id, test.digest} & known)
+
+    @cached_property
+    def made_for(self) -> dict[str, str]:
+        """The condition then that a new test was made for, by test; where it knew a test there, it is a repeat."""
+        return self.earlier.matrix.made_for((test, self.campaign.test(test).condition) for test in self.new)
+
+    @cached_property
+    def trials(self) -> tuple[Trial, ...]:
+        """Verdicts on metrics of tests that were run later, by the occupant model of then.
+
+        First those of certifications before it: certifying twice forgets nothing that was wrong once.
+        """
+        then, found = replace(self.campaign, occupant=self.earlier.occupant), list(self.earlier.trials)
+        for test, planned in self.made_for.items():
+            if planned not in self.earlier.run:
+                shown = {metric.name: metric.value for metric in then.metrics_of(then.test(test))}
+                shifts = self._shifts(then.test(test).condition, dict(self.earlier.matrix.items)[planned])
+                for verdict in self.earlier.rows[planned]:
+                    if (value := shown.get(verdict.criterion.metric)) is not None:  # none of a rating
+                        shift = shifts.get(verdict.criterion.metric, 0.0)
+                        found.append(Trial(test, "planned", verdict, value - shift, None, shift))
+        return tuple(found)
+
+    @property
+    def counted(self) -> tuple[Trial, ...]:
+        """Those that count: of tests that the CAE model was tuned to, only what was wrong."""
+        tuned = {test.id for test in self.campaign.tests if test.cae_tuned}
+        return tuple(trial for trial in self.trials if trial.wrong or trial.held_out not in tuned)
+
+    def held_against(self, criteria: Criteria) -> tuple[Trial, ...]:
+        """Those on metrics of these criteria; open if given with less confidence than is asked for today."""
+        metrics, found = {criterion.metric for criterion in criteria.items}, []
+        for trial in self.counted:
+            verdict, p = trial.verdict, trial.verdict.probability
+            if verdict.decided and (p is None or not reaches(max(p, 1 - p), criteria.confidence)):
+                trial = replace(trial, verdict=replace(verdict, word="open"))
+            found += [trial] if verdict.criterion.metric in metrics else []
+        return tuple(found)
+
+    def _shifts(self, run: Condition, planned: Condition) -> dict[str, float]:
+        """How much more a test shows where it was run than as planned, by the emulator at both."""
+        if run.is_at(planned) or not len(self.campaign.cae):
+            return {}
+        emulator, occupant = CaeModel().fit(self.campaign.cae, Run.of(self.campaign)).emulator_, self.earlier.occupant
+        there, here = (metric_values(emulator.predict(at), at.speed_mps, occupant=occupant) for at in (run, planned))
+        shifts = {metric: float(there[metric] - here[metric]) for metric in _SHIFTED}
+        return {metric: shift for metric, shift in shifts.items() if np.isfinite(shift)}
 
 
 def read_earlier(path: Path) -> Earlier:
@@ -134,41 +152,39 @@ def parse_earlier(content: bytes, path: Path = Path(FILE)) -> Earlier:
 
 
 def _of(values: dict[str, Any], digest: str) -> Earlier:
-    rows, cells, before = [dict(row) for row in values["matrix"]], values["cells"], values.get("since", {})
-    asked = values["criteria"]
+    conditions, asked, before = [dict(row) for row in values["matrix"]], values["criteria"], values.get("since", {})
     declared = None if asked.get("confidence_by_costs") else asked["confidence"]
-    criteria = criteria_of(_in_their_units(asked["criterion"]), declared, asked.get("costs"))
-    matrix = Matrix(_ids(row.pop("id") for row in rows), tuple(Condition.of(**row) for row in rows))
+    criteria = _criteria(asked["criterion"], declared, asked.get("costs"))
+    matrix = Matrix(_ids(row.pop("id") for row in conditions), tuple(Condition.of(**row) for row in conditions))
     _require(not any(map(is_beyond, matrix.conditions)))
+    digests, problems = values["tests_sha256"], list[Problem]()
+    occupant = occupant_settings({"occupant": values.get("occupant", {})}, problems)
+    _require(not problems)
     return Earlier(
-        digest,
-        f"{datetime.fromisoformat(values['date']).astimezone(UTC):%Y-%m-%d %H:%M} UTC",
-        {"campaign": "another vehicle", **{name: _text(value) for name, value in values["settings"].items()}},
-        dict(zip(_ids(values["tests_sha256"]), map(_text, values["tests_sha256"].values()), strict=True)),
-        criteria,
-        matrix,
-        _occupant(values),
-        tuple(map(_trial, before.get("verdicts", ()))),
-        dict(zip(_ids(before.get("waived", {})), map(_truth, before.get("waived", {}).values()), strict=True)),
-        tuple(_removed(**test) for test in before.get("gone", ())),
-        {i: _shown(tests) for i, tests in values["run"].items() if i in matrix.ids},
-        tuple(tuple(_verdict(*cells[i][criterion.name]) for criterion in criteria.items) for i in matrix.ids),
-        tuple(i for i in matrix.ids if i in values["waived"]),
+        digest=digest,
+        date=f"{datetime.fromisoformat(values['date']).astimezone(UTC):%Y-%m-%d %H:%M} UTC",
+        settings={"campaign": "another vehicle", **{name: _text(value) for name, value in values["settings"].items()}},
+        tests=dict(zip(_ids(digests), map(_text, digests.values()), strict=True)),
+        criteria=criteria,
+        matrix=matrix,
+        occupant=occupant,
+        rows={
+            i: tuple(_verdict(condition, limit, values["cells"][i][limit.name]) for limit in criteria.items)
+            for i, condition in matrix.items
+        },
+        run=tuple(i for i in values["run"] if i in matrix.ids),
+        waived=tuple(i for i in matrix.ids if i in values["waived"]),
+        trials=tuple(map(_trial, before.get("verdicts", ()))),
     )
 
 
-def _in_their_units(limits: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [{"unit": METRIC_UNITS.get(limit["metric"], ""), **limit} for limit in limits]
+def _criteria(limits: list[dict[str, Any]], *declared: Any) -> Criteria:  # noqa: ANN401
+    return criteria_of([{"unit": METRIC_UNITS.get(limit["metric"], ""), **limit} for limit in limits], *declared)
 
 
 def _require(fine: bool) -> None:
     if not fine:
         raise ValueError("not as it was written")  # whoever reads the file says that it is damaged
-
-
-def _truth(value: object) -> bool:
-    _require(isinstance(value, bool))
-    return bool(value)
 
 
 def _text(value: object) -> str:
@@ -183,31 +199,16 @@ def _ids(ids: Iterable[str]) -> tuple[str, ...]:
 
 
 def _trial(trial: dict[str, Any]) -> Trial:
-    (limit,) = criteria_of(_in_their_units([trial["criterion"]])).items
-    numbers, test = (trial["measured"], trial.get("shift", 0.0)), trial["test"]
-    _require(all(map(is_number, numbers)) and not id_trouble(test))
-    return trial_of(test, Condition.parse(trial["condition"]), limit, _verdict(*trial["said"]), *map(float, numbers))
+    (limit,) = _criteria([trial["criterion"]]).items
+    measured, shift = trial["measured"], trial.get("shift", 0.0)
+    _require(is_number(measured) and is_number(shift) and not id_trouble(trial["test"]))
+    verdict = _verdict(Condition.parse(trial["condition"]), limit, trial["said"])
+    return Trial(trial["test"], "planned", verdict, float(measured), None, float(shift))
 
 
-def _removed(test: str, sha256: str, condition: str, measured: dict[str, float | None]) -> RemovedTest:
-    (shown,) = _shown({test: measured}).values()
-    return RemovedTest(test, _text(sha256), Condition.parse(condition), shown)
-
-
-def _occupant(values: dict[str, Any]) -> OccupantModel:
-    problems: list[Problem] = []
-    found = occupant_settings({"occupant": values.get("occupant", {})}, problems)
-    _require(not problems)
-    return found
-
-
-def _shown(tests: dict[str, dict[str, float | None]]) -> Mapping[str, Shown]:
-    found = {test: {_text(name): v for name, v in shown.items()} for test, shown in tests.items()}
-    _require(all(value is None or is_number(value) for shown in found.values() for value in shown.values()))
-    return dict(zip(_ids(tests), found.values(), strict=True))
-
-
-def _verdict(word: Word, probability: float | None, lower: float | None, upper: float | None) -> EarlierVerdict:
-    _require(word in WORDS and all(value is None or is_number(value) for value in (probability, lower, upper)))
+def _verdict(condition: Condition, criterion: Criterion, said: Sequence[Any]) -> Verdict:
+    word, probability, *ends = said
+    _require(word in WORDS and all(value is None or is_number(value) for value in (probability, *ends)))
+    lower, upper = ends
     _require(0 <= (probability or 0) <= 1 and (lower is None or upper is None or lower <= upper))
-    return EarlierVerdict(word, probability, lower, upper)
+    return Verdict(condition, criterion, None, lower, upper, probability, word, reason="")

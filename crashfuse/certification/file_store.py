@@ -13,8 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
-from crashfuse.certification.tested_since import TestedSince
+from crashfuse.certification.earlier import FILE, Earlier, parse_earlier, read_earlier
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
@@ -28,7 +27,10 @@ _NAME = re.compile(r"[0-9a-f]{24}")
 
 
 def keep(content: bytes, file: str) -> str:
-    """Keep the content of a file that could be read; returns its name in links. A DataError if it is too large."""
+    """Keep the content of a file that could be read; returns its name in links. A DataError if it is too large.
+
+    What was not used for a year is deleted, and what is too much, the least recently used first.
+    """
     if len(content) > LARGEST:
         size = f"{len(content) / 2**20:.1f} MB"
         raise DataError(Problem(file, f"at most {LARGEST >> 20} MB", size, "leave out some conditions"))
@@ -37,26 +39,25 @@ def keep(content: bytes, file: str) -> str:
         write_atomically(_home() / name, content)
     except OSError as error:
         raise DataError(Problem(file, "room on the server", error.strerror or "none", "free some space")) from error
-    _tidy()
+    with suppress(OSError):  # another server may have removed one between two looks
+        found, total = sorted(((path.stat(), path) for path in _home().iterdir()), key=lambda own: -own[0].st_mtime), 0
+        for number, (stat, path) in enumerate(found):
+            total += stat.st_size
+            if number >= _MOST or total > _MOST_BYTES or time.time() - stat.st_mtime > _UNUSED_S:
+                path.unlink(missing_ok=True)
     return name
 
 
 def find(name: str) -> bytes | None:
     """The content kept under this name; None if there is none, or if it is not what was kept."""
-    content = _content(name)
-    if content is not None:
-        with suppress(OSError):
-            os.utime(_home() / name)  # it was used
-    return content
-
-
-def _content(name: str) -> bytes | None:
-    if not _NAME.fullmatch(name):  # of a link that anybody may have written
-        return None
     path = _home() / name
     with suppress(OSError):
-        content = path.read_bytes() if path.stat().st_size <= LARGEST else b""
-        return content if _name(content) == name else None
+        if _NAME.fullmatch(name) and path.stat().st_size <= LARGEST:  # of a link that anybody may have written
+            content = path.read_bytes()
+            if _name(content) == name:
+                with suppress(OSError):
+                    os.utime(path)  # it was used
+                return content
     return None
 
 
@@ -64,47 +65,25 @@ def certifications(campaign: Campaign) -> dict[str, Earlier]:
     """Those kept that knew a test of this campaign, by name, the latest first."""
     found = {}
     for path in _home().glob("*"):
-        with suppress(OSError):  # another server may remove it between two looks
-            earlier = _certification(path.name, path.stat().st_mtime_ns)
-            if earlier is not None and earlier.is_of(campaign):
+        with suppress(OSError, DataError):  # a matrix, or another server removed it between two looks
+            earlier = _certification(path, path.stat().st_mtime_ns)
+            if earlier.digest.startswith(path.name) and earlier.is_of(campaign):
                 found[path.name] = earlier
     return dict(sorted(found.items(), key=lambda kept: kept[1].date, reverse=True))
-
-
-def beside_none(campaign: Campaign) -> str:
-    """What to know of a certification that is beside no earlier one, if tests of today were run since some; or ""."""
-    dates = sorted(own.date for own in certifications(campaign).values() if TestedSince(own, campaign).new)
-    if not dates:
-        return ""
-    kept = f"{len(dates)} kept on this machine did not know every test of today (the first of {dates[0]})"
-    return f"Beside no earlier certification: {kept}. What was wrong then does not count here."
 
 
 def keep_certification(content: bytes, campaign: Campaign) -> Earlier:
     """Keep the file of a certification, unless one is kept that says the same; returns that which is."""
     new = parse_earlier(content)
-    before = [own for own in certifications(campaign).values() if own.content_key == new.content_key]
+    before = [own for own in certifications(campaign).values() if own == new]
     if not before:
         keep(content, FILE)
     return before[-1] if before else new
 
 
 @lru_cache(maxsize=_MOST)
-def _certification(name: str, changed_ns: int) -> Earlier | None:  # noqa: ARG001 - of another time it is read again
-    with suppress(DataError):
-        return parse_earlier(_content(name) or b"")
-    return None
-
-
-def _tidy() -> None:
-    """Delete what was not used for a year, and what is too much, the least recently used first."""
-    with suppress(OSError):  # another server may have removed one between two looks
-        found = sorted(((path.stat(), path) for path in _home().iterdir()), key=lambda own: -own[0].st_mtime)
-        size = 0
-        for number, (stat, path) in enumerate(found):
-            size += stat.st_size
-            if number >= _MOST or size > _MOST_BYTES or time.time() - stat.st_mtime > _UNUSED_S:
-                path.unlink(missing_ok=True)
+def _certification(path: Path, changed_ns: int) -> Earlier:  # noqa: ARG001 - of another time it is read again
+    return read_earlier(path)
 
 
 def _name(content: bytes) -> str:

@@ -1,10 +1,10 @@
 """Forecasts of many conditions by approaches that learned from parts of the tests: computed side by side, and kept."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import lru_cache, partial
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Code, Entry, finite, numbers
+from crashfuse.execution.cache import Code, Entry, numbers
 from crashfuse.execution.run import Run, one_thread_throughout
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
@@ -35,117 +35,96 @@ def quantity(criterion: Criterion) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """What an approach predicts for a test at a condition."""
+    """What an approach predicts for a test at a condition, by one seed or several: the first axis of every array."""
 
-    accel_mps2: FloatArray
-    values: dict[str, float | None]  # what a single test shows in the middle; None where the record is too short
-    distributions: dict[str, Distribution | None]  # and at all; both by :func:`quantity`
-    ranks: FloatArray = field(default_factory=lambda: np.empty((0, 0)))  # of draws, by metric: the share each is above
-    whole_mps2: FloatArray = field(default_factory=lambda: np.empty((0, N_SAMPLES)))  # band of whole pulses, if any
-    folds: FloatArray = field(default_factory=lambda: np.empty((2, 0, len(_UNKNOWN))))  # alike, and as one apart
-    apart_share: float = 0.0  # of draws that fold as that one
+    names: tuple[str, ...]  # of quantities (:func:`quantity`): metrics, then ratings
+    accel_mps2: FloatArray  # shape (n_seeds, n_samples)
+    values: FloatArray  # (n_seeds, n_names): what a single test shows in the middle; NaN if the record is too short
+    distributions: FloatArray  # (n_seeds, n_names, n_fields): and at all, by the fields of a :class:`Distribution`
+    ranks: FloatArray  # (n_seeds, n_metrics, n_draws): the share of draws that each is above
+    whole_mps2: FloatArray  # (n_seeds, 2 or 0, n_samples): band of whole pulses, if any
+    folds: FloatArray  # (n_seeds, 2, n_names, n_fields): as distributions, of tests alike and of one that stands apart
+    apart_share: FloatArray  # (n_seeds,): of draws that fold as that one
 
-    def by_fold(self, criterion: Criterion) -> tuple[float, float] | None:
-        """Probability of meeting a criterion if a test folds as most do, and as the one that stands apart, if any."""
-        place = list(self.distributions).index(quantity(criterion))
-        if place >= self.folds.shape[1] or np.isnan(self.folds[:, place]).any():
-            return None
-        alike, apart = (Distribution(*row) for row in self.folds[:, place].tolist())
-        limits = criterion.at_least, criterion.at_most
-        return alike.probability(*limits), apart.probability(*limits)
-
-    def chance(self, criterion: Criterion) -> float | None:
-        """Probability of meeting a criterion; None if the record is too short to tell."""
-        if folds := self.by_fold(criterion):
-            return float(np.average(folds, weights=(1 - self.apart_share, self.apart_share)))
-        distribution = self.distributions[quantity(criterion)]
-        return None if distribution is None else distribution.probability(criterion.at_least, criterion.at_most)
-
-    def drawn(self, criterion: Criterion) -> npt.NDArray[np.bool_]:
-        """Which draws meet a criterion by their ranks; none of a rating, or without draws."""
-        ranks = dict(zip(self.distributions, self.ranks, strict=False)).get(quantity(criterion))
-        distribution = self.distributions[quantity(criterion)]
-        if ranks is None or distribution is None:
-            return np.empty(0, dtype=bool)
-        lower, upper = distribution.shares(criterion.at_least, criterion.at_most)
-        return np.asarray((lower < ranks) & (ranks <= upper))
-
-    def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
-        """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
-        if criterion.window_ms is not None:
-            return _overall(test.pulse, self.accel_mps2, criterion.window_ms)
-        value = _metrics_of(test, occupant)[criterion.metric]
-        return value if np.isfinite(value) else None
+    @classmethod
+    def mean(cls, by_seed: Sequence[Self]) -> Self:
+        """The mean of forecasts by several seeds, of networks, fits and draws alike."""
+        arrays = {name: np.concatenate([getattr(own, name) for own in by_seed]) for name in _SHAPES}
+        return cls(by_seed[0].names, **arrays)
 
     @property
-    def entry(self) -> dict[str, FloatArray]:
+    def entry(self) -> dict[str, npt.NDArray[Any]]:
         """As arrays, for the cache."""
-        rows = [
-            (np.nan if (value := self.values[name]) is None else value, *(_UNKNOWN if own is None else astuple(own)))
-            for name, own in self.distributions.items()
-        ]
-        bands = {"accel_mps2": self.accel_mps2, "whole_mps2": self.whole_mps2}
-        bands |= {"folds": self.folds, "apart_share": np.array(self.apart_share)}
-        return {**bands, "names": np.array(list(self.values)), "numbers": np.array(rows), "ranks": self.ranks}
+        return {"names": np.array(self.names), **{name: getattr(self, name) for name in _SHAPES}}
 
     @classmethod
     def restored(cls, entry: Entry) -> Self:
         """Restore from :attr:`entry`."""
-        values, distributions = {}, {}
-        rows = numbers(entry, "numbers", None, None).tolist()
-        for name, (value, *own) in zip(entry["names"].tolist(), rows, strict=True):
-            values[name] = None if np.isnan(value) else value
-            kind = RatingDistribution if name.startswith(RATING) else Distribution
-            distributions[name] = None if np.isnan(own[0]) else kind(*own)
-        ranks, whole = finite(entry, "ranks", None, None), finite(entry, "whole_mps2", None, N_SAMPLES)
-        folds, share = numbers(entry, "folds", 2, None, len(_UNKNOWN)), float(finite(entry, "apart_share"))
-        return cls(finite(entry, "accel_mps2", N_SAMPLES), values, distributions, ranks, whole, folds, share)
+        return cls(tuple(entry["names"].tolist()), **{name: numbers(entry, name, *_SHAPES[name]) for name in _SHAPES})
 
+    def _distributions(self, criterion: Criterion) -> list[Distribution]:
+        """By seed; empty if a record is too short."""
+        kind = Distribution if criterion.window_ms is None else RatingDistribution
+        rows = self.distributions[:, self.names.index(quantity(criterion))]
+        return [] if np.isnan(rows).any() else [kind(*row) for row in rows.tolist()]
 
-@dataclass(frozen=True, eq=False)
-class MeanForecast:
-    """The mean of forecasts by several seeds, of networks, fits and draws alike."""
-
-    by_seed: tuple[Forecast, ...]
+    def _folds(self, criterion: Criterion) -> FloatArray:
+        """Probability of meeting a criterion if a test folds as most do, and as the one apart; shape (n_seeds, 2)."""
+        rows = self.folds[:, :, self.names.index(quantity(criterion))].tolist()
+        limits = criterion.at_least, criterion.at_most
+        chances = [[np.nan if np.isnan(row[0]) else Distribution(*row).probability(*limits) for row in p] for p in rows]
+        return np.array(chances)
 
     def chances(self, criterion: Criterion) -> tuple[float, ...]:
         """Probability of meeting a criterion, by seed; empty if a record is too short to tell."""
-        chances = [forecast.chance(criterion) for forecast in self.by_seed]
-        return () if None in chances else tuple(chance for chance in chances if chance is not None)
+        parts, folds = self._distributions(criterion), self._folds(criterion)
+        return tuple(
+            part.probability(criterion.at_least, criterion.at_most)
+            if np.isnan(ways).any()
+            else float(np.average(ways, weights=(1 - share, share)))
+            for part, ways, share in zip(parts, folds, self.apart_share.tolist(), strict=bool(parts))
+        )
+
+    def by_fold(self, criterion: Criterion) -> tuple[float, float] | None:
+        """Probability of meeting a criterion if a test folds as most do, and as the one that stands apart, if any."""
+        alike, apart = self._folds(criterion).mean(axis=0).tolist()
+        return None if np.isnan([alike, apart]).any() else (alike, apart)
 
     def numbers(self, criterion: Criterion) -> tuple[float | None, float | None, float | None]:
         """What a single test shows in the middle, and the central 95 %."""
-        of, n = quantity(criterion), len(self.by_seed)
-        parts = [part for forecast in self.by_seed if (part := forecast.distributions[of]) is not None]
-        values = [value for forecast in self.by_seed if (value := forecast.values[of]) is not None]
-        value = float(np.mean(values)) if len(values) == n else None
-        if len(parts) < n:
+        values = self.values[:, self.names.index(quantity(criterion))]
+        value = None if np.isnan(values).any() else float(values.mean())
+        if not (parts := self._distributions(criterion)):
             return value, None, None
         median, lower, upper = mean_quantiles(tuple(parts))
-        return value if n == 1 else median, lower, upper
-
-    def by_fold(self, criterion: Criterion) -> tuple[float, float] | None:
-        """As :meth:`Forecast.by_fold`."""
-        folds = [own for forecast in self.by_seed if (own := forecast.by_fold(criterion)) is not None]
-        if len(folds) < len(self.by_seed):
-            return None
-        alike, apart = np.mean(folds, axis=0).tolist()
-        return alike, apart
+        return value if len(parts) == 1 else median, lower, upper
 
     def drawn(self, criterion: Criterion) -> npt.NDArray[np.bool_]:
-        """As :meth:`Forecast.drawn`, shape (n_seeds, n_draws)."""
-        rows = [forecast.drawn(criterion) for forecast in self.by_seed]
-        return np.array(rows) if all(row.size for row in rows) else np.empty(0, dtype=bool)
+        """Which draws meet a criterion by their ranks, shape (n_seeds, n_draws); none of a rating, or without draws."""
+        place, parts = self.names.index(quantity(criterion)), self._distributions(criterion)
+        if place >= self.ranks.shape[1] or not self.ranks.size or not parts:
+            return np.empty(0, dtype=bool)
+        shares = np.array([part.shares(criterion.at_least, criterion.at_most) for part in parts])
+        ranks = self.ranks[:, place]
+        return np.asarray((shares[:, :1] < ranks) & (ranks <= shares[:, 1:]))
 
     def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
-        """As :meth:`Forecast.measured`: of ratings the mean."""
-        measured = [own for f in self.by_seed if (own := f.measured(criterion, test, occupant)) is not None]
-        return float(np.mean(measured)) if measured else None
+        """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
+        if (window := criterion.window_ms) is not None:
+            return float(np.mean([_overall(test.pulse, accel_mps2, window) for accel_mps2 in self.accel_mps2]))
+        value = _metrics_of(test, occupant)[criterion.metric]
+        return value if np.isfinite(value) else None
 
-    @property
-    def whole_mps2(self) -> FloatArray:
-        """As :attr:`Forecast.whole_mps2`."""
-        return np.asarray(np.mean([forecast.whole_mps2 for forecast in self.by_seed], axis=0))
+
+_SHAPES: Mapping[str, tuple[int | None, ...]] = {
+    "accel_mps2": (None, N_SAMPLES),
+    "values": (None, None),
+    "distributions": (None, None, len(_UNKNOWN)),
+    "ranks": (None, None, None),
+    "whole_mps2": (None, None, N_SAMPLES),
+    "folds": (None, 2, None, len(_UNKNOWN)),
+    "apart_share": (None,),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,19 +157,23 @@ class Forecaster:
             rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
             name = f"{RATING} {window:g}"
             found[name], known[name] = rating, None if rating is None else rating.median
-        whole = np.array(prediction.whole_band() or np.empty((0, N_SAMPLES)))
-        forecast = Forecast(prediction.accel_mps2, known, found, _ranks(np.array(list(drawn.values()))), whole)
-        return forecast if prediction.apart is None else self._with_folds(forecast, drawn, prediction.apart)
+        ways = () if (apart := prediction.apart) is None else (~apart, apart)
+        by_way = [{name: values[way] for name, values in drawn.items()} for way in ways]
+        folds = [metric_distributions(values, self.fit.metric_errors) for values in by_way] or [{}, {}]
+        arrays = {
+            "accel_mps2": prediction.accel_mps2,
+            "values": np.array([np.nan if known[name] is None else known[name] for name in found], dtype=np.float64),
+            "distributions": _rows(found, found),
+            "ranks": _ranks(np.array(list(drawn.values()))),
+            "whole_mps2": np.array(prediction.whole_band() or np.empty((0, N_SAMPLES))),
+            "folds": np.array([_rows(fold, found) for fold in folds]),
+            "apart_share": np.array(0.0 if apart is None else apart.mean()),
+        }
+        return Forecast(tuple(found), **{name: array[np.newaxis] for name, array in arrays.items()})
 
-    def _with_folds(
-        self, forecast: Forecast, drawn: Mapping[str, FloatArray], apart: npt.NDArray[np.bool_]
-    ) -> Forecast:
-        folds = [
-            metric_distributions({name: values[fold] for name, values in drawn.items()}, self.fit.metric_errors)
-            for fold in (~apart, apart)
-        ]
-        rows = [[_UNKNOWN if own is None else astuple(own) for own in fold.values()] for fold in folds]
-        return replace(forecast, folds=np.array(rows, dtype=np.float64), apart_share=float(apart.mean()))
+
+def _rows(distributions: Mapping[str, Distribution | None], names: Iterable[str]) -> FloatArray:
+    return np.array([_UNKNOWN if (own := distributions.get(name)) is None else astuple(own) for name in names])
 
 
 @lru_cache(maxsize=256)  # asked for by every criterion, and again with every other limit
@@ -219,7 +202,7 @@ _LEAST_RUNS = 2  # that are left to learn from
 _CHUNK = 16  # conditions predicted by one task, a usual matrix as a whole: each task has to restore the fit
 
 
-class Asked(NamedTuple):
+class Query(NamedTuple):
     """A forecast: by an approach that learned from all tests but some, at a condition."""
 
     held_out: tuple[str, ...]
@@ -229,7 +212,7 @@ class Asked(NamedTuple):
     seed: int = 0
 
 
-def training(campaign: Campaign, asked: Asked) -> Campaign:
+def training(campaign: Campaign, asked: Query) -> Campaign:
     """What a forecast is learned from."""
     others = campaign.without(asked.held_out)
     if asked.with_runs:
@@ -253,22 +236,22 @@ class Forecasts:
     run: Run
     _known: dict[tuple[tuple[str, ...], bool], Campaign] = field(default_factory=dict)
 
-    def averaged(self, asked: Sequence[Asked], step: str, learn_for: Sequence[Asked] = ()) -> dict[Asked, MeanForecast]:
+    def averaged(self, asked: Sequence[Query], step: str, learn_for: Sequence[Query] = ()) -> dict[Query, Forecast]:
         """Forecasts by all seeds, of what no seed changes by the first."""
         by_seed = {each: self._by_seed(each) for each in asked}
         ahead = [own for each in learn_for for own in self._by_seed(each)]
         found = self.all([own for seeds in by_seed.values() for own in seeds], step, ahead)
-        return {each: MeanForecast(tuple(found[own] for own in seeds)) for each, seeds in by_seed.items()}
+        return {each: Forecast.mean([found[own] for own in seeds]) for each, seeds in by_seed.items()}
 
-    def _by_seed(self, asked: Asked) -> list[Asked]:
+    def _by_seed(self, asked: Query) -> list[Query]:
         is_random = hasattr(self.config.create(asked.approach), "seed")
         return [asked._replace(seed=seed) for seed in (_SEEDS if is_random else _SEEDS[:1])]
 
-    def all(self, asked: Sequence[Asked], step: str, learn_for: Sequence[Asked] = ()) -> dict[Asked, Forecast]:
+    def all(self, asked: Sequence[Query], step: str, learn_for: Sequence[Query] = ()) -> dict[Query, Forecast]:
         """All forecasts asked for, and one of ``learn_for``, so that the fit to all tests is made beside the others."""
         found = {each: own for each in asked if (own := self.find(each)) is not None}
         missing = [each for each in dict.fromkeys(asked) if each not in found]
-        tasks: dict[tuple[object, ...], list[Asked]] = {}
+        tasks: dict[tuple[object, ...], list[Query]] = {}
         for each in missing:
             tasks.setdefault((each.held_out, each.with_runs, each.seed), []).append(each)
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
@@ -287,24 +270,24 @@ class Forecasts:
                 self.run.watch.report(step, min(len(found), total), total)
         return found
 
-    def _is_fitted(self, asked: Asked) -> bool:
+    def _is_fitted(self, asked: Query) -> bool:
         approach = _by(self.config, asked.seed).on_this_device.create(asked.approach)
         return approach.is_cached(self._training(asked))
 
-    def is_known(self, asked: Asked) -> bool:
+    def is_known(self, asked: Query) -> bool:
         """Whether the cache has a forecast."""
         return self.run.cache.is_cached(_KIND, _key(self._training(asked), asked, self.config, self.windows_ms))
 
-    def are_known(self, asked: Sequence[Asked]) -> bool:
+    def are_known(self, asked: Sequence[Query]) -> bool:
         """Whether the cache has all that :meth:`averaged` takes."""
         return all(self.is_known(own) for each in asked for own in self._by_seed(each))
 
-    def find(self, asked: Asked) -> Forecast | None:
+    def find(self, asked: Query) -> Forecast | None:
         """The forecast in the cache, if there is one."""
         key = _key(self._training(asked), asked, self.config, self.windows_ms)
         return self.run.cache.find(_KIND, key, Forecast.restored)
 
-    def _training(self, asked: Asked) -> Campaign:
+    def _training(self, asked: Query) -> Campaign:
         key = asked.held_out, asked.with_runs
         if key not in self._known:
             self._known[key] = training(self.campaign, asked)
@@ -312,8 +295,8 @@ class Forecasts:
 
 
 def _forecast(
-    campaign: Campaign, asked: list[Asked], run: Run, *, config: StudyConfig, windows_ms: tuple[float, ...]
-) -> list[tuple[Asked, Forecast]]:
+    campaign: Campaign, asked: list[Query], run: Run, *, config: StudyConfig, windows_ms: tuple[float, ...]
+) -> list[tuple[Query, Forecast]]:
     learned_from, made = training(campaign, asked[0]), []
     with one_thread_throughout():
         for name in dict.fromkeys(each.approach for each in asked):
@@ -331,7 +314,7 @@ def _by(config: StudyConfig, seed: int) -> StudyConfig:
     return replace(config, seed=seed)
 
 
-def _key(training: Campaign, asked: Asked, config: StudyConfig, windows_ms: tuple[float, ...]) -> dict[str, object]:
+def _key(training: Campaign, asked: Query, config: StudyConfig, windows_ms: tuple[float, ...]) -> dict[str, object]:
     fit = _by(config, asked.seed).create(asked.approach).identity
     own = {"campaign": training.fingerprint, "condition": asked.condition, "windows_ms": windows_ms}
     return {**fit, **own, "code": Code(__name__)}

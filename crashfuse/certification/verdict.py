@@ -10,7 +10,7 @@ import numpy.typing as npt
 from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.certification.criteria import RATING, Criteria, CriteriaGiven, Criterion, criteria_given
 from crashfuse.certification.domain import REST_ON_PEAK
-from crashfuse.certification.forecasts import MeanForecast
+from crashfuse.certification.forecasts import Forecast
 from crashfuse.condition import Condition
 from crashfuse.errors import require_a
 from crashfuse.study.learning_curve import LearningCurve
@@ -58,15 +58,6 @@ class Verdict:
     def decided(self) -> bool:
         """Whether no test is needed to tell."""
         return self.word in ("met", "not met")
-
-
-class EarlierVerdict(NamedTuple):
-    """What an earlier certification said of one criterion at one condition; as in :class:`Verdict`."""
-
-    word: Word
-    probability: float | None
-    lower: float | None
-    upper: float | None
 
 
 class AllMet(NamedTuple):
@@ -133,7 +124,7 @@ def needs_no_test(verdicts: Sequence[Verdict], confidence: float) -> bool:
 
 
 def judge(
-    forecast: MeanForecast,
+    forecast: Forecast,
     condition: Condition,
     criteria: Criteria,
     outside: tuple[str, ...] = (),
@@ -157,6 +148,27 @@ def judge(
         verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, chances, drawn, folds)
         verdicts.append(verdict if why else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
+
+
+def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
+    """The verdict beside what tests there (or a little ``off``) measured; open if one contradicts it."""
+    criterion, contradicted, told = verdict.criterion, False, []
+    did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
+    for test, value in run.items():
+        if value is not None:
+            met = criterion.is_met_by(value)
+            where = Sentence("for it, at {},", off[test]) if test in off else "there"
+            does = "meets" if met else "misses"
+            shown = criterion.shown(value)
+            told.append(Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, shown, does))
+            contradicted |= met is not (verdict.word == "met")
+    return replace(with_reason(verdict, *told, contradicted=contradicted), run=run)
+
+
+def with_reason(verdict: Verdict, *sentences: str, contradicted: bool = False) -> Verdict:
+    """The verdict with more sentences in its reason; open if these contradict it."""
+    word = "open" if verdict.decided and contradicted else verdict.word
+    return replace(verdict, word=word, reason=joined([verdict.reason, *sentences]))
 
 
 def _word(probability: float | None, confidence: float, error: float = 0.0) -> Word:

@@ -47,16 +47,15 @@ def certify(arguments: argparse.Namespace) -> None:
             approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
-    certification = judged.certification if earlier is None else judged.certification.beside(earlier)
+    certification = judged if earlier is None else judged.beside(earlier)
     if key is not None:
         certification = replace(certification, key=seal.key_name(key.public_key()))
     latest = next(iter(file_store.certifications(campaign).values()), None) if earlier is None else earlier
     before = None if latest is None else latest.digest
     with writing(arguments.out), replaced("certification", arguments.out) as folder:
-        replace(judged, certification=certification).write(folder, notes=notes, display=display)
+        certification.write(folder, notes=notes, display=display)
         if key is not None:
             seal.seal(folder, key, inputs, before)
-    alone = "" if earlier is not None else file_store.beside_none(campaign)  # before this one is kept
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it
         file_store.keep_certification(content, campaign)
@@ -65,8 +64,6 @@ def certify(arguments: argparse.Namespace) -> None:
     print(counts_table(certification, display.units).to_string(index=False))
     told = *sentences(certification, "summary"), *sentences(certification, "since")
     print(*map(display.words, [own for own in dict.fromkeys(told) if own not in known]), sep="\n")
-    if alone:
-        print(f"{alone} --since holds one against them.")
     say_written(arguments.out, "certification")
     print(f"SHA-256 of {FILE}: {hashlib.sha256(content).hexdigest()}")
     if key is not None:

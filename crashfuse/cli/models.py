@@ -150,4 +150,6 @@ def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     options = {"approach": "approaches", "windows_ms": "windows_ms", "leave_out": "leave_out"}
     options |= {name: name for name in ("preset", "seed", "device", "also")}
     given = {name: getattr(arguments, option, None) for option, name in options.items()}
+    if given["leave_out"] is not None:
+        given["leave_out"] = given["leave_out"].replace("-", " ")
     return {name: tuple(v) if isinstance(v, list) else v for name, v in given.items() if v not in (None, ())}

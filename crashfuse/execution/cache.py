@@ -50,9 +50,9 @@ def default_folder() -> Path:
     return Path(os.environ.get("CRASHFUSE_CACHE") or platformdirs.user_cache_dir("crashfuse", appauthor=False))
 
 
-def not_kept() -> str:
-    """Why something could not be kept in the :func:`default_folder`, or cannot be; empty if all is."""
-    folder = default_folder()
+def not_kept(folder: Path | None = None) -> str:
+    """Why something could not be kept in a folder (:func:`default_folder`), or cannot be; empty if all is."""
+    folder = folder or default_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as file:
@@ -62,9 +62,9 @@ def not_kept() -> str:
     return f"{folder} cannot be written ({_lost[folder]})" if folder in _lost else ""
 
 
-def resume(how: str) -> str:
+def resume(how: str, folder: Path | None = None) -> str:
     """What became of what was finished before a computation ended, and how to go on with it."""
-    if reason := not_kept():
+    if reason := not_kept(folder):
         return f"What was finished is lost: {reason}; free some space, or name another folder by CRASHFUSE_CACHE"
     return f"What was finished is in the cache: {how}"
 

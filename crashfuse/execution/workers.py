@@ -96,7 +96,8 @@ class OtherProcesses(Workers, ABC):
                 if not lives:
                     self.check()
                     found = f"Workers died {_LIVES} times in a row, perhaps because memory ran out"
-                    raise CrashfuseError(f"{found}. {resume(_RESUME)}; fewer --workers need less.") from error
+                    advice = f"{resume(_RESUME, run.cache.folder)}; fewer --workers need less"
+                    raise CrashfuseError(f"{found}. {advice}.") from error
                 log.warning("A worker died (%s); its task is computed again.", type(error).__name__)
 
 
@@ -241,7 +242,7 @@ class Cluster(OtherProcesses):
             yield futures
         except KilledWorker as error:
             found = "A task ended every Dask worker that took it up, perhaps because memory ran out"
-            raise CrashfuseError(f"{found}. {resume(_RESUME)}.") from error
+            raise CrashfuseError(f"{found}. {resume(_RESUME, cache.folder)}.") from error
         finally:
             for future in futures.values():
                 future.cancel()

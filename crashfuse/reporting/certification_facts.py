@@ -8,8 +8,7 @@ from typing import ClassVar, Literal
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.forecasts import quantity
-from crashfuse.certification.tested_since import TestedSince
+from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import (
     TrackRecord,
     Trial,
@@ -28,7 +27,7 @@ from crashfuse.study.facts import Fact, campaign_facts, tuning_fact
 from crashfuse.units import Quantity, Sentence, counted, joined, probability_text, speed, weight
 
 _INTERVALS = (
-    "{inside} of {n} intervals, made to hold 95 %, held what {whom} measured.",
+    "{inside} of {n} intervals, made to hold 95 %, held what left-out tests measured.",
     "Outside the validated domain: {inside_outside} of {n_outside}.",
     "Missed: {missed}.",
 )
@@ -62,7 +61,6 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "Each of {tests} was left out, alone and with its speed group, and judged like a planned one: {n} would have "
         "been skipped.",
         "Of these {wrong} missed a criterion ({bound}, exact one-sided 95 % bound).",
-        "With tests run since that earlier certifications waived: {wrong_with_since} of {n_with_since}.",
     ),
     "record.decided": (
         "",
@@ -76,8 +74,6 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "{digest}…).",
         "Tests that it did not know: {new}.",
         "Repeats, which do not count: {repeats}.",
-        "With another record or filter class since: {changed}.",
-        "No longer used: {gone}.",
     ),
     "since.outcomes": (
         "",
@@ -90,8 +86,6 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "test.not_used": (
         "Tests that are not used",
         "{about} was run at {condition}, but is not used ({reason}).",
-        "By the criteria of then it missed {missed}.",
-        "Not known of it: {unknown}.",
     ),
     "tests.cae_tuned": ("What the CAE model has seen",),
     "campaign.archive": ("What past vehicles teach",),
@@ -110,8 +104,6 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "Another occupant model",
         "{about}: by {model} (campaign.toml).",
     ),
-    "since.too_narrow": ("Intervals too narrow for tests run since", *_INTERVALS),
-    "since.intervals": ("", *_INTERVALS),
     "record.too_narrow": ("Intervals too narrow", *_INTERVALS),
     "record.intervals": ("", *_INTERVALS),
     "record.whole": ("", "{sentence}", "No verdict rests on this band."),
@@ -143,8 +135,7 @@ DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_togeth
 
 Place = Literal["answer", "headline", "costs", "summary", "record", "domain", "since"]
 _ANSWER, _COSTS = ("matrix.saved", "matrix.skipping_loses"), ("costs.confidence", "costs.saving")
-_SINCE = ("since.outcomes", "since.intervals", "since.too_narrow")
-_RECORD = (*("record.waived", "record.decided", "record.no_gain", "record.none", "tests.cae_tuned", *_SINCE),)
+_RECORD = (*("record.waived", "record.decided", "record.no_gain", "record.none", "tests.cae_tuned", "since.outcomes"),)
 PLACES: Mapping[Place, tuple[str, ...]] = {
     "answer": _ANSWER,
     "headline": ("matrix.counts", "record.waived", *_COSTS),
@@ -156,7 +147,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
     ),
     "record": (*_RECORD, "record.intervals", "record.too_narrow", "record.whole"),
     "domain": ("domain.checked",),
-    "since": ("since.beside", *_SINCE, "since.wrong"),
+    "since": ("since.beside", "since.outcomes", "since.wrong"),
 }
 """The codes that are shown at each place: at and below the head of page, terminal, report and slides, in sections."""
 
@@ -205,7 +196,7 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
 def _matrix(certification: Certification) -> Iterator[Fact]:
     ids, confidence = certification.matrix.ids, certification.criteria.confidence
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
-    counts = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
+    counts = ", ".join(f"{n} {word}" for word, n in certification.n_by_word.items())
     yield _fact("matrix.counts", size=size, counts=counts, confidence=confidence, run=[*certification.run])
     n, of = certification.saved
     code = "matrix.skipping_loses" if certification.sure and certification.skipping_loses else "matrix.saved"
@@ -243,11 +234,9 @@ def _record(certification: Certification) -> Iterator[Fact]:
     near = {"near": near_n or None, "near_wrong": missed, "near_bound": at_most(missed, near_n)}
     yield _fact("record.decided", n=n, wrong=wrong, **near, **_bounds(record.bounds()))
     tests, saved, missed = record.waived(criteria)
-    n, wrong = saved_and_missed(certification)
-    with_since = {"n_with_since": n, "wrong_with_since": wrong} if n > saved else {}
     bound = at_most(missed, saved) if saved else None
-    yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound, **with_since)
-    yield from _intervals("record", record, "left-out tests", record.too_narrow)
+    yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)
+    yield from _intervals(record)
     if whole := record.whole_pulses:
         narrow = any(largest_share(*counts) < WHOLE_SHARE for counts in whole.values())
         sentence = whole_sentence({how_left_out(way): counts for way, counts in whole.items()})
@@ -323,34 +312,20 @@ def _since(certification: Certification) -> Iterator[Fact]:
         digest=earlier.digest[:12],
         new=since.new,
         repeats=[test for test, condition in since.made_for.items() if condition in earlier.run],
-        changed=since.changed,
-        gone=since.gone,
     )
     bounds = outcomes(since)
     (wrong, n), (_, n_tests) = bounds["verdicts"], bounds["tests"]
     if n:
         of = counted(n, "metric"), counted(n_tests, "test")
         yield _fact("since.outcomes", metrics=of[0], tests=of[1], wrong=wrong, **_bounds(bounds))
-    record = TrackRecord(since.with_intervals)
-    missed = {own.held_out for own in record.missed_intervals if own.verdict.word != "outside"}
-    # the metrics of one test hang together
-    yield from _intervals("since", record, "tests run since", record.too_narrow and len(missed) > 1)
     for trial in since.trials:
         if trial.wrong:
             yield _wrong("since.wrong", trial, "before it was run", earlier.criteria.confidence)
 
 
-def outcomes(since: TestedSince) -> dict[str, WrongShare]:
+def outcomes(since: LaterTests) -> dict[str, WrongShare]:
     """:func:`trial_bounds` of the verdicts on tests run since, each metric once."""
     return trial_bounds(strictest_per_metric(since.counted))
-
-
-def saved_and_missed(certification: Certification) -> tuple[int, int]:
-    """As :meth:`TrackRecord.waived`, with tests that earlier certifications waived and that were run since."""
-    saved = {test: any(own.values()) for test, own in certification.record.saved(certification.criteria).items()}
-    for test, missed in ({} if certification.since is None else certification.since.waived).items():
-        saved[test] = saved.get(test, False) or missed
-    return len(saved), sum(saved.values())
 
 
 def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
@@ -368,7 +343,7 @@ def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
     )
 
 
-def _intervals(kind: str, record: TrackRecord, whom: str, too_narrow: bool) -> Iterator[Fact]:
+def _intervals(record: TrackRecord) -> Iterator[Fact]:
     (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
     missed = [
         Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured, limit.interval(v.lower, v.upper))
@@ -376,10 +351,10 @@ def _intervals(kind: str, record: TrackRecord, whom: str, too_narrow: bool) -> I
         for v, limit in [(trial.verdict, trial.verdict.criterion)]
         for measured in [measured_text(limit, trial.measured, trial.shift)]
     ]
-    code = f"{kind}.{'too_narrow' if too_narrow else 'intervals'}"
+    code = "record.too_narrow" if record.too_narrow else "record.intervals"
     outside = {"inside_outside": inside_outside, "n_outside": n_outside or None}
     if n:
-        yield _fact(code, inside=inside, n=n, whom=whom, missed=missed, **outside)
+        yield _fact(code, inside=inside, n=n, missed=missed, **outside)
 
 
 def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:
@@ -404,15 +379,9 @@ def new_together(certification: Certification) -> dict[str, str]:
 
 def unused_at(certification: Certification) -> dict[str, list[str]]:
     """Tests that were run at a condition and are not used, by its id."""
-    campaign, matrix, since = certification.campaign, certification.matrix, certification.since
-    gone = () if since is None else since.gone_runs
-    found = {}
-    for (i, condition), unused in zip(matrix.items, matrix.run(campaign.unused), strict=True):
-        removed = [test.test for test in gone if test.condition.is_at(condition)]
-        others = (f"{test} with another record" if test in campaign.test_ids else test for test in removed)
-        if names := dict.fromkeys((*unused, *others)):
-            found[i] = list(names)
-    return found
+    matrix = certification.matrix
+    unused = matrix.run(certification.campaign.unused)
+    return {i: list(tests) for i, tests in zip(matrix.ids, unused, strict=True) if tests}
 
 
 def _conditions(certification: Certification) -> Iterator[Fact]:
@@ -434,17 +403,7 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
 
 
 def _not_used(certification: Certification) -> Iterator[Fact]:
-    campaign, since = certification.campaign, certification.since
-    removed, unused = () if since is None else since.gone_runs, dict(campaign.unused)
-    reasons = {name: campaign.reason_of(name) for name in unused}
+    campaign = certification.campaign
+    unused = dict(campaign.unused)
     for name in dict.fromkeys(chain.from_iterable(unused_at(certification).values())):
-        if name in unused and name not in {test.test for test in removed}:
-            yield _fact("test.not_used", name, condition=unused[name], reason=reasons[name])
-    for test in removed:
-        criteria = [] if since is None else since.earlier.criteria.items
-        shown = {criterion.name: test.measured.get(quantity(criterion)) for criterion in criteria}
-        missed = [c.name for c in criteria if (v := shown[c.name]) is not None and not c.is_met_by(v)]
-        unknown = [name for name, value in shown.items() if value is None]
-        reason = reasons.get(test.test, "gone since")
-        told = {"condition": test.condition, "reason": reason, "missed": missed, "unknown": unknown}
-        yield _fact("test.not_used", test.test, **told)
+        yield _fact("test.not_used", name, condition=unused[name], reason=campaign.reason_of(name))

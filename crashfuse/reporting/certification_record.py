@@ -5,9 +5,9 @@ from datetime import UTC, datetime
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.tested_since import TestedSince
-from crashfuse.certification.track_record import TrackRecord, WrongShare, trial_bounds
-from crashfuse.reporting.certification_facts import exceptions, facts, outcomes, saved_and_missed, sentences
+from crashfuse.certification.earlier import LaterTests
+from crashfuse.certification.track_record import WrongShare, trial_bounds
+from crashfuse.reporting.certification_facts import exceptions, facts, outcomes, sentences
 from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, share_columns
 from crashfuse.reporting.exports import json_bytes
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
@@ -22,18 +22,14 @@ def certification_json(certification: Certification) -> bytes:
     return json_bytes(record)
 
 
-def _since(certification: Certification, since: TestedSince) -> dict[str, object]:
-    (inside, intervals), bounds = TrackRecord(since.with_intervals).intervals, outcomes(since)
+def _since(certification: Certification, since: LaterTests) -> dict[str, object]:
+    bounds = outcomes(since)
     return {
         "sha256": since.earlier.digest,
         "date": since.earlier.date,
         "new_tests": since.new,
-        "changed_tests": since.changed,
-        "gone_tests": since.gone,
         "decided": {**share_columns(bounds["verdicts"]), "tests": bounds["tests"].n},
         "bounds": {unit: share.at_most for unit, share in bounds.items()},
-        "intervals": {"n": intervals, "inside": inside},
-        "waived": since.waived,
         "verdicts": [
             {
                 "test": trial.held_out,
@@ -45,10 +41,6 @@ def _since(certification: Certification, since: TestedSince) -> dict[str, object
             }
             for trial in since.trials
         ],
-        "gone": [
-            {"test": own.test, "sha256": own.digest, "condition": own.condition.text, "measured": dict(own.measured)}
-            for own in since.gone_runs
-        ],
         "sentences": sentences(certification, "since"),
     }
 
@@ -59,7 +51,6 @@ def certification_record(certification: Certification) -> dict[str, object]:
     criteria, domain, costs = certification.criteria, certification.domain, certification.criteria.costs
     counts = counts_table(certification).set_index("criterion")
     brier, (tests, saved, wrong) = record.brier or (None, None), record.waived(criteria)
-    saved_with_since, missed_with_since = saved_and_missed(certification)
     (inside, intervals), (inside_outside, outside) = record.intervals, record.intervals_outside
     with_runs = certification.record_with_runs
     return {
@@ -104,7 +95,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "tested_mass_lb": [mass / LB for mass in domain.tested_kg],
             "factors": {name: list(values) for name, values in domain.factors.items()},
         },
-        "verdicts": certification.counts,
+        "verdicts": certification.n_by_word,
         "answers": certification.answers,
         "waived": {i: met._asdict() for i, met in certification.waived.items()},
         "saved": dict(zip(("n", "tests"), certification.saved, strict=True)),
@@ -116,7 +107,6 @@ def certification_record(certification: Certification) -> dict[str, object]:
             **record_counts(record),
             "decided_tests": share_columns(record.bounds()["tests"]),
             "waived": {"tests": tests, **share_columns(WrongShare(wrong, saved))},
-            "waived_with_those_since": share_columns(WrongShare(missed_with_since, saved_with_since)),
             "saved": {test: list(ways) for test, ways in record.saved(criteria).items()},
             "near_limit": share_columns(record.near_limit.bounds()["verdicts"]),
             "intervals": {"n": intervals, "inside": inside},

@@ -53,7 +53,7 @@ class PredictedPulse:
     @property
     def condition(self) -> Condition:
         """Where it is predicted."""
-        return self.estimate.prediction.condition
+        return self.preferred.prediction.condition
 
     @property
     def text(self) -> str:
@@ -61,8 +61,8 @@ class PredictedPulse:
         return self.condition.text
 
     @property
-    def estimate(self) -> Estimate:
-        """That of the preferred approach."""
+    def preferred(self) -> Estimate:
+        """The estimate of the preferred approach."""
         by_name = {estimate.approach: estimate for estimate in self.estimates}
         return by_name[by_preference(by_name)[0]]
 
@@ -88,7 +88,7 @@ class PredictedPulse:
 
     def expected_rating(self, window_ms: float = 60.0) -> ExpectedRating | None:
         """The rating over [0, window_ms) to expect of the preferred approach against a test here; None if unknown."""
-        return expected_rating(self.estimate, self.campaign, window_ms)
+        return expected_rating(self.preferred, self.campaign, window_ms)
 
     @property
     def nearest_tests(self) -> tuple[Neighbour, ...]:
@@ -113,8 +113,8 @@ class PredictedPulse:
         ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` as in ``pulses.csv``; ``velocity_kph``,
         ``displacement_mm``.
         """
-        velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
-        pulse = pulses_table([self.estimate])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
+        velocity, displacement = motion(self.preferred.prediction.accel_mps2, self.condition.speed_mps, DT_S)
+        pulse = pulses_table([self.preferred])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
         return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
 
     def plot(
@@ -162,12 +162,12 @@ class PredictedPulse:
     def beside(self, other: "PredictedPulse") -> figures.OtherPrediction:
         """Itself in a figure of another one: at the same condition it is named by its settings."""
         if self.condition == other.condition and figures.otherwise(self.config, other.config):
-            return figures.EarlierPrediction(self.estimate, self.config, other.config)
+            return figures.EarlierPrediction(self.preferred, self.config, other.config)
         return self
 
     def curve(self, display: Display) -> tuple[str, Estimate]:
         """The name of the preferred approach's prediction beside others, and itself."""
-        return figures.prediction_name(self.estimate.approach, self.condition, display), self.estimate
+        return figures.prediction_name(self.preferred.approach, self.condition, display), self.preferred
 
     def __repr__(self) -> str:
         names = ", ".join(each.approach for each in self.estimates)
@@ -258,7 +258,7 @@ def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[Predict
 def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAULT, base: int = 0) -> pd.DataFrame:
     """Main metrics by one approach, for readers: first the ``base``, then each other with its differences from it."""
     labels = predictions[0].campaign.metric_headings
-    columns = [{m.name: display.metric(m) for m in prediction.estimate.metrics} for prediction in predictions]
+    columns = [{m.name: display.metric(m) for m in prediction.preferred.metrics} for prediction in predictions]
     others = list(zip(column_names(predictions, display), columns, strict=True))
     first, subtracted = others.pop(base)
     table = {

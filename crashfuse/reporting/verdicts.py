@@ -1,19 +1,15 @@
 """Certification as commands, pages and scripts call it: files, mappings or tables in, tables and figures out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import NamedTuple, Self, Unpack
+from dataclasses import replace
+from typing import NamedTuple, Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
 
-from crashfuse import views
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import APPROACH, Answer, Certification, certify_matrix, without_each_test
 from crashfuse.certification.criteria import COSTS, CriteriaGiven, criteria_given, with_costs
-from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import MatrixGiven, matrix_given
 from crashfuse.certification.verdict import Verdict
 from crashfuse.condition import Condition
@@ -23,7 +19,6 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.workers import running
 from crashfuse.reporting import certification_tables as tables
 from crashfuse.reporting.certification_facts import new_together, unused_at
-from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.notebook import card, facts_words
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import Display, DisplayOptions
@@ -31,85 +26,25 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import Sentence, joined, read_out
 
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Verdicts:
-    """Verdicts of a certification as tables; ``certification`` has them as objects."""
-
-    certification: Certification
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """One row a condition and criterion, as ``certification.csv``."""
-        return tables.certification_table(self.certification)
-
-    @property
-    def track_record(self) -> pd.DataFrame:
-        """One row a left-out test and criterion, as ``track_record.csv``."""
-        return tables.track_record_table(self.certification)
-
-    @property
-    def credibility(self) -> pd.DataFrame:
-        """One row a factor of ASME V&V 40, as ``credibility.csv``."""
-        return credibility_table(self.certification)
-
-    @property
-    def counts(self) -> pd.DataFrame:
-        """Number of verdicts of each kind, one row a criterion."""
-        return tables.counts_table(self.certification)
-
-    def beside(self, earlier: str | Path) -> Self:
-        """The verdicts held against an earlier certification, by its file or folder; a DataError if that is none."""
-        return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
-
-    def since(self, earlier: str | Path) -> pd.DataFrame:
-        """Verdicts that were given before their tests were run, as in ``track_record.csv``."""
-        return self.beside(earlier).track_record.query("left_out == 'planned'")
-
-    def write(
-        self,
-        folder: str | Path,
-        *,
-        since: str | Path | None = None,
-        notes: Sequence[Note] = (),
-        **display: Unpack[DisplayOptions],
-    ) -> None:
-        """Write what ``crashfuse certify`` writes; with :meth:`since` and with notes in the report."""
-        for note in notes:
-            require_a(Note, note, "crashfuse.Note(test, text)")
-        shown = Display.of(self.certification.campaign.units, **display)
-        beside = self if since is None else self.beside(since)
-        views.write_result("certification", folder, beside.certification, shown, notes)
-
-    def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
-        """A figure of the page Certify.
-
-        Parameters
-        ----------
-        figure : {"verdicts", "record", "reliability", "domain"}
-            The verdicts in colours, conditions by criteria; what left-out tests were predicted to show and showed; how
-            often probabilities came true; where predictions are checked.
-        """
-        shown = Display.of(self.certification.campaign.units, **display)
-        return one_of("figure of verdicts", figure, FIGURES)(self.certification, shown)
-
-    def __repr__(self) -> str:
-        counts = ", ".join(f"{n} {word}" for word, n in self.certification.counts.items() if n)
-        n = len(self.certification.matrix.ids)
-        return f"<Verdicts on {n} condition{'s' * (n > 1)} of {self.certification.campaign.name!r}: {counts}>"
-
-    def _repr_html_(self) -> str:
-        display = Display(system=self.certification.campaign.units)
-        table = tables.SHOWN["verdicts"](self.certification, display).drop(columns="Reason")
-        return card(repr(self)[1:-1], table, facts_words(self.certification.campaign, display))
-
-
 FIGURES: Mapping[str, Callable[[Certification, Display], go.Figure]] = {
     "verdicts": verdict_matrix,
     "record": lambda own, display: record_figure(own.record, own.criteria.items, display),
     "reliability": lambda certification, _: reliability(certification.record),
     "domain": validated_domain,
 }
+
+
+def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> go.Figure:
+    """A figure of a certification, as :meth:`Certification.plot` has them."""
+    shown = Display.of(certification.campaign.units, **display)
+    return one_of("figure of verdicts", figure, FIGURES)(certification, shown)
+
+
+def certification_html(certification: Certification) -> str:
+    """A certification in a notebook."""
+    display = Display(system=certification.campaign.units)
+    table = tables.SHOWN["verdicts"](certification, display).drop(columns="Reason")
+    return card(repr(certification)[1:-1], table, facts_words(certification.campaign, display))
 
 
 def certify(
@@ -126,7 +61,7 @@ def certify(
     watch: Watch = SILENT,
     workers: int | None = None,
     scheduler: str | None = None,
-) -> Verdicts:
+) -> Certification:
     """Judge acceptance criteria at every condition of a matrix, and the record of the tests, left out in turn.
 
     Parameters
@@ -163,7 +98,7 @@ def certify(
     config = replace(config, approaches=(approach,))
     with running(campaign, cache, watch, workers, scheduler) as run:
         certification = certify_matrix(campaign, limits, conditions, config, run)
-        return Verdicts(without_each_test(certification, run) if robustness else certification)
+        return without_each_test(certification, run) if robustness else certification
 
 
 class Planned(NamedTuple):

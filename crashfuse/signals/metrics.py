@@ -116,21 +116,30 @@ _READINGS: Mapping[str, _Reading] = {
     ),
     # infinite beyond the record; the later the stop, the smaller the mean
     "t0": _Reading("Time of zero velocity (TTZV)", lambda m: np.nan_to_num(m.t0_s, nan=np.inf), "ms", MS, _STOP),
-    "max_crush": _Reading(
-        "Maximum dynamic crush", lambda m: np.nan_to_num(m.crush_m, nan=np.inf), "mm", 1e-3, _STOP
-    ),
+    "max_crush": _Reading("Maximum dynamic crush", lambda m: np.nan_to_num(m.crush_m, nan=np.inf), "mm", 1e-3, _STOP),
     "mean": _Reading(
-        "Mean deceleration until TTZV", lambda m: np.nan_to_num(m.velocity_mps[..., 0] / m.t0_s, nan=-np.inf), "g", G,
+        "Mean deceleration until TTZV",
+        lambda m: np.nan_to_num(m.velocity_mps[..., 0] / m.t0_s, nan=-np.inf),
+        "g",
+        G,
         _STOP,
     ),
     "sm25": _Reading("SM25, largest mean over 25 ms", _sm25, "g", G, "25 ms are over"),
     "olc": _Reading(
-        "OLC, occupant load criterion", _olc, "g", G,
-        "the OLC's restraint is over, or the vehicle moves freely", occupant="olc_words",
+        "OLC, occupant load criterion",
+        _olc,
+        "g",
+        G,
+        "the OLC's restraint is over, or the vehicle moves freely",
+        occupant="olc_words",
     ),
     "vpi": _Reading(
-        "VPI, vehicle pulse index", lambda m, o: vehicle_pulse_index(m.velocity_mps, m.displacement_m, m.dt_s, o),
-        "g", G, "the occupant's deceleration has peaked", occupant="vpi_words",
+        "VPI, vehicle pulse index",
+        lambda m, o: vehicle_pulse_index(m.velocity_mps, m.displacement_m, m.dt_s, o),
+        "g",
+        G,
+        "the occupant's deceleration has peaked",
+        occupant="vpi_words",
     ),
     "esw": _Reading("Equivalent square wave", pulse_shape.equivalent_square_wave, "g", G, _STOP, minor=True),
     "g1": _Reading("Two-step pulse, G1", lambda m: pulse_shape.two_step(m).g1_mps2, "g", G, _STOP, minor=True),
@@ -143,7 +152,7 @@ _READINGS: Mapping[str, _Reading] = {
     "static_crush": _Reading("Static crush", pulse_shape.static_crush, "mm", 1e-3, _LEFT, minor=True),
     "rebound_velocity": _Reading("Rebound velocity", pulse_shape.rebound_velocity, "km/h", KPH, _LEFT, minor=True),
     "restitution": _Reading("Coefficient of restitution", pulse_shape.restitution, "", 1.0, _LEFT, minor=True),
-}  # fmt: skip
+}
 
 METRIC_LABELS = {name: reading.label for name, reading in _READINGS.items()}
 """Labels of the metrics in tables."""

@@ -82,9 +82,9 @@ def graded(overall: float) -> str:
 def rate_iso18571(
     reference: FloatArray | Pulse,
     comparison: FloatArray | Pulse,
+    window_ms: float | None = None,
     *,
     dt_s: float | None = None,
-    window_ms: float | None = None,
 ) -> Rating:
     """Rate a comparison curve against a reference curve.
 
@@ -92,10 +92,10 @@ def rate_iso18571(
     ----------
     reference, comparison : Pulse, or ndarray, shape (n,)
         Two pulses on any time grids, or two curves in the same unit, sampled at the same times from contact on.
-    dt_s : float, optional
-        Time step of arrays in s. Steps other than 0.1 ms are interpolated linearly to 0.1 ms.
     window_ms : float, optional
         The rating is over [0, window_ms); by default 60 ms of pulses, and the whole of arrays.
+    dt_s : float, optional
+        Time step of arrays in s. Steps other than 0.1 ms are interpolated linearly to 0.1 ms.
 
     Raises
     ------

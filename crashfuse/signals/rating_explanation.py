@@ -124,11 +124,19 @@ def explain_rating(
     slopes = Compared(time_s[at], *(iso18571.smooth_slope(curve) / RATING_DT_S for curve in (shifted_t, shifted_c)))
     norm = float(np.abs(t).max())
     return RatingExplanation(
-        rating, round(t.size * RATING_DT_S * 1e3, 6) if window_ms is None else float(window_ms),
-        Compared(time_s, t, c), iso18571.INNER_CORRIDOR * norm, iso18571.OUTER_CORRIDOR * norm, _excursions(t, c),
-        shift * RATING_DT_S, abs(shift) >= int(iso18571.MAX_SHIFT * t.size),
-        Compared(time_s[at], shifted_t, shifted_c), warped, slopes, _rated_humps(t, c, shift, warped, slopes),
-    )  # fmt: skip
+        rating=rating,
+        window_ms=round(t.size * RATING_DT_S * 1e3, 6) if window_ms is None else float(window_ms),
+        compared=Compared(time_s, t, c),
+        inner_mps2=iso18571.INNER_CORRIDOR * norm,
+        outer_mps2=iso18571.OUTER_CORRIDOR * norm,
+        excursions=_excursions(t, c),
+        shift_s=shift * RATING_DT_S,
+        at_limit=abs(shift) >= int(iso18571.MAX_SHIFT * t.size),
+        shifted=Compared(time_s[at], shifted_t, shifted_c),
+        warped=warped,
+        slopes=slopes,
+        humps=_rated_humps(t, c, shift, warped, slopes),
+    )
 
 
 def _excursions(t: FloatArray, c: FloatArray) -> tuple[Excursion, ...]:
@@ -159,11 +167,16 @@ def _rated_humps(t: FloatArray, c: FloatArray, shift: int, warped: Compared, slo
         nearer = (np.sign(t[hump.peak]) * (warped.comparison - warped.reference))[of_path]
         rated.append(
             RatedHump(
-                begin_s, peak_s, end_s, same[number].peak * RATING_DT_S if number in same else None,
-                float(gain[hump.begin : hump.end].sum()), _share(magnitude, of_path), _share(slope, of_slopes),
-                float(nearer.mean()) if nearer.size else 0.0,
+                begin_s=begin_s,
+                peak_s=peak_s,
+                end_s=end_s,
+                counterpart_s=same[number].peak * RATING_DT_S if number in same else None,
+                shift_gain=float(gain[hump.begin : hump.end].sum()),
+                magnitude_share=_share(magnitude, of_path),
+                slope_share=_share(slope, of_slopes),
+                difference_mps2=float(nearer.mean()) if nearer.size else 0.0,
             )
-        )  # fmt: skip
+        )
     return tuple(rated)
 
 
@@ -263,8 +276,10 @@ def _corridor(explanation: RatingExplanation, comparison: str) -> Sentence:
         f"the {comparison} is outside the inner corridor (± {{}}) for {_ms(outside_s)} ms of "
         f"{explanation.window_ms:g}, {'in part' if beyond else 'never'} outside the outer (± {{}}); most is lost from "
         f"{_ms(worst.begin_s)} to {_ms(worst.end_s)} ms, where it is up to {{}} {side}",
-        inner, outer, acceleration(abs(worst.difference_mps2)),
-    )  # fmt: skip
+        inner,
+        outer,
+        acceleration(abs(worst.difference_mps2)),
+    )
 
 
 def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:

@@ -112,14 +112,11 @@ def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFau
         return ()
     band, hidden = _band(raw)
     found: list[SensorFault] = []
-    for candidates in (
-        _equal_samples(raw), _noise(raw, hidden), _lost(band), _spike(raw, band),
-        _flat_top(band), _left_at_once(raw), _held(band), _noise(raw, accel_mps2 - smooth),
-    ):  # fmt: skip
-        for one in candidates:
-            apart = (one.start_s >= other.end_s + _EDGE_S or other.start_s >= one.end_s + _EDGE_S for other in found)
-            if one.strength >= LIKELY and all(apart):  # edges of one are no other
-                found.append(one)
+    sudden = *_equal_samples(raw), *_noise(raw, hidden), *_lost(band), *_spike(raw, band)
+    for one in (*sudden, *_flat_top(band), *_left_at_once(raw), *_held(band), *_noise(raw, accel_mps2 - smooth)):
+        apart = (one.start_s >= other.end_s + _EDGE_S or other.start_s >= one.end_s + _EDGE_S for other in found)
+        if one.strength >= LIKELY and all(apart):  # edges of one are no other
+            found.append(one)
     return tuple(sorted(found, key=lambda one: one.start_s))
 
 

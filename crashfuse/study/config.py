@@ -34,7 +34,7 @@ class StudyConfig:
         Ratings are computed over [0, w) for each w, in ms. Of ``ttzv`` among them comes ``to_ttzv``.
     leave_out : {"test", "speed group", "both"}
         Leave each test out alone, or with all tests at about its speed: then no similar test remains, and the rating
-        measures extrapolation to a new speed. "both" runs both studies. Hyphens count as spaces.
+        measures extrapolation to a new speed. "both" runs both studies.
     to_ttzv : bool
         Tables also have ratings up to each test's time of zero velocity, from which nothing is learned or recommended.
     also : tuple of {"sprague-geers", "anova"}
@@ -51,8 +51,6 @@ class StudyConfig:
     also: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        way = self.leave_out
-        object.__setattr__(self, "leave_out", way.replace("-", " ").replace("_", " ") if isinstance(way, str) else way)
         if self.approaches is not APPROACHES:  # which are not listed before they are asked for
             if not (approaches := several(self.approaches)):
                 raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")

@@ -195,10 +195,16 @@ def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool 
             prediction = fit.with_both_folds(prediction)
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
-        left_out_mps2 = {test: pulse.accel_mps2 for test, pulse in fit.left_out.items()}
-        judged = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
-        state = fit.state if with_state else {}
-        estimate = Estimate(fit.approach.name, prediction, state, fit.seconds + seconds, *judged)
+        estimate = Estimate(
+            approach=fit.approach.name,
+            prediction=prediction,
+            state=fit.state if with_state else {},
+            seconds=fit.seconds + seconds,
+            left_out_mps2={test: pulse.accel_mps2 for test, pulse in fit.left_out.items()},
+            agreements=fit.agreements,
+            metric_errors=fit.metric_errors,
+            occupant=fit.campaign.occupant,
+        )
         if prediction.apart is not None:
             note = folds_sentence(departures_near(fit.campaign, condition)[0], estimate.metrics)
             estimate = replace(estimate, prediction=replace(prediction, notes=(*prediction.notes, note)))
@@ -268,9 +274,16 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
     )
     if not isinstance(text["state"], dict) or errors.keys() != METRIC_LABELS.keys():
         raise ValueError("no estimate")
-    agreements = {test: float(value) for test, value in text["agreements"].items()}
-    seconds = float(text["seconds"])
-    return Estimate(approach, prediction, text["state"], seconds, left_out, agreements, errors, occupant)
+    return Estimate(
+        approach=approach,
+        prediction=prediction,
+        state=text["state"],
+        seconds=float(text["seconds"]),
+        left_out_mps2=left_out,
+        agreements={test: float(value) for test, value in text["agreements"].items()},
+        metric_errors=errors,
+        occupant=occupant,
+    )
 
 
 def _cache_key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:

@@ -7,7 +7,7 @@ import hashlib
 import json
 import logging
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
@@ -21,7 +21,7 @@ from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, is_estimate_cached
+from crashfuse.study.estimate import Estimate
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
 
@@ -59,9 +59,15 @@ class PastResult:
         """The record of a finished study."""
         campaign, groups = study.campaign, study.speed_groups
         return cls(
-            campaign.name, campaign.fingerprint, study.config, campaign.rating_basis, recommend(study).approach, _now(),
-            _overall(study), {} if groups is None else _overall(groups),
-        )  # fmt: skip
+            campaign=campaign.name,
+            fingerprint=campaign.fingerprint,
+            config=study.config,
+            basis=campaign.rating_basis,
+            approach=recommend(study).approach,
+            date=_now(),
+            ratings=_overall(study),
+            speed_groups={} if groups is None else _overall(groups),
+        )
 
     @classmethod
     def of_prediction(cls, campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> Self:
@@ -69,9 +75,15 @@ class PastResult:
         condition = estimates[0].prediction.condition
         advice = recommend_for(estimates, campaign, condition)
         return cls(
-            campaign.name, campaign.fingerprint, config, campaign.rating_basis, advice.approach, _now(),
-            condition=condition, expected="" if advice.expected is None else advice.expected.range,
-        )  # fmt: skip
+            campaign=campaign.name,
+            fingerprint=campaign.fingerprint,
+            config=config,
+            basis=campaign.rating_basis,
+            approach=advice.approach,
+            date=_now(),
+            condition=condition,
+            expected="" if advice.expected is None else advice.expected.range,
+        )
 
     @property
     def id(self) -> str:
@@ -159,19 +171,25 @@ def past_results() -> list[PastResult]:
 def parsed(values: Mapping[str, Any]) -> PastResult:
     """A record from plain JSON values; a ValueError, TypeError, KeyError or UsageError if it is none."""
     names = ("campaign", "fingerprint", "basis", "approach", "date")
-    campaign, fingerprint, basis, approach, date = texts = [values[name] for name in names]
-    if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(date):
+    texts = {name: values[name] for name in names}
+    if not all(isinstance(text, str) for text in texts.values()) or not _DATE.fullmatch(texts["date"]):
         raise ValueError("no texts, or no date")
     condition = None if values["condition"] is None else Condition.parse(values["condition"])
     expected = values["expected"] or ""
     if not isinstance(expected, str):
         raise ValueError("no expectation")  # or of an earlier version
-    ratings, groups = _ratings(values["ratings"], approach), _ratings(values["speed_groups"], approach)
+    ratings, groups = (_ratings(values[name], texts["approach"]) for name in ("ratings", "speed_groups"))
     if not ratings and condition is None:
         raise ValueError("neither a study nor a prediction")
-    config = StudyConfig.parse(values["config"])
-    note = printable(str(values.get("note", "")), LONGEST_NOTE)
-    return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, expected, note)
+    return PastResult(
+        **texts,
+        config=StudyConfig.parse(values["config"]),
+        ratings=ratings,
+        speed_groups=groups,
+        condition=condition,
+        expected=expected,
+        note=printable(str(values.get("note", "")), LONGEST_NOTE),
+    )
 
 
 def _read(path: Path) -> PastResult | None:
@@ -214,22 +232,3 @@ def _home() -> Path:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def earlier_settings(
-    results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig
-) -> list[StudyConfig]:
-    """Settings of past results with an approach's prediction of a test in the cache, but for the one that is shown."""
-    condition = campaign.test(test_id).condition
-
-    def identity(config: StudyConfig) -> str:
-        return repr((config.create(approach).identity, config.left_out(campaign, test_id)))
-
-    mine = [result for result in results if result.fingerprint == campaign.fingerprint and test_id in result.tests]
-    ways = [way for result in mine if approach in result.config.approaches for way in result.config.split_configs]
-    distinct = {identity(shown): shown}
-    for way in ways:
-        config = replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out)
-        if is_estimate_cached(config.training_campaign(campaign, test_id), condition, approach, config):
-            distinct.setdefault(identity(config), config)
-    return list(distinct.values())[1:]

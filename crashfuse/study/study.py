@@ -204,9 +204,17 @@ class Study:
         if not held_out:
             return views.overview(self, figure or "ratings", approaches, **display)
         return views.figure_of_test(
-            self, held_out, figure or "motion", approaches,
-            also=also, band=band, measured=measured, corridors=corridors, notes=notes, **display,
-        )  # fmt: skip
+            self,
+            held_out,
+            figure or "motion",
+            approaches,
+            also=also,
+            band=band,
+            measured=measured,
+            corridors=corridors,
+            notes=notes,
+            **display,
+        )
 
     def write(
         self,

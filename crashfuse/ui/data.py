@@ -16,7 +16,7 @@ from crashfuse.reporting.result_tables import about_table, quality_table, wall_t
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import import_step
 from crashfuse.ui.kit import address, campaigns, editing, results
-from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config
+from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure
@@ -104,10 +104,8 @@ def _offer_next(view: View) -> None:
         request.ask("compare")
         st.session_state[_ASKED] = True
 
-    st.button(
-        f"Next: predict test {plain(view.held_out.id)} from the others, and compare", type="primary",
-        icon=":material/arrow_forward:", on_click=predict_next,
-    )  # fmt: skip
+    label = f"Next: predict test {plain(view.held_out.id)} from the others, and compare"
+    st.button(label, type="primary", icon=":material/arrow_forward:", on_click=predict_next)
     if st.session_state.pop(_ASKED, False):
         open_page("compare")
 
@@ -118,10 +116,10 @@ def _show_tests(view: View) -> None:
     address.default("filter", _AS_READ, options)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         editing.choose_tests_in_use(view)
-        choice = st.segmented_control(
-            "Channel filter class (SAE J211-1)", options, default=_AS_READ, required=True, key="filter",
-            persist_state="session", help="Of this figure: approaches use the pulses as read.",
-        )  # fmt: skip
+        look = kept(
+            "filter", default=_AS_READ, required=True, help="Of this figure: approaches use the pulses as read."
+        )
+        choice = str(st.segmented_control("Channel filter class (SAE J211-1)", options, **look))
     editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
     alt = f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed"
@@ -181,26 +179,20 @@ def _show_library(view: View) -> None:
 def _show_open_forms() -> None:
     folder, upload = st.columns(2, gap="large")
     with folder.form("open folder", border=False):
-        st.text_input(
-            "A folder or file on this computer", key="folder",
-            placeholder="a campaign, tests or CAE runs: the whole path",
-            help="On the computer that crashfuse runs on. What is no campaign is imported, once you have seen it.",
-        )  # fmt: skip
+        usual = "a campaign, tests or CAE runs: the whole path"
+        tip = "On the computer that crashfuse runs on. What is no campaign is imported, once you have seen it."
+        st.text_input("A folder or file on this computer", key="folder", placeholder=usual, help=tip)
         st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
     if folders := campaigns.recent_folders():
         with folder.container(horizontal=True, vertical_alignment="center", gap="small"):
             st.caption("Opened before:", width="content")
             for place, label in zip(folders, campaigns.folder_labels(folders), strict=True):
-                st.button(
-                    plain(label), help=plain(str(place)), key=f"recent {place}", type="tertiary",
-                    icon=":material/folder:", on_click=_attempt, args=(partial(_campaign_or_source, place),),
-                )  # fmt: skip
+                open_it, tip = partial(_attempt, partial(_campaign_or_source, place)), plain(str(place))
+                st.button(plain(label), key=f"recent {place}", help=tip, type="tertiary", on_click=open_it)
     with upload.form("open upload", border=False):
-        st.file_uploader(
-            "Or upload files", accept_multiple_files=True,
-            key=f"files {st.session_state.get(_ROUND, 0)}",
-            help=f"A campaign, or files to import: {all_formats()}. They go to crashfuse alone, which deletes them.",
-        )  # fmt: skip
+        tip = f"A campaign, or files to import: {all_formats()}. They go to crashfuse alone, which deletes them."
+        key = f"files {st.session_state.get(_ROUND, 0)}"
+        st.file_uploader("Or upload files", accept_multiple_files=True, key=key, help=tip)
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
     if problems := st.session_state.get(REFUSED):
         show_problems(problems, place="open")

@@ -20,6 +20,7 @@ from crashfuse.readers.table_headers import ColumnRole
 from crashfuse.readers.table_mapping import QUANTITIES
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, TRAVELS, UNITS, Travel
 from crashfuse.ui.kit import address
+from crashfuse.ui.kit.address import kept
 from crashfuse.ui.kit.text import chosen_units, plain
 from crashfuse.ui.kit.uploads import Source, forms_of
 from crashfuse.units import KPH_KG, MS, UnitSystem
@@ -45,16 +46,12 @@ _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positiv
 def _condition_of(source: Source, records: Sequence[Record]) -> tuple[PartialCondition, float | None, UnitSystem]:
     """What replaces the condition, the front axle's share of the mass, and units of sentences, which know no m/s."""
     (left, right), usual = st.columns(2), chosen_units() if st.session_state.get("system") else KPH_KG
-    v = _unit(left, "Speed in", "speed", usual.speed, tuple(UNITS["speed"]), ("speed",), source)
-    w = _unit(right, "Weights in", "mass", usual.weight, ("kg", "lb"), _WEIGHTS, source)
+    v = _choose_unit(left, "Speed in", usual.speed, tuple(UNITS["speed"]), source)
+    w = _choose_unit(right, "Weights in", usual.weight, ("kg", "lb"), source)
     mps, kg = UNITS["speed"][v], UNITS["mass"][w]
-
-    def typed(name: str, unit: float) -> float | None:
-        value = st.session_state.get(f"{source.key} {name}")
-        return None if value is None else value * unit
-
-    speed, share = typed("speed", mps), typed("front share", 0.01)
-    front, rear, mass = (typed(name, kg) for name in _WEIGHTS)
+    speed, share, front, rear, mass = (
+        st.session_state.get(f"{source.key} {name}") for name in ("speed", "front share", *_WEIGHTS)
+    )
     given = PartialCondition(speed, mass, front, rear)
     conditions = [record.condition.overruled(replace(given, front_share=share)) for record in records]
     pairs = [(at.front_weight_kg, at.rear_weight_kg) for at in conditions]
@@ -75,42 +72,37 @@ def _choose(
     place: DeltaGenerator, label: str, options: Iterable[Any], grey: str | None, key: str, **look: Any,  # noqa: ANN401
 ) -> Any:  # noqa: ANN401 - one of the options  # fmt: skip
     grey = grey or "to be found"
-    return place.selectbox(label, list(options), index=None, placeholder=grey, key=key, persist_state="session", **look)
+    return place.selectbox(label, list(options), index=None, placeholder=grey, **kept(key, **look))
 
 
 def _ask_number(place: DeltaGenerator, label: str, grey: str, key: str, tip: str | None = None) -> float | None:
     """Without limits: the browser would drop a number beyond them, and nothing would name it."""
-    return place.number_input(label, value=None, placeholder=grey, key=key, persist_state="session", help=tip)
+    value: float | None = place.number_input(label, value=None, placeholder=grey, help=tip, **kept(key))
+    return value
 
 
-def _unit(
-    place: DeltaGenerator, label: str, quantity: str, usual: str, units: Sequence[str], numbers: Sequence[str],
-    source: Source,
-) -> str:  # fmt: skip
-    key, keys = f"{source.key} {label}", [f"{source.key} {name}" for name in numbers]
-    was = st.session_state.get(key, usual)
+def _choose_unit(place: DeltaGenerator, label: str, usual: str, units: Sequence[str], source: Source) -> str:
+    """The pages' unit, until another one is chosen."""
+    key = f"{source.key} {label}"
     address.default(key, usual)
-    if (unit := st.session_state[key]) != was:  # since then the pages' units were switched
-        _convert(key, UNITS[quantity][was], quantity, keys)
-    args = key, UNITS[quantity][unit], quantity, keys
-    place.selectbox(label, units, key=key, persist_state="session", on_change=_convert, args=args)
-    return str(st.session_state[key])
-
-
-def _convert(unit_key: str, was: float, quantity: str, keys: Sequence[str]) -> None:
-    for key in keys:
-        if (value := st.session_state.get(key)) is not None:
-            st.session_state[key] = float(f"{value * was / UNITS[quantity][st.session_state[unit_key]]:.7g}")
+    return str(place.selectbox(label, units, **kept(key)))
 
 
 def _number(
     place: DeltaGenerator, key: str, label: str, in_si: Sequence[float | None], unit: float, tip: str | None = None
 ) -> None:
+    """A number that the session keeps in SI, in a field of its unit."""
+    state, shown = st.session_state, f"{key} in units of {unit:g}"
     values = sorted(value / unit for value in in_si if value is not None and value > 0)
     grey = "not found"
     if values:
         grey = f"{values[0]:.5g}" if values[-1] - values[0] < 1e-6 * values[-1] else f"{values[0]:.4g}–{values[-1]:.4g}"
-    _ask_number(place, label, grey, key, tip)
+
+    def take() -> None:
+        state[key] = None if state[shown] is None else state[shown] * unit
+
+    address.put(shown, None if state.get(key) is None else float(f"{state[key] / unit:.7g}"))
+    place.number_input(label, value=None, placeholder=grey, help=tip, key=shown, on_change=take)
 
 
 def reading_of(source: Source) -> Reading:
@@ -128,11 +120,10 @@ def reading_of(source: Source) -> Reading:
         return Reading(source.path, source.fmt, travel=travel)
     forms, names = forms_of(source), list(tables)
     with_conditions = {file for form in forms if form.proposed.kind == "conditions" for file in _files(form)}
+    place = names.index(next(iter(with_conditions))) if len(with_conditions) == 1 else None
     name = st.selectbox(
-        "Table of conditions, by id", names, placeholder="none",
-        index=names.index(next(iter(with_conditions))) if len(with_conditions) == 1 else None,
-        key=f"{source.key} conditions", persist_state="session",
-    )  # fmt: skip
+        "Table of conditions, by id", names, place, placeholder="none", **kept(f"{source.key} conditions")
+    )
     if name is None:
         return Reading(source.path, source.fmt, travel=travel)
     columns = tuple(choice for form in forms if name in _files(form) for choice in _columns(form, source.key))
@@ -150,11 +141,9 @@ def _reading_of_tables(source: Source) -> Reading:
     if any(roles.count("acceleration") > 1 for roles in pulses):
         # one crash taken for several tests would be predicted from itself
         has_conditions = any(form.proposed.kind == "conditions" for form in forms)
-        chosen = st.radio(
-            "Accelerations in one table are", ["each", "averaged"], index=0 if has_conditions else 1,
-            format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
-            key=f"{source.key} together", persist_state="session",
-        )  # fmt: skip
+        words = {"each": "Each a record of its own", "averaged": "Sensors of one record"}
+        look = {"index": 0 if has_conditions else 1, "format_func": words.__getitem__}
+        chosen = st.radio("Accelerations in one table are", list(words), **kept(f"{source.key} together", **look))
     return Reading(source.path, source.fmt, columns, together=chosen == "averaged")
 
 
@@ -172,10 +161,8 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
     )
     with st.expander(f"**{plain(form.names[0])}**{more}", expanded=not is_clear):
         st.dataframe(without_formulas(form.head.iloc[:, :_MOST_COLUMNS]), hide_index=True, height="content")
-        holds = st.segmented_control(
-            "It holds", ["pulses", "conditions", "neither"], default=form.proposed.kind, required=True,
-            format_func=str.capitalize, key=f"{key} holds", persist_state="session",
-        )  # fmt: skip
+        kinds, look = ["pulses", "conditions", "neither"], {"required": True, "format_func": str.capitalize}
+        holds = st.segmented_control("It holds", kinds, default=form.proposed.kind, **kept(f"{key} holds", **look))
         if holds == "neither":
             return form.nothing()
         asked = _OF_PULSES if holds == "pulses" else _OF_CONDITIONS
@@ -198,14 +185,11 @@ def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, 
     proposed = [use.column for use in form.proposed.of(role)]
     key = f"{key} {role}"
     if role in _SEVERAL:
-        return place.multiselect(
-            label, form.columns, default=proposed, key=key, placeholder="none", persist_state="session", wrap=True
-        )
-    column = place.selectbox(
-        label, form.columns, index=form.columns.index(proposed[0]) if proposed else None,
-        placeholder="the table's name" if role == "id" and label in _OF_PULSES.values() else "none", key=key,
-        persist_state="session",
-    )  # fmt: skip
+        look = {"default": proposed, "placeholder": "none", "wrap": True}
+        return place.multiselect(label, form.columns, **kept(key, **look))
+    usual = form.columns.index(proposed[0]) if proposed else None
+    none = "the table's name" if role == "id" and label in _OF_PULSES.values() else "none"
+    column = place.selectbox(label, form.columns, usual, placeholder=none, **kept(key))
     return () if column is None else (column,)
 
 
@@ -236,10 +220,8 @@ def choices_of(
         cfc = _CLASSES[name] if name else None
     gap_mm = None
     if role == "cae":
-        gap_mm = st.number_input(
-            "Gap before the barrier (mm)", value=None, min_value=0.0, placeholder="none", key=f"{source.key} gap",
-            persist_state="session", help="The vehicle moves so far before contact.",
-        )  # fmt: skip
+        look = {"min_value": 0.0, "placeholder": "none", "help": "The vehicle moves so far before contact."}
+        gap_mm = st.number_input("Gap before the barrier (mm)", value=None, **kept(f"{source.key} gap", **look))
     zero_s, gap_m = (None if value is None else value * MS for value in (zero_ms, gap_mm))
     chosen = Choices(channels, unit, _SIGNS.get(sign or ""), zero_s, gap_m, cfc, condition, share)  # type: ignore[arg-type]
     return chosen, units
@@ -251,10 +233,8 @@ def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple
     labels = {channel.name: channel.label for record in reversed(records) for channel in record.channels}
     names = [channel.name for channel in first.channels] if first.channels else []
     names += [name for name in labels if name not in names]
-    chosen = st.multiselect(
-        "Channels, averaged", names, default=records[0].proposed,
-        format_func=lambda name: name if labels[name] in name else f"{name} · {labels[name]}",
-        key=f"{source.key} channels {hash(frozenset(names))}", persist_state="session", wrap=True,
-        help="What could be the pulse along X.",
-    )  # fmt: skip
+    shown = {name: name if labels[name] in name else f"{name} · {labels[name]}" for name in names}
+    look = {"default": records[0].proposed, "wrap": True, "help": "What could be the pulse along X."}
+    key = f"{source.key} channels {hash(frozenset(names))}"
+    chosen = st.multiselect("Channels, averaged", names, format_func=shown.__getitem__, **kept(key, **look))
     return () if tuple(chosen) == records[0].proposed else tuple(chosen)

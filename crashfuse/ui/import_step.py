@@ -25,7 +25,7 @@ from crashfuse.reporting.previews import Preview
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui.import_fields import choices_of, reading_of
 from crashfuse.ui.kit import campaigns, uploads
-from crashfuse.ui.kit.address import choose_campaign
+from crashfuse.ui.kit.address import choose_campaign, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import can_be_edited
 from crashfuse.ui.kit.figures import show_figure
@@ -49,21 +49,15 @@ def _show_add_form(source: Source, role: Role, settle: _Settle, settled: Sequenc
     with st.container(border=True, horizontal=True, vertical_alignment="bottom"):
         _ask_folder()
         if len(settled) == 1:
-            st.text_input(
-                "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session",
-                width=_FACTOR_PX,
-            )  # fmt: skip
+            look = {"placeholder": settled[0].id, "width": _FACTOR_PX}
+            st.text_input("Id in the campaign", **kept(f"{source.key} id", **look))
         for name, values in _factors_of_target(role).items():
             known = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
-            st.selectbox(
-                plain(name) + (", of all" if len(settled) > 1 else ""), values, index=None, accept_new_options=True,
-                placeholder=", ".join(known) or "not given", key=f"{source.key} factor {name}",
-                persist_state="session", help="A column of the campaign's table.", width=_FACTOR_PX,
-            )  # fmt: skip
-        st.button(
-            f"Add {what}", type="primary", icon=":material/add:", disabled=not settled, on_click=_add,
-            args=(source, role, settle),
-        )  # fmt: skip
+            label = plain(name) + (", of all" if len(settled) > 1 else "")
+            look = {"accept_new_options": True, "placeholder": ", ".join(known) or "not given", "width": _FACTOR_PX}
+            st.selectbox(label, values, index=None, **kept(f"{source.key} factor {name}", **look))
+        add = partial(_add, source, role, settle)
+        st.button(f"Add {what}", type="primary", icon=":material/add:", disabled=not settled, on_click=add)
     if notice and st.session_state.get(_INTO) == "open":
         st.info(f"The campaign says of all in it: “{plain(notice)}”", icon=":material/info:")
 
@@ -76,16 +70,14 @@ def _ask_folder() -> None:
     open_one = _open_folder()
     if open_one is not None:
         labels = {"open": f"{plain(st.session_state['campaign'])}, which is open", "folder": "Another folder"}
-        st.radio(
-            "Add to the campaign", list(labels), format_func=labels.__getitem__, key=_INTO, persist_state="session",
-            horizontal=True, width="content",
-        )  # fmt: skip
+        look = {"horizontal": True, "width": "content", "format_func": labels.__getitem__}
+        st.radio("Add to the campaign", list(labels), **kept(_INTO, **look))
     if open_one is None or st.session_state.get(_INTO) == "folder":
+        usual = str((campaigns.roots() or [Path.home()])[0] / "my-campaign")
+        tip = "A new folder, or a campaign."
         st.text_input(
-            "Campaign folder on this computer", key=_FOLDER, persist_state="session",
-            placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
-            help="A new folder, or a campaign.", width=_FOLDER_PX,
-        )  # fmt: skip
+            "Campaign folder on this computer", placeholder=usual, help=tip, width=_FOLDER_PX, **kept(_FOLDER)
+        )
 
 
 def _with_factors(settled: Settled, source: Source, role: Role) -> Settled:
@@ -235,17 +227,13 @@ def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, 
     parts = parts_of(map(Label.of, records))
     look_simulated = [name for name, is_cae in parts.items() if is_cae]
     usual: Role = "cae" if parts and len(look_simulated) == len(parts) else FORMATS[source.fmt].role
-    role: Role = st.segmented_control(
-        "Take it as", list(WHAT), default=st.session_state.get(uploads.NEXT_ROLE) or usual, required=True,
-        format_func={"tests": "Tests", "cae": "CAE runs"}.__getitem__, key=f"{source.key} role",
-        persist_state="session",
-    )  # fmt: skip
+    names = {"tests": "Tests", "cae": "CAE runs"}
+    look = {"default": st.session_state.get(uploads.NEXT_ROLE) or usual, "format_func": names.__getitem__}
+    role: Role = st.segmented_control("Take it as", [*WHAT], required=True, **kept(f"{source.key} role", **look))
     chosen: list[str] = []
     if role == "tests" and len(parts) > 1:
-        chosen = st.multiselect(
-            "Of these, CAE runs are", list(parts), default=look_simulated if len(look_simulated) < len(parts) else [],
-            placeholder="none", key=f"{source.key} cae", persist_state="session",
-        )  # fmt: skip
+        look = {"default": look_simulated if len(look_simulated) < len(parts) else [], "placeholder": "none"}
+        chosen = st.multiselect("Of these, CAE runs are", list(parts), **kept(f"{source.key} cae", **look))
     if look_simulated and (role == "tests" or len(look_simulated) == len(parts)):
         is_stated = any(record.is_simulated for record in records)
         by = "what the files say" if is_stated else "name or number of records"
@@ -256,11 +244,10 @@ def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, 
 def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     if len(records) < 2:
         return records[0] if records else None
-    number = st.selectbox(
-        f"{len(records)} records; this is", range(len(records)), persist_state="session",
-        format_func=lambda number: f"{number + 1}: {records[number].id}", key=f"{source.key} record {len(records)}",
-    )  # fmt: skip
-    return records[number]
+    label, key = f"{len(records)} records; this is", f"{source.key} record {len(records)}"
+    named = [f"{number}: {record.id}" for number, record in enumerate(records, start=1)]
+    number = st.selectbox(label, range(len(records)), format_func=named.__getitem__, **kept(key))
+    return records[int(number)]
 
 
 def _table(settled: Sequence[Settled], display: Display) -> None:

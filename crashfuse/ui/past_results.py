@@ -21,12 +21,11 @@ from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import pin_all
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.figures import choose, show_cached_figure
-from crashfuse.ui.kit.files import download_report, download_table, export_button
+from crashfuse.ui.kit.files import export_button, offer
 from crashfuse.ui.kit.navigation import open_next
 from crashfuse.ui.kit.results import refused_into, show_problems, show_table, window_label
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import uploaded_data
-from crashfuse.ui.predict import fill_in
 
 _ROW_PX, _MOST_ROWS = 35, 9
 _TICKED = "ticked"  # session key: ids of the results to open or to compare
@@ -127,7 +126,7 @@ def _open(result: PastResult | Earlier, view: View) -> None:
         leave_out="speed group" if config.leave_out == "speed group" else "test", study_tab="Ratings",
     )  # fmt: skip
     if result.condition is not None:
-        fill_in(view.campaign, result.condition)
+        address.choose_condition(view.campaign, result.condition)
         pin_all([result.condition])
         open_next("predict")
     elif len(result.tests) == 1:
@@ -166,10 +165,9 @@ def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -
         name = f"studies compared {first.id} {second.id} {way} 0-{window:g}ms"
         show_cached_figure(draw, alt, first.id, second.id, window, way, name=name)
 
-    def show_files() -> None:
-        with st.container(horizontal=True):
-            download_table("comparison.csv", lambda: compared.ratings)
-            download_report(lambda: comparison_report(compared, view.display), "", "comparison.html")
-
+    files = {
+        "comparison.csv": lambda: compared.ratings,
+        "comparison.html": lambda: comparison_report(compared, view.display),
+    }
     with row:
-        export_button(show_files)
+        export_button(partial(offer, "", files))

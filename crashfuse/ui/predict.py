@@ -1,11 +1,14 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+import math
+from collections.abc import Callable, Hashable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -13,7 +16,7 @@ from streamlit.delta_generator import DeltaGenerator
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.neighbours import nearest_sentences
-from crashfuse.approaches.registry import BASELINE, LABELS
+from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -34,19 +37,16 @@ from crashfuse.reporting.predicted import (
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.planning import ConditionRange, NextTest, missing_over_speed, rank_next_tests, weights_sentence
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address, results
-from crashfuse.ui.kit.address import MOST_PINS, chosen_config, pinned
+from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pinned
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
 from crashfuse.ui.kit.curves import (
     REPRESENTATIVE,
-    Subject,
-    choose_approach,
     choose_curves,
     predicted,
     without_clicks,
@@ -54,10 +54,8 @@ from crashfuse.ui.kit.curves import (
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.kit.files import (
     choose_form,
-    download_bytes,
-    download_report,
-    download_table,
     export_button,
+    offer,
     offer_pulses,
 )
 from crashfuse.ui.kit.frame import by_itself
@@ -65,8 +63,6 @@ from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import TTZV, plain
 from crashfuse.units import IN_SI, joined
-
-_DECIMALS = 9  # of speeds and weights in the session: 56 km/h come back as 56
 
 
 class _Field(NamedTuple):  # a number of a condition, or its range, in the unit of the session and the address
@@ -102,29 +98,48 @@ def show(view: View) -> None:
 
 
 def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -> None:
-    condition = _choose_condition(view.campaign, view.display)
+    campaign, condition = view.campaign, _choose_condition(view.campaign, view.display)
     fitted = result_of(
         request,
-        invitation=f"The approaches have not been fitted on all {len(view.campaign.tests)} tests of this campaign yet. "
+        invitation=f"The approaches have not been fitted on all {len(campaign.tests)} tests of this campaign yet. "
         + patience(config, "This takes a minute or two, once; then every condition is answered at once."),
         button="Predict",
     )
-    answer = _Answer(view, request.key, config, fitted, condition)
+    prediction, advice = PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config), None
+    if is_whole := fitted.approaches == config.approaches:
+        window_ms = view.display.window_ms
+        advice = advised(request.key, condition, window_ms, prediction.estimates, campaign)
+    pins = [pin for text, pin in pinned().items() if is_whole and text != condition.text]
+    at_pins = [found for pin in pins if (found := predicted(campaign, config, pin)) is not None]
     show_training(config, fitted.approaches)
-    if answer.advice is not None:
-        use, expected, *reasons = answer.advice.facts
+    if advice is not None:
+        use, expected, *reasons = advice.facts
         known = [fact.sentence for fact in reasons if fact.code != "condition.extrapolated"]  # said above
         results.show_recommendation([use.sentence, expected.sentence], known)
     tabs = {"Pulses": _show_pulses, "Over speed": _show_over_speed, "Next test": _show_next_test}
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", list(tabs), key="predict_tab")
-        choose_approach(answer.subject, fitted.approaches, answer.advice)
-        if answer.advice is not None:
+        best = by_preference(fitted.approaches)[0] if advice is None else advice.approach
+        address.default("predict_approach", best, fitted.approaches)
+        look = {"label_visibility": "collapsed", "width": 230, "format_func": lambda name: f"By {LABELS[name]}"}
+        args = kept("predict_approach", on_change=address.publish, **look)
+        approach = st.selectbox("Approach", fitted.approaches, **args)
+        answer = _Answer(view, request.key, fitted, prediction, advice, at_pins, approach)
+        if advice is not None:
             _show_pins(answer)
         st.space("stretch")
         export_button(partial(_show_files, answer))
-    answer.subject.offer()
     tabs[tab](answer)
+
+
+class _Answer(NamedTuple):
+    view: View
+    fit_key: Hashable  # of the fits on all tests of the campaign
+    fitted: Fitted  # while networks train, fewer approaches than the settings ask for
+    prediction: PredictedPulse  # by all approaches that are fitted
+    advice: Recommendation | None  # None while approaches are still missing
+    at_pins: list[PredictedPulse]
+    approach: str  # that is chosen
 
 
 def _choose_condition(campaign: Campaign, display: Display) -> Condition:
@@ -135,10 +150,8 @@ def _choose_condition(campaign: Campaign, display: Display) -> Condition:
     for column, (name, values) in zip(columns[3:], campaign.factors.items(), strict=True):
         if st.session_state.get(key := f"factor_{name}") not in values:  # left from another campaign
             address.put(key, None)
-        factors[name] = column.selectbox(
-            plain(name.capitalize()), values, index=None, placeholder="not given", key=key, persist_state="session",
-            help="If it is not given, the band covers every value.",
-        )  # fmt: skip
+        tip, label = "If it is not given, the band covers every value.", plain(name.capitalize())
+        factors[name] = column.selectbox(label, values, None, placeholder="not given", help=tip, **kept(key))
     fields = zip(columns, _FIELDS, campaign.cae.vectors.T, strict=False)
     condition = Condition.of_vector(
         [_choose_number(column, field, display, runs) for column, field, runs in fields],
@@ -150,13 +163,6 @@ def _choose_condition(campaign: Campaign, display: Display) -> Condition:
     return condition
 
 
-def fill_in(campaign: Campaign, condition: Condition) -> None:
-    """Choose a condition on the page Predict; call it from a callback."""
-    given, numbers = dict(condition.factors), zip(_FIELDS, condition.vector, strict=True)
-    st.session_state.update({field.key: round(float(value) / IN_SI[field.unit], _DECIMALS) for field, value in numbers})
-    st.session_state.update({f"factor_{name}": given.get(name) or None for name in campaign.factors})
-
-
 def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs: np.ndarray) -> float:
     """Slider over the CAE runs' range, and a field beyond it; returns SI, kept in mph or lb."""
     name, in_si, step, digits = field.key, IN_SI[field.unit], field.step, field.digits
@@ -165,11 +171,11 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
     least, most = max(low / 2, step), 2 * high  # a decimal comma typed by mistake gives ten times the intended value
     address.default(name, round(float(np.median(runs)) / in_si, digits))
-    asked = round(state[name] * in_si * shown, _DECIMALS)
+    asked = round(state[name] * in_si * shown, DECIMALS)
     value = min(max(asked, least), most)
     if asked != value:  # by a link, left from another campaign, or typed: the field itself would refuse without a word
         st.warning(f"{label} is from {least:g} to {most:g} here, not {asked:g}: {value:g} is taken.")
-        state[name] = round(value / shown / in_si, _DECIMALS)
+        state[name] = round(value / shown / in_si, DECIMALS)
     # A browser sends what its widgets showed before it hears of a new value. So each value that a widget did not give
     # itself makes another widget of it, and what the one before still sends does not count.
     widgets = state.get(f"{name} widgets", {})
@@ -184,7 +190,7 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     def take(key: str, other: str) -> None:
         # a field that a slow browser has only just put into the page may send its default, 0
         if state[key] and key in state[f"{name} widgets"]["keys"]:
-            state[name] = round(state[key] / shown / in_si, _DECIMALS)
+            state[name] = round(state[key] / shown / in_si, DECIMALS)
             state[f"{name} widgets"] = {**widgets, "value": state[name], other: state[name], "keys": (key,)}
 
     form = f"%.{digits}f"
@@ -196,106 +202,58 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     return float(state[name] * in_si)
 
 
-@dataclass(frozen=True, eq=False)
-class _Answer:
-    view: View
-    fit_key: Hashable  # of the fits on all tests of the campaign
-    config: StudyConfig  # the settings that were chosen
-    fitted: Fitted  # while networks train, fewer approaches than the settings ask for
-    condition: Condition
-
-    @cached_property
-    def estimates(self) -> list[Estimate]:  # one for each approach
-        return answers(self.fit_key, self.condition, self.fitted)
-
-    @property
-    def whole(self) -> bool:
-        return len(self.fitted.fits) == len(self.config.approaches)
-
-    @cached_property
-    def advice(self) -> Recommendation | None:  # None while approaches are still missing
-        if not self.whole:
-            return None
-        window_ms = self.view.display.window_ms
-        return advised(self.fit_key, self.condition, window_ms, self.estimates, self.view.campaign)
-
-    @property
-    def prediction(self) -> PredictedPulse:
-        return PredictedPulse(self.view.campaign, tuple(self.estimates), self.config)
-
-    @property
-    def subject(self) -> Subject:
-        return Subject(self.view, self.condition)
-
-    @cached_property
-    def others(self) -> list[PredictedPulse]:  # with other settings and at pinned conditions, once this one is whole
-        if not self.whole:
-            return []
-        pins = [condition for text, condition in pinned().items() if text != self.condition.text]
-        asked = [(config, self.condition) for config in self.subject.wanted]
-        asked += [(self.config, condition) for condition in pins]
-        found = (predicted(self.view.campaign, config, condition) for config, condition in asked)
-        return [prediction for prediction in found if prediction is not None]
-
-    @property
-    def key(self) -> Hashable:  # of cached figures
-        return self.fit_key, self.fitted.approaches, self.condition, self.view.display
-
-
 def _show_pins(answer: _Answer) -> None:
-    pins, here = pinned(), answer.condition.text
+    pins, prediction, here = pinned(), answer.prediction, answer.prediction.condition.text
 
     def pin() -> None:
         st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
-        keep(PastResult.of_prediction(answer.view.campaign, answer.estimates, answer.config))
+        keep(PastResult.of_prediction(prediction.campaign, prediction.estimates, chosen_config()))
 
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
 
-    st.button(
-        "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=here in pins or len(pins) >= MOST_PINS,
-        help=f"Keeps up to {MOST_PINS} in figures, link, report and past results.",
-    )  # fmt: skip
+    tip = f"Keeps up to {MOST_PINS} in figures, link, report and past results."
+    is_full = here in pins or len(pins) >= MOST_PINS
+    st.button("Pin this prediction", icon=":material/keep:", on_click=pin, disabled=is_full, help=tip)
     if pins:
         with st.popover(f"{len(pins)} pinned", key="pinned"):
             for text, other in pins.items():
-                st.button(
-                    plain(answer.view.display.briefly(other)), icon=":material/close:", key=f"unpin {text}",
-                    on_click=unpin, args=(text,), help="Unpin", type="tertiary",
-                )  # fmt: skip
+                label, key = plain(answer.view.display.briefly(other)), f"unpin {text}"
+                st.button(f":material/close: {label}", key=key, on_click=unpin, args=(text,), type="tertiary")
 
 
 def _show_pulses(answer: _Answer) -> None:
-    condition, display = answer.condition, answer.view.display
+    view, prediction, condition = answer.view, answer.prediction, answer.prediction.condition
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
-        curves = choose_curves(answer.subject, answer.fitted.approaches)
+        curves = choose_curves(view, condition, answer.approach, answer.fitted.approaches)
 
     def draw() -> go.Figure:
-        drawn = answer.prediction.plot(
+        drawn = prediction.plot(
             _FIGURES[shown], approaches=curves.approaches, also=curves.also, band=curves.approach,
-            representative=REPRESENTATIVE in curves.others, display=display,
+            representative=REPRESENTATIVE in curves.others, display=view.display,
         )  # fmt: skip
         return without_clicks(drawn)
 
-    alt = f"Prediction by {curves.by} at {display.condition(condition)}: {shown.lower()}"
+    alt = f"Prediction by {curves.by} at {view.display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
-    show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name, beside=curves.also)
-    if answer.others:
-        _show_differences(answer)
-    estimates = [estimate for estimate in answer.estimates if estimate.approach in curves.approaches]
+    key = shown, answer.fit_key, answer.fitted.approaches, condition, view.display, curves.key
+    show_cached_figure(draw, alt, *key, name=name)
+    estimates = [estimate for estimate in prediction.estimates if estimate.approach in curves.approaches]
     columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-    if not answer.others:
-        results.show_metrics(columns, answer.view)
-    weight = f"{display.weight(condition.mass_kg)} in all."
+    if answer.at_pins:
+        _show_differences(answer)
+    else:
+        results.show_metrics(columns, view)
+    weight = f"{view.display.weight(condition.mass_kg)} in all."
     advice = () if answer.advice is None else answer.advice.sentences
-    remarks = [weight, *nearest_sentences(answer.view.campaign, condition), *whole_sentences(estimates)]
-    said = (*advice, *answer.view.campaign.cae.extrapolation(condition))
-    results.show_details(columns, estimates, answer.view, said, remarks)
+    remarks = [weight, *nearest_sentences(view.campaign, condition), *whole_sentences(estimates)]
+    said = (*advice, *view.campaign.cae.extrapolation(condition))
+    results.show_details(columns, estimates, view, said, remarks)
 
 
 def _show_differences(answer: _Answer) -> None:
-    display, shown = answer.view.display, by_one(answer.subject.approach, [answer.prediction, *answer.others])
+    display, shown = answer.view.display, by_one(answer.approach, [answer.prediction, *answer.at_pins])
     names = column_names(shown, display)
     first, second, *more = names
 
@@ -309,8 +267,8 @@ def _show_differences(answer: _Answer) -> None:
 
 
 def _show_over_speed(answer: _Answer) -> None:
-    view, condition = answer.view, answer.condition
-    if not answer.whole:
+    view, condition = answer.view, answer.prediction.condition
+    if answer.advice is None:
         st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
         return
     sweep = result_or_none(
@@ -320,21 +278,18 @@ def _show_over_speed(answer: _Answer) -> None:
     )
     if sweep is None:
         return
-    metric = st.selectbox(
-        "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep_metric",
-        persist_state="session", help=TTZV,
-    )  # fmt: skip
-    approaches = answer.subject.approach, BASELINE
+    label = METRIC_LABELS.__getitem__
+    metric = st.selectbox("Pulse metric", list(METRIC_LABELS), format_func=label, help=TTZV, **kept("sweep_metric"))
+    approaches = answer.approach, BASELINE
     shown = replace(sweep, sweeps=tuple(own for own in sweep.sweeps if own.approach in approaches))
-    alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.subject.approach]}, tests as points"
+    alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.approach]}, tests as points"
     name = f"{metric} over speed {condition.text.partition(' ')[2]}"
     show_figure(shown.plot(metric, display=view.display), alt, name=name)
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
     for sentence in missing_over_speed(shown.sweeps, metric):
         st.caption(plain(sentence))
-    with st.container(horizontal=True):
-        download_table("sweep.csv", lambda: sweep.table, view.campaign.name)
-        download_report(lambda: sweep_report(sweep, view.display), view.campaign.name, "sweep.html")
+    files = {"sweep.csv": lambda: sweep.table, "sweep.html": lambda: sweep_report(sweep, view.display)}
+    offer(view.campaign.name, files)
 
 
 def _show_next_test(answer: _Answer) -> None:
@@ -348,26 +303,25 @@ def _show_next_test(answer: _Answer) -> None:
     for place, (column, axis) in enumerate(zip(st.columns(3), _AXES, strict=True)):
         tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
         ends.append(_range(column, axis, answer.view, campaign.cae.vectors[:, place], tests))
-    kind = answer.condition.factors or usual.low.factors
+    kind = answer.prediction.condition.factors or usual.low.factors
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
-        candidates = NextTests(campaign, over, _ranked(answer.fit_key, over, domains[0]), answer.config)
+        candidates = NextTests(campaign, over, _ranked(answer.fit_key, over, domains[0]), chosen_config())
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     alt, name = "How much each candidate would narrow the band", f"next test {over.low.text} to {over.high.text}"
     show_figure(candidates.plot(display=display), alt, name=name)
     st.caption(NEXT_TEST_MEANING)
-    if answer.subject.approach != DisplacementDomain.name:
-        st.caption(f"By the displacement domain: {LABELS[answer.subject.approach]} cannot rank tests.")
+    if answer.approach != DisplacementDomain.name:
+        st.caption(f"By the displacement domain: {LABELS[answer.approach]} cannot rank tests.")
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
-    usual_kind = "" if answer.condition.factors else ", of which there are most tests"
+    usual_kind = "" if answer.prediction.condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
     show_table(results.next_tests_styled(candidates.ranked[:BEST], display), "next tests")
-    with st.container(horizontal=True):
-        download_table("next_tests.csv", lambda: candidates.table, campaign.name)
-        download_report(lambda: next_test_report(candidates, display), campaign.name, "next_test.html")
+    report = partial(next_test_report, candidates, display)
+    offer(campaign.name, {"next_tests.csv": lambda: candidates.table, "next_test.html": report})
 
 
 @st.cache_data(show_spinner="Ranking candidates …", max_entries=32)
@@ -384,52 +338,48 @@ def _range(
     least, most = min(float(runs.min()), *tests), max(float(runs.max()), *tests)
     low = step * int(max(least / in_si, step) / step + 1e-6)
     high = -step * int(-most / in_si / step - 1 + 1e-6)
-    try:
-        first, last = _ends(state[axis.key] or "")
-        lies_in = least / 2 <= first <= last <= 2 * most
-    except (ValueError, KeyError):
-        lies_in = False
-    if not lies_in:  # nothing yet, a link that was cut, or another campaign's
+    first, last = _ends(state[axis.key] or "")
+    if not least / 2 <= first <= last <= 2 * most:  # nothing yet, a link that was cut, or another campaign's
         state[axis.key] = None
     address.default(axis.key, f"{tests[0] / own_in_si:.9g}:{tests[1] / own_in_si:.9g} {own_unit}")
     ends = _ends(state[axis.key])
     slider = f"{axis.key}, {low:g} to {high:g} {unit}"  # another range is another widget
-    address.put(slider, tuple(round(min(max(end / in_si, low), high), _DECIMALS) for end in ends))
+    address.put(slider, tuple(round(min(max(end / in_si, low), high), DECIMALS) for end in ends))
 
     def take() -> None:
         first, last = state[slider]
         state[axis.key] = f"{first:.12g}:{last:.12g} {unit}"
 
-    label = view.display.title(axis.label, axis.unit)
-    column.slider(
-        label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
-        help="All conditions in it are weighted equally.",
-    )  # fmt: skip
+    label, form = view.display.title(axis.label, axis.unit), "%.1f" if step < 1 else "%.0f"
+    column.slider(label, low, high, step=step, format=form, key=slider, on_change=take)
     return ends
 
 
 def _ends(text: str) -> tuple[float, float]:
-    numbers, _, unit = text.partition(" ")
-    first, last = numbers.split(":")
-    return float(first) * IN_SI[unit], float(last) * IN_SI[unit]
+    with suppress(ValueError, KeyError):
+        numbers, _, unit = text.partition(" ")
+        first, last = numbers.split(":")
+        return float(first) * IN_SI[unit], float(last) * IN_SI[unit]
+    return math.nan, math.nan
 
 
 def _show_files(answer: _Answer) -> None:
-    campaign, estimates, config = answer.view.campaign, answer.estimates, answer.config
-    prediction, others, display = answer.prediction, answer.others, answer.view.display
-    of = f"{campaign.name} {display.briefly(answer.condition)}"
+    campaign, prediction, others, display = answer.view.campaign, answer.prediction, answer.at_pins, answer.view.display
+    config, of = chosen_config(), f"{campaign.name} {display.briefly(prediction.condition)}"
     form = choose_form(
         "recommendation, pulses, metrics and limits",
         "the pulse over displacement, the fits, the data, the method and its settings",
     )
-    with st.container(horizontal=True):
-        download_table("pulses.csv", lambda: prediction.pulses, of)
-        download_table("metrics.csv", lambda: prediction.metrics, of)
-        if others:
-            download_bytes("side_by_side.csv", lambda: csv_as_given(predictions_table([prediction, *others])), of)
-        download_bytes("pulses.parquet", lambda: parquet_bytes(prediction.pulses), of)
-        if answer.whole:
-            write = partial(prediction_report, campaign, estimates, config, display, others, form)
-            download_report(write, f"{of} {form}")
+    files: dict[str, Callable[[], pd.DataFrame | bytes | str]] = {
+        "pulses.csv": lambda: prediction.pulses,
+        "metrics.csv": lambda: prediction.metrics,
+        "pulses.parquet": lambda: parquet_bytes(prediction.pulses),
+    }
+    if others:
+        files["side_by_side.csv"] = lambda: csv_as_given(predictions_table([prediction, *others]))
     if answer.advice is not None:
-        offer_pulses(campaign, estimates, answer.advice.approach, config.seed)
+        estimates = prediction.estimates
+        files["report.html"] = partial(prediction_report, campaign, estimates, config, display, others, form)
+    offer(of, files, form)
+    if answer.advice is not None:
+        offer_pulses(campaign, prediction.estimates, answer.advice.approach, config.seed)

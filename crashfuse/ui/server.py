@@ -3,22 +3,17 @@
 A frame is painted at once; what takes long is imported meanwhile, and not by this module.
 """
 
-import asyncio
-import gc
 import os
 import secrets
 import signal
 import sys
-import threading
-import time
 import webbrowser
 from collections.abc import AsyncIterator, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
 
 import streamlit as st
 from click import Abort, echo
@@ -29,7 +24,6 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 from streamlit import net_util
-from streamlit.runtime import Runtime
 from streamlit.runtime.pages_manager import PagesManager
 from streamlit.web.cli import main
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
@@ -41,9 +35,6 @@ from crashfuse.ui.kit.navigation import navigate
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.visitors import BROWSER
 
-if TYPE_CHECKING:
-    from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
-
 _PACKAGE = Path(__file__).resolve().parents[1]
 _PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in a checkout
 _HOSTS = ("localhost", "127.0.0.1")  # else a page elsewhere reaches the server under a name of its own (DNS rebinding)
@@ -51,7 +42,6 @@ _POLICY = {  # no page around this one, and nothing that this one shows, a labor
     "X-Frame-Options": "DENY",
     "Content-Security-Policy": "frame-ancestors 'none'; default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'",
 }
-_LOOK_S, _PATIENCE_S = 5.0, 20.0  # for tabs that were closed, and for their browser to come back
 _A_YEAR_S = 365 * 24 * 3600
 _ANOTHER_NAME = PlainTextResponse(
     "crashfuse does not answer under this name. If it should, start it with crashfuse app --allow-host NAME, or add "
@@ -71,9 +61,6 @@ _SLOW = (  # what the pages need; most of the time is that of SciPy, Plotly and 
     "pandas.io.formats.style",
     "streamlit.elements.plotly_chart",
 )
-_NEXT = "torch"  # what a first prediction needs: it takes as long again
-_PREDICTS = "crashfuse.study.estimate"
-_SWITCH_S = 5e-4  # while importing: the server's own threads wait for the interpreter a tenth of the usual time
 
 
 def launch(
@@ -163,29 +150,14 @@ def _is_own_page(connection: HTTPConnection) -> bool:
     return origin is None or origin in origins or origin.partition("://")[2] == host
 
 
-async def _forget_closed_tabs() -> None:
-    """Free what lies in upload fields of tabs that were closed, unless they come back within seconds."""
-    gone: dict[str, float] = {}
-    while True:
-        await asyncio.sleep(_LOOK_S)
-        runtime, now = Runtime.instance(), time.monotonic()
-        files = cast("MemoryUploadedFileManager", runtime.uploaded_file_mgr)
-        absent = [session for session in list(files.file_storage) if not runtime.is_active_session(session)]
-        gone = {session: gone.get(session, now) for session in absent}
-        for session in [session for session, since in gone.items() if now - since >= _PATIENCE_S]:
-            files.remove_session_files(session)
-
-
 @asynccontextmanager
 async def lifespan(_: object) -> AsyncIterator[None]:
     """As the server starts, import what pages need, and open the browser as ``streamlit run`` does for scripts."""
     start_importing()
-    forgetting = asyncio.create_task(_forget_closed_tabs())
     if not st.get_option("server.headless"):
         address = st.get_option("browser.serverAddress") or "localhost"
         webbrowser.open(f"http://{address}:{st.get_option('server.port')}")
     yield
-    forgetting.cancel()
 
 
 def tell(error: Exception) -> bool:
@@ -212,38 +184,30 @@ def prepare() -> tuple[Middleware, ...]:
 
 
 @cache
-def start_importing() -> Future[None]:
-    """Import what the pages need in the background, once."""
-    imported = Future[None]()
-    threading.Thread(target=_import, args=(imported,), name="crashfuse-imports", daemon=True).start()
-    return imported
+def start_importing() -> tuple[Future[None], Future[None]]:
+    """Import in the background, once, what the pages need, and then what a first prediction needs."""
+    background = ThreadPoolExecutor(1, "crashfuse-imports")
+    started = background.submit(_import_pages), background.submit(_import_training)
+    background.shutdown(wait=False)
+    return started
 
 
-def _import(done: Future[None]) -> None:
-    usual = sys.getswitchinterval()
-    sys.setswitchinterval(_SWITCH_S)
-    try:
-        for name in _SLOW:
-            import_module(name)
-    except BaseException as error:  # the page that waits raises it
-        done.set_exception(error)
-    else:
-        done.set_result(None)
-        import_module(_NEXT)
-    finally:
-        sys.setswitchinterval(usual)
-    from crashfuse.execution.cache import Cache
+def _import_pages() -> None:
+    for name in _SLOW:
+        import_module(name)
+
+
+def _import_training() -> None:
+    import_module("torch")
     from crashfuse.ui.kit.uploads import sweep_uploads
 
     sweep_uploads()
-    Cache().digest(_PREDICTS)  # while the first page is read: the first prediction of a new version need not wait
-    gc.freeze()  # what was imported is never garbage: to look for some in it took 0.2 s every dozen answers
 
 
 def run() -> None:
     """Run the page given in the address, once everything it needs is imported."""
     page = navigate()
-    imported = start_importing()
+    imported, _ = start_importing()
     if not imported.done():
         st.title(page.title)
         st.markdown(":material/hourglass_top: Starting …")

@@ -1,10 +1,12 @@
 """The page Study: ratings of tests left out in turn, the bands, how many tests are enough, and past results."""
 
 import math
-from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable
+from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
+import pandas as pd
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -23,11 +25,11 @@ from crashfuse.study.recommendation import SPEED_GROUPS, recommend, worst_test
 from crashfuse.study.study import Study
 from crashfuse.ui import past_results
 from crashfuse.ui.kit import results
-from crashfuse.ui.kit.address import choose_held_out, chosen_config
+from crashfuse.ui.kit.address import choose_held_out, chosen_config, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import learn_curve, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
-from crashfuse.ui.kit.files import choose_report, download_report, download_table, export_button
+from crashfuse.ui.kit.files import choose_report, export_button, offer
 from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
@@ -61,18 +63,32 @@ def show(view: View) -> None:
         f"{again}. " + patience(config, "It takes a minute or more the first time; other pages stay free."),
         button=f"Leave out each of {n} tests",
     )
-    outcome = _Outcome(view, config, study, request.key)
+    known = tuple((fold.held_out, *fold.ratings) for way in (study, study.speed_groups) if way for fold in way.folds)
+    is_whole = len(study.folds) == n and study.config.approaches == config.approaches
+    outcome = _Outcome(view, study, is_whole, (request.key, known, tuple(study.repeatability), view.display))
     with row:
         export_button(partial(_show_files, outcome))
     show_training(config, study.config.approaches)
-    reasons = _show_headline(outcome) if outcome.whole else []
+    reasons = _show_headline(outcome) if is_whole else []
     if tab == _BANDS:
         _show_bands(outcome)
     else:
         _show_ratings(outcome, reasons)
 
 
-def _show_headline(outcome: "_Outcome") -> list[str]:
+class _Outcome(NamedTuple):
+    view: View
+    study: Study  # while networks train, of fewer approaches than the settings ask for
+    is_whole: bool  # before that, nothing can be recommended
+    key: Hashable  # of cached figures
+
+    @property
+    def shown(self) -> Study:
+        groups = self.study.speed_groups
+        return groups if groups is not None and st.session_state.get("ways") == _GROUP else self.study
+
+
+def _show_headline(outcome: _Outcome) -> list[str]:
     facts = recommend(outcome.shown).facts  # of the view that is shown, as all figures and tables below
     words = {fact.code: outcome.view.display.words(fact.sentence) for fact in facts if fact.code != SPEED_GROUPS}
     headline = [words.pop(code) for code in ("recommendation.use", "recommendation.ratings")]
@@ -80,30 +96,6 @@ def _show_headline(outcome: "_Outcome") -> list[str]:
         headline.append(f"This is over {results.window_label(longest)}.")  # whatever is chosen in the sidebar
     results.show_recommendation(headline)
     return list(words.values())
-
-
-@dataclass(frozen=True, eq=False)
-class _Outcome:
-    view: View
-    config: StudyConfig  # the settings that were chosen
-    study: Study  # while networks train, of fewer approaches than the settings ask for
-    request_key: Hashable  # equal for equal data and settings
-
-    @property
-    def key(self) -> Hashable:  # of cached figures
-        ways = [way for way in (self.study, self.study.speed_groups) if way is not None]
-        known = tuple((fold.held_out, *fold.ratings) for way in ways for fold in way.folds)
-        return self.request_key, known, tuple(self.study.repeatability), self.view.display
-
-    @property
-    def shown(self) -> Study:
-        groups = self.study.speed_groups
-        return groups if groups is not None and st.session_state.get("ways") == _GROUP else self.study
-
-    @property
-    def whole(self) -> bool:  # before that, nothing can be recommended
-        tests = len(self.study.folds) == len(self.view.campaign.tests)
-        return tests and self.study.config.approaches == self.config.approaches
 
 
 def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
@@ -115,7 +107,7 @@ def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
 def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
     campaign, (study, leave_out) = outcome.view.campaign, _choose_way(outcome)
     _show_tests(outcome, study, leave_out)
-    if outcome.whole:
+    if outcome.is_whole:
         worst = worst_test(study, outcome.view.display.window_ms)
         results.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
@@ -181,16 +173,16 @@ def _show_bands(outcome: _Outcome) -> None:
 
 def _show_files(outcome: _Outcome) -> None:
     study, view = outcome.study, outcome.view
-    of = view.campaign.name
     report = choose_report(view, view.campaign.test_ids)
-    with st.container(horizontal=True):
-        download_table("scores.csv", lambda: study.scores, of)
-        download_table("metrics.csv", lambda: study.metrics, of)
-        if (groups := study.speed_groups) is not None:
-            download_table("speed_groups.csv", lambda: groups.scores, of)
-        if outcome.whole:
-            of_report = f"{of} {report.form} {' '.join(report.tests)}"
-            download_report(lambda: study_report(study, view.display, report), of_report)
+    files: dict[str, Callable[[], pd.DataFrame | str]] = {
+        "scores.csv": lambda: study.scores,
+        "metrics.csv": lambda: study.metrics,
+    }
+    if (groups := study.speed_groups) is not None:
+        files["speed_groups.csv"] = lambda: groups.scores
+    if outcome.is_whole:
+        files["report.html"] = lambda: study_report(study, view.display, report)
+    offer(view.campaign.name, files, f"{report.form} {' '.join(report.tests)}")
 
 
 def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -> None:
@@ -211,10 +203,8 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
         except DataError as error:
             st.warning(plain(str(error.problems[0])), icon=":material/error:")
     curve = whole.over(view.display.window_ms)
-    amount = st.number_input(
-        "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
-        key="cost", persist_state="session", width=260, help="Gains are then given as the cost of 0.01 of rating, too.",
-    )  # fmt: skip
+    look = {"placeholder": "optional, any currency", "help": "Gains are then given as the cost of 0.01 of rating, too."}
+    amount = st.number_input("Cost of one test", 0.0, None, None, 1000.0, "%.0f", width=260, **kept("cost", **look))
     cost = Cost(amount) if amount and 0 < amount < math.inf else None  # a link may hold any number
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
     alt = "Mean rating, width of the band, decided verdicts over the number of tests"
@@ -225,11 +215,9 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
             show_table(steps, "gains")
             st.caption(ONE_MORE_MEANING)
 
-    def show_files() -> None:
-        with st.container(horizontal=True):
-            download_table("learning_curve.csv", lambda: whole.table, campaign.name)
-            write = partial(learning_curve_report, curve, cost, view.display)
-            download_report(write, campaign.name, "learning_curve.html")
-
+    files: dict[str, Callable[[], pd.DataFrame | str]] = {
+        "learning_curve.csv": lambda: whole.table,
+        "learning_curve.html": partial(learning_curve_report, curve, cost, view.display),
+    }
     with row:
-        export_button(show_files)
+        export_button(partial(offer, campaign.name, files))

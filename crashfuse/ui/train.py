@@ -4,11 +4,10 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.displacement_domain.events import CaeEvents, cae_events
@@ -19,54 +18,44 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.reporting.figures import ONE_PROCESS, Draw
 from crashfuse.reporting.fit_explanations import events_sentences, events_table
-from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.result_tables import archive_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
 from crashfuse.ui.certify.entry import show_wrong
 from crashfuse.ui.kit import address, campaigns, progress
-from crashfuse.ui.kit.address import choose_held_out, chosen_config
+from crashfuse.ui.kit.address import choose_held_out, chosen_config, kept
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.computation import fit_request, jobs, learn_vehicles, study_request
 from crashfuse.ui.kit.editing import can_be_edited, show_last_change, show_refused, use_archive
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_tabs
-from crashfuse.ui.kit.files import download_bytes
+from crashfuse.ui.kit.files import offer
 from crashfuse.ui.kit.frame import choose_settings
 from crashfuse.ui.kit.jobs import Job
 from crashfuse.ui.kit.navigation import open_next, show_link
 from crashfuse.ui.kit.results import show_table, window_label
-from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.text import LF, TIME_DOMAIN, plain
 from crashfuse.vehicle_archive import LEAST_VEHICLES, VehicleArchive, load_archive
 
 _PAST = "past vehicles"  # widget key
 _ON_ALL, _NETWORKS, _MEND = "Train on all tests", "Networks", "What to mend"
-_STAGES = {
-    "lf_tcn": (
-        "Before: trained on CAE runs only",
-        "The networks should reproduce the CAE model; what then differs from the test no CAE run can tell.",
-    ),
-    "time_domain": ("After: fine-tuned on tests", "What the other tests add to the networks."),
-}
-_TRAINED = (
+_LEARNED = (
     (
         "training",
         "learning_curve",
-        "Training on CAE runs",
         "Mean square error over epochs",
-        "Mean square error, mean of {members} networks; validation: on a tenth of the runs, held back.",
+        "**Training on CAE runs**: mean square error of {members} networks; validation: on a tenth of the runs.",
     ),
     (
         "fine-tuning",
         "left_out_rmse",
-        "Fine-tuning on tests",
         "Error on fitted and on left-out tests, by strength",
-        "Chosen is how far a test may differ from what all share: the least with an error on left-out tests within one "
-        "standard error of the lowest.",
+        "**Fine-tuning on tests**: chosen is how far a test may differ from what all share, the least with an error "
+        "on left-out tests within one standard error of the lowest.",
     ),
-    ("fine-tuning", "tuning_curve", "Fine-tuning on tests", "Loss over steps", "Loss on the other tests."),
+    ("fine-tuning", "tuning_curve", "Loss over steps", "**Fine-tuning on tests**: loss on the other tests."),
 )
-"""How networks were trained: figure, what the state has of it, title, alternative text, what to see."""
+"""How networks were trained: figure, what the state has of it, alternative text, what to see."""
 _FIGURES = {
     "Bias by speed": (
         "bias",
@@ -79,11 +68,6 @@ _FIGURES = {
         "What the other {n} tests predict of the bias in {test}. Shared: the same in every test. Ratio: trend and "
         "humps of the CAE pulse, times a factor. Parts can cancel: their sum is better known than each. Of the test's "
         "own part, its repeatability, only the size can be predicted.",
-    ),
-    "Integration check": (
-        "integration",
-        "Displacement over time, integrated and recovered from a(s), and their difference",
-        "Lines: integrated twice over time. Circles: recovered from a(s) (Eq. 29), without loss if they agree.",
     ),
 }
 """The library's name, the alternative text, and what to see."""
@@ -137,10 +121,8 @@ def _choose_tests(view: View) -> tuple[str, ...]:
     if missing := [test for test in asked if test not in known]:
         st.caption(f":material/link_off: No test here is named {plain(', '.join(missing))[:80]}.")
         st.session_state["held_out"] = [test for test in asked if test not in missing]
-    chosen = st.multiselect(
-        "Held-out tests, each in turn", known, key="held_out", persist_state="session",
-        help="While one is predicted, all others train, those listed here, too.",
-    )  # fmt: skip
+    tip = "While one is predicted, all others train, those listed here, too."
+    chosen = st.multiselect("Held-out tests, each in turn", known, help=tip, **kept("held_out"))
     return tuple(test for test in known if test in chosen)
 
 
@@ -159,17 +141,14 @@ def _show_predicted(view: View, study: Study, config: StudyConfig) -> None:
     rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
     of = plain(study.folds[0].held_out) if n == 1 else f"mean of {n} tests"
     st.markdown(f":material/check_circle: Rated, {of}, {window_label(window_ms)}: {rated}.")
+
+    def open_test(test: CrashTest) -> None:
+        choose_held_out(test)
+        open_next("compare")
+
     with st.container(horizontal=True):
         for fold in study.folds:
-            st.button(
-                f"Compare {plain(fold.held_out)}", icon=":material/arrow_forward:", on_click=_open_test,
-                args=(fold.test,),
-            )  # fmt: skip
-
-
-def _open_test(test: CrashTest) -> None:
-    choose_held_out(test)
-    open_next("compare")
+            st.button(f"Compare {plain(fold.held_out)}", on_click=open_test, args=(fold.test,))
 
 
 def _show_files(view: View) -> None:
@@ -179,7 +158,7 @@ def _show_files(view: View) -> None:
         button=_ON_ALL,
     )
     if fitted is not None:
-        download_bytes("models.zip", partial(fitted.models, view.campaign), view.campaign.name)
+        offer(view.campaign.name, {"models.zip": partial(fitted.models, view.campaign)})
 
 
 def _show_diagnostics(view: View) -> None:
@@ -241,42 +220,22 @@ def _events(campaign: Campaign, window_ms: float) -> CaeEvents:
 
 def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str], None]) -> None:
     (fold,) = study.folds
-    states = {estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _STAGES}
+    states = {own.approach: own.state for own in fold.estimates if own.approach in ("lf_tcn", "time_domain")}
     if not states:
         st.info("No approach with a network is known here yet.", icon=":material/info:")
         return
-    plot = partial(study.plot, fold.held_out, display=view.display)
-
-    @cache  # once for both columns
-    def both() -> dict[str, go.Figure]:
-        raw = [name for name in (BASELINE,) if name in fold.ratings]
-        figures = {name: plot("acceleration", approaches=[*raw, name], band=name) for name in states}
-        share_y_range(figures.values())
-        return figures
-
-    def draw(name: str) -> go.Figure:
-        return both()[name]
-
-    for column, name in zip(st.columns(2, gap="medium"), states, strict=False):
-        with column:
-            title, meaning = _STAGES[name]
-            rating = fold.ratings[name][view.display.window_ms]
-            st.markdown(f"**{title}** · {LABELS[name]} {rating.overall:.3f} ({rating.grade})")
-            alt = f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}"
-            show(partial(draw, name), LABELS[name], alt, meaning)
-    name = "time_domain" if "time_domain" in states else "lf_tcn"
-    known = [trained for trained in _TRAINED if trained[1] in states[name]]
-    for column, (figure, _, title, alt, meaning) in zip(st.columns(2, gap="medium"), known, strict=False):
-        with column:
-            st.markdown(f"**{title}**")
-            show(partial(plot, figure, approaches=[name]), figure, alt, meaning.format(**states[name]))
+    plot, last = partial(study.plot, fold.held_out, display=view.display), [*states][-1]
+    shown = [name for name in (BASELINE, *states) if name in fold.ratings]
+    alt = f"Acceleration over time: test {fold.held_out}, the CAE model and networks"
+    show(partial(plot, "acceleration", approaches=shown, band=last), "networks", alt, f"{LF} {TIME_DOMAIN}")
+    for figure, key, alt, meaning in _LEARNED:
+        if key in states[last]:
+            show(partial(plot, figure, approaches=[last]), figure, alt, meaning.format(**states[last]))
 
 
 def _show_past_vehicles(view: View) -> None:
     prior, editable, state = view.campaign.prior, can_be_edited(view.folder), st.session_state
-    wanted = f"past vehicles of {view.name}"  # once in use, or being learned: it is not folded under the mouse
-    state[wanted] = state.get(wanted, False) or prior is not None or bool(state.get(_PAST))
-    with st.expander("Past vehicles", icon=":material/inventory_2:", expanded=state[wanted]):
+    with st.expander("Past vehicles", expanded=prior is not None or bool(state.get(_PAST))):
         show_refused()
         if prior is not None:
             st.markdown(plain(prior.sentence))
@@ -285,25 +244,21 @@ def _show_past_vehicles(view: View) -> None:
         else:
             st.markdown("No archive is in use. Past vehicles teach a campaign before its tests do.")
         if editable:
+            # another widget once it is in use: what was uploaded is then no longer shown
+            key = f"archive file {view.campaign.fingerprint[:8]}"
             with st.container(horizontal=True, vertical_alignment="center"):
                 if prior is not None:
                     st.button("Use none", icon=":material/close:", on_click=use_archive, args=(view, None))
                 show_last_change(view)
-            _offer_upload(view)
+
+            def take() -> None:
+                if (file := state[key]) is not None:
+                    use_archive(view, file.getvalue())
+
+            st.file_uploader("Use an archive from a file", type=Path(ARCHIVE).suffix[1:], key=key, on_change=take)
         else:
             st.caption(":material/lock: Put one into a copy: *Save a copy to edit* on Data, or `crashfuse sample DIR`.")
         _learn_archive(view, editable=editable)
-
-
-def _offer_upload(view: View) -> None:
-    # another widget once it is in use: what was uploaded is then no longer shown
-    key = f"archive file {view.campaign.fingerprint[:8]}"
-
-    def take() -> None:
-        if (file := st.session_state[key]) is not None:
-            use_archive(view, file.getvalue())
-
-    st.file_uploader("Use an archive from a file", type=Path(ARCHIVE).suffix[1:], key=key, on_change=take)
 
 
 def _learn_archive(view: View, *, editable: bool) -> None:
@@ -311,10 +266,8 @@ def _learn_archive(view: View, *, editable: bool) -> None:
     known, state = list(campaigns.open_campaigns()), st.session_state
     if not {*state.get(_PAST, [])} <= {*known}:  # an upload was closed
         state[_PAST] = [name for name in state[_PAST] if name in known]
-    chosen = st.multiselect(
-        "Campaigns to learn from", known, key=_PAST, format_func=campaigns.label, persist_state="session",
-        help="Of vehicles with like CAE models. If this campaign is among them, it is taken out where it is judged.",
-    )  # fmt: skip
+    tip = "Of vehicles with like CAE models. If this campaign is among them, it is taken out where it is judged."
+    chosen = st.multiselect("Campaigns to learn from", known, format_func=campaigns.label, help=tip, **kept(_PAST))
     if len(chosen) < LEAST_VEHICLES:
         st.caption(f":material/info: Choose {LEAST_VEHICLES} or more; {len(known)} are open.")
         show_link("data", "Open another campaign")
@@ -329,13 +282,10 @@ def _learn_archive(view: View, *, editable: bool) -> None:
     if archive is None:
         return
     with st.container(horizontal=True):
-        download_bytes(ARCHIVE, lambda: archive.content)
+        offer("", {ARCHIVE: lambda: archive.content})
         if editable:
-            st.button(
-                "Use it for this campaign", icon=":material/check:",
-                on_click=lambda: use_archive(view, archive.content),
-                help=f"It is put into the campaign's folder, as {ARCHIVE}.",
-            )  # fmt: skip
+            use = partial(use_archive, view, archive.content)
+            st.button("Use it for this campaign", icon=":material/check:", on_click=use)
     _show_archive(archive, "archive learned")
 
 

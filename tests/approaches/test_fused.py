@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from crashfuse.approaches.base import Approach
 from crashfuse.approaches.calibration import Coverage, LeftOut
 from crashfuse.approaches.fused import Fused
 from crashfuse.approaches.mixture import PRIOR, SPREAD, STRENGTH, Pool, Scores, spread
@@ -173,7 +174,7 @@ def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch:
     known = {"model_": model, "prior_": None, "taught_bias": lambda *_: (None, "")}
     parts = [SimpleNamespace(left_out_=said(), left_out_groups_=said(), **known) for _ in range(3)]
     taken = iter(parts)
-    monkeypatch.setattr("crashfuse.approaches.fused.fitted", lambda *_: (next(taken), 0.0))
+    monkeypatch.setattr(Approach, "fitted", lambda *_: (next(taken), 0.0))
     monkeypatch.setattr("crashfuse.approaches.fused.bands.widening_far", lambda *_: 2.3)
     fused = Fused().fit(campaign)
     alone, groups = ([getattr(part, name) for part in parts] for name in ("left_out_", "left_out_groups_"))

@@ -135,6 +135,19 @@ class User:
         """Wait until an element of this kind (the page's main part) shows these words; returns all that it shows."""
         return self.wait(lambda: self.texts(css, words), f"{css} never showed {words!r}.", timeout_s)[0]
 
+    def rests(self) -> None:
+        """Wait until the page is drawn as it stays: its script has ended."""
+        self.wait(lambda: self.browser.find_elements(By.CSS_SELECTOR, '[data-test-script-state="notRunning"]'))
+
+    def types(self, css: str, *keys: str) -> None:
+        """Press keys on an element of this kind, whichever is there by then."""
+
+        def typed() -> bool:
+            self.find(css).send_keys(*keys)
+            return True
+
+        self.wait(typed)
+
     def press(self, label: str, css: str = "button") -> None:
         """Click the first element of this kind with this label."""
         self.wait(lambda: self._pressed(label, css), f"There is no {label!r} to click.")
@@ -371,6 +384,14 @@ def _wait_until_up(server: Server, process: "subprocess.Popen[bytes]") -> None:
         except OSError:
             time.sleep(0.1)
     pytest.fail(f"The dashboard did not start:\n{server.log}")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Every test here is slow."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent:
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture

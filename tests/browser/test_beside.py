@@ -1,12 +1,9 @@
 """Anything beside anything in a real browser: curves that stay as chosen, pins, the nearest tests."""
 
-import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
-from tests.browser.conftest import FIGURE, MAIN, PILL, TABLE, Server, User, bands
-
-pytestmark = pytest.mark.slow
+from tests.browser.conftest import FIGURE, MAIN, PILL, TABLE, Server, User
 
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 
@@ -97,57 +94,3 @@ def test_curves_and_conditions_stay_as_chosen_whatever_else_is(small_server: Ser
     shows_speed(user, "34.8", "mph")
     user.press("km/h, kg")
     shows_speed(user, "56.0", "km/h")
-
-
-def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: Server, user: User) -> None:
-    """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one."""
-    user.sits_at(1440, 1000)
-    user.open(small_server, "predict", **ONE, speed_mph="30")
-    user.starts("Predict", FIGURE)
-    user.press("Pin this prediction")
-    user.wait(lambda: "pins=30mph" in user.browser.current_url)
-    user.fill("Impact speed (mph)", "34")
-    user.find('[aria-label*="34.0 mph, front"]')
-    user.press("Pin this prediction")
-    user.wait(lambda: "pins=34mph" in user.browser.current_url)
-    user.fill("Impact speed (mph)", "60")
-    user.sees("Extrapolation: speed 60.0 mph lies outside")
-    for speed in ("30.0", "34.0"):
-        user.sees(f"Displacement domain at {speed} mph", FIGURE)
-    assert sorted(bands(user).values()) == [False, False, True]
-    assert bands(user)["displacement_domain"]
-    user.wait(lambda: "speed_mph=60" in user.browser.current_url)
-    link = user.browser.current_url
-    user.browser.switch_to.new_window("tab")
-    user.becomes_another()
-    user.browser.get(link)
-    for speed in ("30.0", "34.0"):
-        user.sees(f"Displacement domain at {speed} mph", FIGURE)
-    user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "60.0")
-    user.sees("34.0 mph − 60.0 mph", f"{MAIN} {TABLE}")
-    user.press("− 34.0 mph", f"{MAIN} {PILL}")
-    user.sees("60.0 mph − 34.0 mph", f"{MAIN} {TABLE}")
-    user.press("Export")
-    report = user.downloads_file("report.html")
-    assert "Beside other predictions: Displacement domain" in report
-    assert "34.0 mph − 60.0 mph" in report
-    assert "Method and settings" in report
-    user.press("Short", PILL)
-    user.wait(lambda: user.all(f'{PILL}[aria-checked="true"]', "Short"))
-    user.press("report.html", '[data-testid="stDownloadButton"] button')
-    short = user.arrived("-short_report.html").read_text(encoding="utf-8")
-    assert "34.0 mph − 60.0 mph" in short
-    assert "Method and settings" not in short
-    user.press("", '[data-testid="stDialog"] [aria-label="Close"]')
-    user.press_inside("2 pinned", "34.0 mph", "button")
-    user.wait(lambda: "34mph" not in user.browser.current_url)
-    user.find(f"{MAIN} button", "1 pinned")
-    user.go("Compare")
-    user.starts("Predict test T2", FIGURE)
-    user.opens("Curves")
-    user.find('input[aria-label^="Also show"]').send_keys("30.0 mph", Keys.ENTER)
-    user.sees("Displacement domain at 30.0 mph", FIGURE)
-    user.go("Study")
-    user.open_tab("Past results")
-    listed = "return document.querySelector('[data-testid=\"stDataFrame\"]')?.textContent ?? ''"
-    user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "Nothing listed the prediction.")

@@ -9,7 +9,6 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
-import pytest
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -18,9 +17,6 @@ from tests.browser.conftest import SIDEBAR, TABLE, Server, User, serve
 from tests.browser.identity_provider import CLIENT, SECRET, identity_provider
 from tests.campaign_folder.test_uploads import spoil
 from tests.conftest import content_of
-
-pytestmark = pytest.mark.slow
-
 
 _KNOCK = """
 const socket = new WebSocket(arguments[0] + "/_stcore/stream", ["streamlit"]);
@@ -47,8 +43,15 @@ def another_site(folder: Path, page: str) -> Iterator[str]:
         site.shutdown()
 
 
-def test_another_site_cannot_embed_the_dashboard(small_server: Server, user: User, tmp_path: Path) -> None:
-    """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page."""
+def test_another_site_embeds_nothing_and_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
+    small_server: Server, user: User, campaign_on_disk: Path, tmp_path: Path
+) -> None:
+    """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page.
+
+    Files spoilt in eight ways are eight rows, which say which file; after that the good zip takes its place.
+
+    After Escape or a reload it is still theirs, with what was computed of it; another browser lists neither.
+    """
     user.browser.get(small_server.address.replace("127.0.0.1", "evil.localhost") + "/data")  # which resolves to it, too
     user.sees("crashfuse does not answer under this name.", "body")
     assert user.browser.execute_async_script(_KNOCK, small_server.address.replace("http", "ws")) == "refused"
@@ -63,15 +66,6 @@ def test_another_site_cannot_embed_the_dashboard(small_server: Server, user: Use
         user.browser.switch_to.default_content()
     user.open(small_server, "data")
     user.find("#root")
-
-
-def test_an_upload_is_mended_and_seen_by_its_owner_and_whoever_has_the_link(
-    small_server: Server, user: User, campaign_on_disk: Path, tmp_path: Path
-) -> None:
-    """Files spoilt in eight ways are eight rows, which say which file; after that the good zip takes its place.
-
-    After Escape or a reload it is still theirs, with what was computed of it; another browser lists neither.
-    """
     folder = shutil.copytree(campaign_on_disk, tmp_path / "car")
     told = spoil(folder)
     spoilt = tmp_path / "spoilt.zip"

@@ -3,15 +3,12 @@
 import shutil
 from pathlib import Path
 
-import pytest
 from selenium.webdriver.common.keys import Keys
 
 from tests.browser.conftest import MAIN, PILL, SIDEBAR, Server, User
 from tests.conftest import content_of
 from tests.importing.crash_files import german
 from tests.importing.crashes import clock, half_sine_g
-
-pytestmark = pytest.mark.slow
 
 IN_USE = f"{MAIN} {PILL}"  # a pill for each test
 

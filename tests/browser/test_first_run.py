@@ -1,11 +1,6 @@
 """A newcomer's first steps in a real browser."""
 
-import pytest
-
 from tests.browser.conftest import DARK, FIGURE, LIGHT, TABLE, Server, User
-
-pytestmark = pytest.mark.slow
-
 
 WATCH = """
 const seen = window.seen = new Set();

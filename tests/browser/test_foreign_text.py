@@ -8,8 +8,6 @@ import pytest
 
 from tests.browser.conftest import FIGURE, MAIN, PILL, Server, User
 
-pytestmark = pytest.mark.slow
-
 PICTURE, LINK = "![p](http://crash.test/p.png)", "[Log in again](https://crash.test/in) www.crash.test me@crash.test"
 OWN = "![p](own.png)"  # all that an id, which names a file, may hold of an address
 TAGS = "<a href='http://crash.test'>front</a> <img src='http://crash.test/i.png'>"

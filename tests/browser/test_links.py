@@ -3,11 +3,7 @@
 from collections.abc import Iterator
 from urllib.parse import parse_qs, urlsplit
 
-import pytest
-
 from tests.browser.conftest import FIGURE, LINK, MAIN, SIDEBAR, Server, User
-
-pytestmark = pytest.mark.slow
 
 VIEW = {"campaign": "sample", "test": "T03", "window": "40", "unit": "m/s²", "sign": "Deceleration", "seed": "3"}
 SHOWN = ["sample", "T03 · 16.7 mph", "0–40 ms", "m/s²", "+"]
@@ -28,8 +24,27 @@ def shown(user: User) -> list[str]:
     return [*chosen[:3], *pressed]
 
 
-def test_links_reproduce_their_view_on_a_cold_server(cold_server: Server, user: User) -> None:
-    """Six at once. Campaign, test, window, unit, sign; a reload and another page keep them, and Back leads to it."""
+def opened_at_once(user: User, server: Server, pages: tuple[str, ...], **view: str) -> Iterator[str]:
+    """Open each page in a tab of its own before any has answered, then turn to one after the other."""
+    tabs = [user.browser.current_window_handle]
+    for page in pages:
+        if page != pages[0]:
+            user.browser.switch_to.new_window("tab")
+            tabs.append(user.browser.current_window_handle)
+        user.open(server, page, **view)
+    for page, tab in zip(pages, tabs, strict=True):
+        user.browser.switch_to.window(tab)
+        yield page
+
+
+def test_links_reproduce_their_view_on_a_cold_server_and_back_undoes_the_last_choice(
+    cold_server: Server, small_server: Server, user: User
+) -> None:
+    """Six at once. Campaign, test, window, unit, sign; a reload and another page keep them, and Back leads to it.
+
+    Back undoes two choices, of different kinds, one by one, Forward makes them again; a button that opens a page is
+    one step.
+    """
 
     def same(page: str) -> bool:
         path = urlsplit(user.browser.current_url).path
@@ -50,24 +65,8 @@ def test_links_reproduce_their_view_on_a_cold_server(cold_server: Server, user: 
         user.wait(lambda other=other: same(other.lower()))  # type: ignore[misc]
         user.browser.back()
         user.wait(lambda page=page: same(page))  # type: ignore[misc]
-
-
-def opened_at_once(user: User, server: Server, pages: tuple[str, ...], **view: str) -> Iterator[str]:
-    """Open each page in a tab of its own before any has answered, then turn to one after the other."""
-    tabs = [user.browser.current_window_handle]
-    for page in pages:
-        if page != pages[0]:
-            user.browser.switch_to.new_window("tab")
-            tabs.append(user.browser.current_window_handle)
-        user.open(server, page, **view)
-    for page, tab in zip(pages, tabs, strict=True):
-        user.browser.switch_to.window(tab)
-        yield page
-
-
-def test_back_undoes_the_last_choice_and_no_more(server: Server, small_server: Server, user: User) -> None:
-    """Two choices, of different kinds, one by one, and again by Forward; a button that opens a page is one step."""
-    user.open(server, "compare", campaign="sample", test="T03")
+    user.becomes_another()
+    user.open(cold_server, "compare", campaign="sample", test="T03")
     user.wait(lambda: "T03 · 16.7 mph" in shown(user))
     user.rates_over("20")
     user.wait(lambda: asked(user).get("window") == "20")

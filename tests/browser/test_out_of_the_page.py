@@ -21,13 +21,31 @@ from crashfuse.units import G
 from tests.browser.conftest import FIGURE, PAIRED, PILL, Server, User, press_tool, rows
 from tests.conftest import ROOT
 
-pytestmark = pytest.mark.slow
-
 BANDED = ("time_domain", "displacement_domain", "fused")
 
 
-def test_a_figure_is_saved_as_it_is_shown_and_always_in_the_light(engineer: User, campaign_on_disk: "Path") -> None:
-    """What it shows in lines above it, which wrap where it is narrow; the numbers are those of visible curves."""
+@pytest.fixture(scope="module")
+def sample_study() -> Study:
+    """Eleven tests and five approaches."""
+    campaign, config = load_campaign(ROOT / "sample_data"), StudyConfig()
+    folds = []
+    for test in campaign.tests:
+        accel = 0.95 * test.pulse.accel_mps2
+        with_draws = Prediction(test.condition, accel, accel * np.linspace(0.9, 1.1, 50)[:, None])
+        predictions = {name: with_draws if name in BANDED else Prediction(test.condition, accel) for name in APPROACHES}
+        estimates = [Estimate(name, own, {}, 0.1, {test.id: accel}) for name, own in predictions.items()]
+        folds.append(Fold.of(test, estimates, config.windows_ms))
+    return Study(campaign, config, tuple(folds))
+
+
+def test_a_figure_is_saved_as_it_is_shown_and_notes_and_marks_go_onto_it_and_into_the_report(
+    engineer: User, small_server: Server, campaign_on_disk: Path, tmp_path: Path, sample_study: Study
+) -> None:
+    """Always in the light, what it shows in lines above it, which wrap where it is narrow; numbers of visible curves.
+
+    Notes are typed in beside the figure, kept in the campaign folder for the next session, and deleted again. Printed
+    by Chromium, a report on the sample is short on three pages of A4, whole on about 25.
+    """
     engineer.sits_at(480, 1000)
     engineer.prefers("dark")
     ground = f"return document.querySelector('{FIGURE}').layout.paper_bgcolor"
@@ -66,12 +84,6 @@ def test_a_figure_is_saved_as_it_is_shown_and_always_in_the_light(engineer: User
     assert "test T1 and its prediction by Displacement domain<" in saved  # not by CAE, which is hidden
     assert "@font-face" in saved  # which no other program has: without it, and without lengths, words would overlap
     assert len(re.findall("<(?:text|tspan)[^>]* textLength=", saved)) > 20
-
-
-def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
-    engineer: User, small_server: Server, campaign_on_disk: "Path"
-) -> None:
-    """They are typed in beside the figure, kept in the campaign folder for the next session, and deleted again."""
     engineer.press("Notes and marks on T1", "summary")
     engineer.fill("Note", "<b>hump</b> comes early")
     engineer.fill("From (ms)", "25")
@@ -100,31 +112,13 @@ def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
     engineer.presses_until(lambda: not (campaign_on_disk / "notes.csv").exists(), "Delete")
     engineer.presses_until(lambda: (campaign_on_disk / "notes.csv").exists(), "Put back")
     engineer.presses_until(lambda: not (campaign_on_disk / "notes.csv").exists(), "Delete")
-
-
-@pytest.fixture(scope="module")
-def sample_study() -> Study:
-    """Eleven tests and five approaches."""
-    campaign, config = load_campaign(ROOT / "sample_data"), StudyConfig()
-    folds = []
-    for test in campaign.tests:
-        accel = 0.95 * test.pulse.accel_mps2
-        with_draws = Prediction(test.condition, accel, accel * np.linspace(0.9, 1.1, 50)[:, None])
-        predictions = {name: with_draws if name in BANDED else Prediction(test.condition, accel) for name in APPROACHES}
-        estimates = [Estimate(name, own, {}, 0.1, {test.id: accel}) for name, own in predictions.items()]
-        folds.append(Fold.of(test, estimates, config.windows_ms))
-    return Study(campaign, config, tuple(folds))
-
-
-@pytest.mark.parametrize(("form", "most"), [("short", 3), ("whole", 26)])
-def test_a_report_on_the_sample_fits_its_pages(
-    user: User, tmp_path: "Path", sample_study: Study, form: ReportForm, most: int
-) -> None:
-    """Printed by Chromium: short on three pages of A4, whole on about 25."""
-    path = tmp_path / f"{form}.html"
     notes = (Note("T01", "Third hump comes early: check the record", 25.0, 40.0), Note("T02", "Barrier face replaced"))
-    path.write_text(study_report(sample_study, options=ReportOptions(form, notes=notes)), encoding="utf-8")
-    user.browser.get(path.as_uri())
-    user.wait(lambda: user.all(FIGURE))
-    printed = user.browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})
-    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed["data"]))) <= most
+    forms: dict[ReportForm, int] = {"short": 3, "whole": 26}
+    for form, most in forms.items():
+        path = tmp_path / f"{form}.html"
+        path.write_text(study_report(sample_study, options=ReportOptions(form, notes=notes)), encoding="utf-8")
+        engineer.browser.get(path.as_uri())
+        engineer.wait(lambda: engineer.all(FIGURE))
+        settings = {"preferCSSPageSize": True, "printBackground": True}
+        printed = base64.b64decode(engineer.browser.execute_cdp_cmd("Page.printToPDF", settings)["data"])
+        assert 2 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= most

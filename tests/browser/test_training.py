@@ -1,14 +1,15 @@
-"""Trainings in a real browser: watched, shared and stopped while they run."""
+"""Computations in a real browser: watched, shared and stopped while they run, or ended by want of memory."""
 
-import pytest
-
-from tests.browser.conftest import Server, User
-
-pytestmark = pytest.mark.slow
+from tests.browser.conftest import MAIN, QUICK, Server, User
 
 
-def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it(small_server: Server, user: User) -> None:
-    """A second tab finds it, another browser sees whose it is and asks for it, too; it goes on until both cancel."""
+def test_a_training_ends_when_nobody_waits_for_it_and_what_failed_succeeds_the_next_time(
+    small_server: Server, user: User
+) -> None:
+    """After a reload, in a second tab it is there; another browser sees whose it is; it goes on until both cancel.
+
+    A study that runs out of memory, or whose processes are killed, says so where it was started, and can go on.
+    """
     user.open(small_server, "train", seed="1", preset="paper")  # which takes hours
     user.press("Train without them")
     user.sees("LF TCN: ")
@@ -44,3 +45,16 @@ def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it(small_se
     assert "Train without them" in user.sees("Cancelled.")
     user.go("Data")
     user.sees("Fingerprint")
+    study = f"{MAIN} button", "Leave out each of 4 tests"
+    failures = {"memory": "Memory ran out. Close other programs", "kills": "Workers died 3 times in a row"}
+    for seed, (fails, message) in enumerate(failures.items(), start=8):
+        user.open(small_server, "study", approaches=QUICK, seed=str(seed))
+        user.find(*study)
+        (small_server.witness / fails).touch()
+        try:
+            user.press(study[1], study[0])
+            user.sees(message)
+        finally:
+            (small_server.witness / fails).unlink()
+        user.press(study[1], study[0])
+        user.sees("Mean over the tests")

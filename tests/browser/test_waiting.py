@@ -2,13 +2,10 @@
 
 import re
 
-import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.approaches.registry import LABELS
-from tests.browser.conftest import MAIN, POPOVER, QUICK, SIDEBAR, Server, User, bands
-
-pytestmark = pytest.mark.slow
+from tests.browser.conftest import MAIN, POPOVER, SIDEBAR, Server, User, bands
 
 
 def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_server: Server, user: User) -> None:
@@ -42,23 +39,3 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     user.press("Time domain", '.cf-ratings [role="button"]')  # from a rating to its parts
     user.sees("Time domain 0.", '[data-testid="stMarkdown"]')
     assert "compare_tab=Why&explained=time_domain" in user.browser.current_url
-
-
-@pytest.mark.parametrize(
-    ("fails", "said"), [("memory", "Memory ran out. Close other programs"), ("kills", "Workers died 3 times in a row")]
-)
-def test_memory_and_kills_are_sentences_and_the_next_try_succeeds(
-    small_server: Server, user: User, fails: str, said: str
-) -> None:
-    """A study that runs out of memory, or whose processes are killed, says so where it was started, and can go on."""
-    study = f"{MAIN} button", "Leave out each of 4 tests"
-    user.open(small_server, "study", approaches=QUICK, seed={"memory": "8", "kills": "9"}[fails])
-    user.find(*study)
-    (small_server.witness / fails).touch()
-    try:
-        user.press(study[1], study[0])
-        user.sees(said)
-    finally:
-        (small_server.witness / fails).unlink()
-    user.press(study[1], study[0])
-    user.sees("Mean over the tests")

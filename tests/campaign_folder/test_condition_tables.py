@@ -30,7 +30,6 @@ COMPOSED, APART = (unicodedata.normalize(form, "Prüfung é") for form in ("NFC"
 
 @given(name=st.text())
 def test_any_name_becomes_an_id(name: str) -> None:
-    """Whatever a laboratory calls its files."""
     run_id = safe_id(name)
     assert id_trouble(run_id) is None
     assert name_trouble(f"{run_id}.csv") is None
@@ -50,7 +49,6 @@ def test_any_name_becomes_an_id(name: str) -> None:
     ],
 )
 def test_as_much_of_a_name_is_kept_as_can_be(name: str, run_id: str) -> None:
-    """A fine one stays as it is."""
     assert safe_id(name) == run_id
 
 
@@ -66,7 +64,6 @@ def test_ids_that_a_file_system_takes_for_one_are_refused(campaign_folder: Path,
 
 
 def test_a_pulse_is_found_whose_name_has_its_accents_apart(campaign_folder: Path) -> None:
-    """As a Mac writes it."""
     (campaign_folder / "tests" / "T1.csv").rename(campaign_folder / "tests" / f"{APART}.csv")
     table = campaign_folder / "tests.csv"
     table.write_text(table.read_text(encoding="utf-8").replace("T1,", f"{COMPOSED},", 1), encoding="utf-8")

@@ -52,7 +52,6 @@ def pulses(campaign: Campaign) -> FloatArray:
 
 @pytest.mark.parametrize("way", MADE)
 def test_a_copy_of_a_test_is_found_however_it_was_made(sample: Campaign, way: str) -> None:
-    """Of every test, and nothing else is taken for one."""
     tests = pulses(sample)
     n = len(tests)
     for place, accel in enumerate(tests):
@@ -82,7 +81,6 @@ def test_a_second_sensor_of_a_crash_is_told(sample: Campaign, name: str, differs
 
 
 def test_check_names_the_sensors(tmp_path: Path) -> None:
-    """Beside what else there is to tell."""
     folder = shutil.copytree(ROOT / "sample_data", tmp_path / "campaign")
     with (folder / "tests.csv").open("a") as table:
         table.write("T09_right,35.10,2107.68,1556.64,Type I,FWD\n")
@@ -141,7 +139,6 @@ def test_copies_among_cae_runs_are_told(sample: Campaign, way: str) -> None:
 
 
 def test_a_copied_cae_run_is_a_warning(campaign_folder: Path) -> None:
-    """It does not keep a campaign from being used."""
     pulses_of = pd.read_parquet(campaign_folder / "cae_pulses.parquet")
     own = pulses_of.id == "C05"
     pulses_of.loc[own, "acceleration_g"] = pulses_of.loc[pulses_of.id == "C15", "acceleration_g"].to_numpy()

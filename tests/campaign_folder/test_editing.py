@@ -121,7 +121,6 @@ def test_a_copy_of_a_test_is_refused_and_nothing_changes(campaign_folder: Path) 
 
 
 def test_an_id_that_is_there_is_refused_and_nothing_changes(campaign_folder: Path) -> None:
-    """Neither table, nor pulse, nor settings: all or nothing."""
     before = content_of(campaign_folder)
     for ids, message in (
         (["New", "T1"], "an id that is not there yet, found 'T1'"),
@@ -239,7 +238,6 @@ def test_why_a_test_is_left_out_stays_with_it(folder: Path) -> None:
 
 @pytest.mark.parametrize("why", ["", 'see [3]} # "4"'])
 def test_an_id_may_hold_what_ends_a_list(folder: Path, why: str) -> None:
-    """What was written with it is recognised again."""
     table = folder / "tests.csv"
     table.write_text(table.read_text().replace("T1", "T[1]}"))
     (folder / "tests" / "T1.csv").rename(folder / "tests" / "T[1]}.csv")
@@ -297,7 +295,6 @@ def test_a_list_that_a_person_wrote_is_edited_or_left_alone(folder: Path) -> Non
 
 
 def test_a_damaged_test_can_be_left_out(folder: Path) -> None:
-    """The campaign can be opened then."""
     (folder / "tests" / "T2.csv").write_text("lost")
     pd.read_csv(folder / "tests.csv").astype({"speed_mph": object}).assign(
         speed_mph=lambda t: t.speed_mph.where(t.id != "T3", "fast")
@@ -399,7 +396,6 @@ def test_what_cannot_be_edited_is_said(folder: Path, edit: Callable[..., str], i
 
 
 def test_the_sample_is_not_edited_but_a_copy_is(tmp_path: Path) -> None:
-    """The copy is the same campaign."""
     for edit in (lambda: editing.leave_out(sample_folder(), ["T01"]), lambda: undo(sample_folder())):
         with pytest.raises(DataError, match="copy it"):
             edit()
@@ -478,7 +474,6 @@ def test_who_shares_a_folder_can_read_what_an_edit_wrote(folder: Path, mode: int
 
 
 def test_hard_links_are_not_needed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk without them gets copies."""
     before = content_of(folder)
 
     def none(*_: object, **__: object) -> None:

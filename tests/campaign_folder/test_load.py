@@ -219,7 +219,6 @@ def test_filter_class_of_the_import_is_that_of_all_tests(campaign_folder: Path) 
 
 
 def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
-    """A run named NA is a run."""
     REWRITTEN["CAE as CSV"](campaign_folder)
     for name in ("cae.csv", "cae_pulses.csv"):
         path = campaign_folder / name
@@ -254,7 +253,6 @@ def test_bad_cells_of_a_column_are_shortened(campaign_folder: Path) -> None:
 
 @pytest.mark.parametrize(("name", "found"), [("nowhere", "no such folder"), ("campaign/tests.csv", "a file")])
 def test_what_is_no_folder_is_named(campaign_folder: Path, name: str, found: str) -> None:
-    """The path is the message."""
     with pytest.raises(DataError, match=rf"{name}: expected a campaign folder, or a zip of one, found {found};"):
         load_campaign(campaign_folder.parent / name)
 
@@ -320,7 +318,6 @@ def test_weights_that_are_like_the_runs_only_in_the_other_unit_or_exchanged_are_
 
 
 def test_names_from_the_settings_are_one_harmless_line(campaign_folder: Path) -> None:
-    """What a terminal would obey is shown, not done."""
     (campaign_folder / "campaign.toml").write_text('name = "\\u001b[31mred\\u202e"\nnotice = "two\\nlines"\n')
     loaded = load_campaign(campaign_folder)
     assert loaded.name == "\\x1b[31mred\\u202e"

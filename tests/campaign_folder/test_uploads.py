@@ -87,7 +87,6 @@ def test_an_id_of_both_sources_goes_to_the_one_without_a_table_of_pulses(tmp_pat
 def test_uploads_beyond_the_limits_are_refused_and_nothing_stays(
     content: dict[str, bytes], tmp_path: Path, limits: Limits, expected: str, packed: bool
 ) -> None:
-    """Zip or loose files: neither may be larger than allowed."""
     loose = [(Path(name).name, data) for name, data in content.items()]
     with pytest.raises(DataError, match=expected):
         lay_out([("c.zip", zipped(content))] if packed else loose, tmp_path, limits)
@@ -216,7 +215,6 @@ def test_pulses_are_checked_without_their_table(campaign_folder: Path, gone: str
 
 
 def test_every_line_with_a_decimal_comma_is_told(campaign_folder: Path) -> None:
-    """Not only the first."""
     table = campaign_folder / "tests.csv"
     lines = table.read_text().splitlines()
     damaged = [line.replace(".", ",", 1) if row > 1 else line for row, line in enumerate(lines)]

@@ -76,7 +76,6 @@ def test_an_occupant_model_of_its_own_is_read_and_written(
 
 
 def test_a_folder_that_holds_something_is_left_alone(campaign: Campaign, tmp_path: Path) -> None:
-    """Writing refuses it; an empty one is fine."""
     (tmp_path / "c").mkdir()
     write_campaign(campaign, tmp_path / "c")
     before = content_of(tmp_path)
@@ -156,7 +155,6 @@ def test_the_kinds_of_columns_stay(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("header", ["id,time_ms", "id,acceleration_g", "id,time_ms,time_s,acceleration_g", "", "x,y"])
 def test_a_table_without_its_columns_is_refused_and_stays(tmp_path: Path, header: str) -> None:
-    """One of time, one of acceleration, and the ids."""
     path = tmp_path / "tests_pulses.csv"
     path.write_text(f"{header}\n")
     with pytest.raises(DataError, match=r"tests_pulses\.csv: expected (a column id|one column time_)"):

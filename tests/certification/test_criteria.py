@@ -49,7 +49,6 @@ def test_a_file_declares_criteria_and_their_confidence(tmp_path: Path) -> None:
 
 
 def test_mappings_declare_the_same_criteria_as_a_file(tmp_path: Path) -> None:
-    """The library takes the tables of the file as they stand."""
     items = [
         {"name": "crush", "metric": "max_crush", "unit": "mm", "at_most": 650},
         {"metric": "olc", "at_least": 10.5, "at_most": 25.0},

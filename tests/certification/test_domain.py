@@ -90,6 +90,27 @@ def test_a_group_that_lay_outside_by_its_factor_does_not_widen_what_is_checked_e
     assert Domain.of(with_tests(wide, *speeds, T3="AWD", T2="4WD")).reach_mps == pytest.approx(3.0 * MPH)
 
 
+def test_a_test_that_the_cae_model_was_tuned_to_checks_nothing(wide: Campaign) -> None:
+    """The domain is that of the others, with a sentence on why; four of them it takes."""
+    campaign = with_tests(wide, 15.0, 18.0, 23.0, 28.0, 33.0)
+    tuned = replace(campaign, tests=(*campaign.tests[:4], replace(campaign.tests[4], cae_tuned=True)))
+    fastest = replace(campaign.tests[0].condition, speed_mps=35.0 * MPH)
+    assert Domain.of(campaign).outside(fastest) == ()
+    domain, of_others = Domain.of(tuned), Domain.of(campaign.without(("T4",)))
+    assert (domain.speeds_mps, domain.inside, domain.reach_mps) == (
+        of_others.speeds_mps,
+        of_others.inside,
+        of_others.reach_mps,
+    )
+    assert domain.outside(fastest) == (
+        *of_others.outside(fastest),
+        "Not counted, as the CAE model was tuned to them: T4.",
+    )
+    [too_few] = Domain.of(tuned.without(("T0",))).outside(campaign.tests[1].condition)
+    assert too_few.startswith("3 of 4 tests: too few to check")
+    assert Domain.of(campaign.without(("T0",))).too_few_tests == ()
+
+
 def test_a_gap_wider_than_any_that_was_left_out_is_outside(wide: Campaign) -> None:
     """Tests at 15, 18, 21 and 50, 53 mph: the middle of the gap is farther from a test than any left-out test was."""
     domain = Domain.of(with_tests(wide, 15.0, 18.0, 21.0, 50.0, 53.0))

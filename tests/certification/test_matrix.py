@@ -39,7 +39,6 @@ def test_a_table_is_read_with_its_units_and_factors(tmp_path: Path) -> None:
 
 
 def test_a_data_frame_is_the_same_matrix_as_its_file(tmp_path: Path) -> None:
-    """To the last digit."""
     path = matrix_file(tmp_path, f"{HEADER},drive", "A,30.1,2000,1500,FWD", "B,35.7,2050.55,1500,AWD")
     assert Matrix.of(pd.read_csv(path), FACTORS) == Matrix.read(path, FACTORS)
 
@@ -62,13 +61,11 @@ def test_a_data_frame_is_the_same_matrix_as_its_file(tmp_path: Path) -> None:
     ],
 )
 def test_a_table_that_is_no_matrix_is_refused_in_a_sentence(tmp_path: Path, lines: list[str], sentence: str) -> None:
-    """File, column and row, what was expected, what was found."""
     [problem] = map(str, problems_of(lambda: Matrix.read(matrix_file(tmp_path, *lines), FACTORS)))
     assert sentence in problem
 
 
 def test_a_table_of_more_conditions_than_can_be_predicted_is_refused(tmp_path: Path) -> None:
-    """10,000 at most."""
     rows = (f"C{i},{5 + i / 1000},2000,1500" for i in range(10_001))
     with pytest.raises(DataError, match="expected at most 10,000 conditions, found 10,001"):
         Matrix.read(matrix_file(tmp_path, HEADER, *rows), FACTORS)
@@ -106,7 +103,6 @@ def test_what_was_typed_is_written_as_typed(speed: str, front: str, rear: str, n
 
 
 def test_a_grid_has_every_combination_once() -> None:
-    """Speeds before weights before factors, numbered."""
     found = Matrix.grid([20 * MPH, 30 * MPH], [900.0], [650.0, 700.0], {"drive": ("FWD", "AWD")})
     assert found.ids == tuple(f"M{number:03d}" for number in range(1, 9))
     assert len(set(found.conditions)) == 8
@@ -127,7 +123,6 @@ def test_a_grid_has_every_combination_once() -> None:
     ],
 )
 def test_a_grid_that_cannot_be_predicted_is_refused(speeds: list[float], sentence: str) -> None:
-    """Said before anything learns."""
     with pytest.raises(UsageError, match=sentence):
         Matrix.grid(speeds, [900.0], [650.0], {})
 

@@ -207,7 +207,6 @@ def test_a_key_of_the_wrong_kind_is_refused_in_a_sentence(sealed: Path, maker: P
     "content", [b"", b"[]", b"{}", b"\xff", b"[" * 99_999, b'{"public_key": 1}', b'{"public_key": "", "signature": ""}']
 )
 def test_a_seal_that_is_none_is_refused_in_a_sentence(sealed: Path, content: bytes) -> None:
-    """Whatever it holds; without any it is asked for."""
     (sealed / SEAL).write_bytes(content)
     (problem,) = problems_of(lambda: verify(sealed))
     assert (problem.where, problem.found) == (SEAL, "another file, or a damaged one")

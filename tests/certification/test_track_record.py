@@ -203,6 +203,17 @@ def test_a_test_that_is_left_out_both_ways_supports_no_more_than_once() -> None:
     assert TrackRecord((*own, other)).support(some[0]).decided == 6
 
 
+def test_a_wrong_verdict_is_among_the_five_that_count_of_a_test() -> None:
+    """Whichever metric it is on: right ones, and open ones after them, do not crowd it out."""
+    metrics = [Criterion(of, of, at_most=500.0) for of in ("max_crush", "static_crush", "peak", "mean", "olc", "vpi")]
+    for missed in metrics:
+        verdicts = [trial("met", 505.0 if one is missed else 495.0, criterion=one) for one in metrics]
+        support = TrackRecord((*(trial("open", 495.0, criterion=one) for one in metrics), *verdicts)).support(missed)
+        assert (support.decided, support.wrong) == (5, 1)
+    opened = [trial("open" if one in metrics[:5] else "met", 495.0, criterion=one) for one in metrics]
+    assert TrackRecord(tuple(opened)).support(metrics[0]).decided == 1
+
+
 def test_what_a_test_missed_is_one_miss_among_its_own() -> None:
     """Those of its own metric are one a test; in all it counts each time that somebody would have been misled."""
     ways: list[tuple[LeftOut, float]] = [("test", 0.9), ("speed group", 0.8), ("planned", 0.95)]

@@ -231,7 +231,6 @@ def test_what_cannot_be_certified_is_one_sentence_and_leaves_nothing(
 def test_a_full_disk_leaves_no_part_of_a_certification(
     planned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
-    """All files or none."""
     real = Path.write_bytes
 
     def full(path: Path, content: bytes) -> int:
@@ -246,7 +245,6 @@ def test_a_full_disk_leaves_no_part_of_a_certification(
 
 @pytest.mark.slow
 def test_costs_stand_in_the_record(planned: Path, tmp_path: Path, shell: Shell) -> None:
-    """With the confidence that was declared."""
     printed = shell.prints(*certifying(planned, tmp_path / "out", "--costs", 5, 100))
     assert read_earlier(tmp_path / "out").criteria.costs == Costs(5, 100)
     assert "skipping pays from a confidence of 0.95; 0.8 is asked for." in printed

@@ -320,7 +320,6 @@ def test_rate_explains_what_a_rating_is_made_of(campaign_folder: Path, shell: Sh
 
 
 def test_check_tells_what_a_campaign_holds(campaign_on_disk: Path, shell: Shell) -> None:
-    """Counts, each test's condition and its pair, and the fingerprint."""
     out = shell.prints("check", campaign_on_disk)
     assert "4 tests, 24 CAE runs" in out
     assert "T1: 15.0 mph (24.1 km/h), front 2000 lb, rear 1450 lb; paired with C20" in out
@@ -353,7 +352,6 @@ def test_interrupting_says_how_to_go_on(
 
 
 def test_version_and_help_end_well(shell: Shell) -> None:
-    """Both print and exit with 0; help names every command."""
     for flag in ("--version", "--help"):
         with pytest.raises(SystemExit) as ended:
             run(flag)
@@ -364,7 +362,6 @@ def test_version_and_help_end_well(shell: Shell) -> None:
 
 
 def test_speeds_and_weights_are_given_in_either_unit(shell: Shell) -> None:
-    """Never in both at once."""
     here = ["predict", "campaign", "--out", "out"]
     arguments = cli.parser().parse_args(
         [*here, "--speed-kph", "56", "--front-weight-kg", "950", "--rear-weight-lb", "1500"]
@@ -385,25 +382,23 @@ def test_speeds_and_weights_are_given_in_either_unit(shell: Shell) -> None:
     ],
 )
 def test_what_the_parser_refuses_is_wrong_usage(arguments: list[str], shell: Shell) -> None:
-    """Said before anything is computed or a server starts."""
     assert shell.no_command(*arguments)
 
 
 @pytest.mark.slow
 def test_saved_models_predict_without_learning_again(
-    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
+    campaign_on_disk: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    shell: Shell,
+    fitting_is_an_error: Callable[[], None],
 ) -> None:
     """All that train saved is used; with an empty cache nothing is trained."""
     printed = shell.prints("train", campaign_on_disk, "--out", tmp_path / "models")
     assert "Learned from 4 tests and 24 CAE runs" in printed
     assert {path.stem for path in (tmp_path / "models").iterdir()} == set(APPROACHES)
-
-    def forbidden(*_: object, **__: object) -> None:
-        raise AssertionError("trained again")
-
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path / "empty"))
-    monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", forbidden)
-    monkeypatch.setattr("crashfuse.approaches.displacement_domain.gaussian_process.GaussianProcess.fit", forbidden)
+    fitting_is_an_error()
     out = tmp_path / "out"
     command = ["predict", campaign_on_disk, *at_condition(22, 2060, 1520), "--out", out]
     assert run(*command, "--models", tmp_path / "models") == cli.DONE
@@ -527,7 +522,6 @@ def test_a_learning_curve_writes_its_table_its_report_and_its_record(
 
 
 def test_a_curve_of_two_tests_says_what_cannot_be_told(campaign: Campaign, tmp_path: Path, shell: Shell) -> None:
-    """One predicts the other; there is no gain to list."""
     folder = write_campaign(campaign.without(["T1", "T2"]), tmp_path / "campaign")
     options = ["--out", tmp_path / "out", "--approach", "cae", "--workers", 1]
     printed = shell.prints("learning-curve", folder, *options)

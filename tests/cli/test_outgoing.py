@@ -52,7 +52,6 @@ def test_predict_exports_the_pulse_that_stands_in_its_table(
 
 @pytest.mark.slow
 def test_a_sweep_exports_the_pulses_at_each_speed(campaign_on_disk: Path, tmp_path: Path, shell: Shell) -> None:
-    """A folder for each speed, in each format; without --export none."""
     command = ["sweep", campaign_on_disk, "--out", tmp_path, "--approach", "cae", "--speed-mph", 24.95, 27, *WEIGHTS]
     assert shell.prints(*command, *LSDYNA).endswith(f"Written to {tmp_path}: lsdyna/, report.html, sweep.csv\n")
     assert names(tmp_path / "lsdyna") == {
@@ -78,14 +77,12 @@ def test_a_sweep_exports_the_pulses_at_each_speed(campaign_on_disk: Path, tmp_pa
 def test_an_export_that_is_impossible_is_one_sentence(
     campaign_on_disk: Path, tmp_path: Path, options: list[str], sentence: str, shell: Shell
 ) -> None:
-    """And nothing is written."""
     command = ["predict", campaign_on_disk, "--speed-mph", 30, *WEIGHTS, "--out", tmp_path / "out"]
     assert sentence in shell.wrong_usage(*command, "--approach", "cae", *options)
     assert not (tmp_path / "out").exists()
 
 
 def test_draws_of_a_sweep_need_a_format(campaign_on_disk: Path, tmp_path: Path, shell: Shell) -> None:
-    """Which exports none unless it is asked to."""
     command = ["sweep", campaign_on_disk, *WEIGHTS, "--out", tmp_path / "out", "--draws", 3]
     assert "name their format with --export" in shell.wrong_usage(*command)
 

@@ -257,7 +257,6 @@ def test_who_comes_second_waits_until_the_first_has_ended(tmp_path: Path, holder
 @pytest.mark.usefixtures("holder")
 @pytest.mark.slow
 def test_waiting_can_be_cancelled_and_has_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody hangs for ever because another does."""
     cancel = threading.Event()
     cancel.set()
     with pytest.raises(Cancelled), Cache(tmp_path).alone("kind", {}, Watch(cancel=cancel)):

@@ -44,7 +44,6 @@ def test_the_file_that_tells_of_the_others_moves_last(tmp_path: Path, monkeypatc
 
 
 def test_files_that_cannot_all_be_written_change_nothing(tmp_path: Path) -> None:
-    """No old file is replaced, and nothing unfinished stays."""
     write_atomically(tmp_path / "a.csv", b"old")
     with pytest.raises(OSError, match="No space"), written_together(tmp_path, last="b.csv") as folder:  # noqa: PT012
         write_atomically(folder / "a.csv", b"new")

@@ -92,7 +92,6 @@ def test_channels_are_averaged_over_the_time_that_they_share(steps: int, hundred
 
 
 def test_a_channel_that_cannot_be_read_costs_no_test() -> None:
-    """A sound one stands beside it; alone, it is refused."""
     values = half_sine_g(clock())
     values[900:950] = np.nan
     broken = replace(sensor("B"), values=values)
@@ -189,7 +188,6 @@ def test_what_says_that_it_is_simulated_is_no_test(tmp_path: Path, source: str, 
 
 
 def test_channels_that_failed_are_not_rated_and_questionable_ones_noted(tmp_path: Path) -> None:
-    """By whichever of both tests says it."""
     for name, status in (("A", "channel failed"), ("B", "ok")):
         test = replace(isomme((LEFT, "", status), (RIGHT, "", "questionable data"), (THIRD, "", "ok")), name=name)
         written(tmp_path, isomme_files(test))
@@ -224,7 +222,6 @@ def test_files_of_others_give_the_crush_of_their_crash(name: str, crush_mm: floa
 
 @needs_shared
 def test_a_late_logger_and_an_exported_prediction_are_refused() -> None:
-    """Neither becomes a test without a word."""
     (late,) = read_records(Reading(FORMATS / "isomme_late_sensor"))
     assert f"12 ms later than {LEFT}" in problem(late)
     (own,) = read_records(Reading(FORMATS / "isomme_source" / "own_prediction"))

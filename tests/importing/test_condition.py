@@ -59,7 +59,6 @@ def test_weights_that_a_user_cannot_mean_are_refused(given: PartialCondition, sh
 
 
 def test_weights_of_a_file_that_contradict_each_other_are_refused_until_the_user_overrules_them() -> None:
-    """950 and 700 kg are no 1850 kg."""
     one = record(channel(), condition=PartialCondition(SPEED_MPS, 1850, 950, 700))
     with pytest.raises(DataError, match=r"weights of T1 that add up, found 950 kg .* 700 kg .* 1850 kg"):
         weights(one, PartialCondition())
@@ -126,7 +125,6 @@ def test_one_weight_that_was_given_is_named_where_another_is_asked_for(
 
 
 def test_weights_are_said_in_the_units_of_the_reader() -> None:
-    """In both as a string, in one on a page."""
     steps: list[str] = []
     one = record(channel(), condition=PartialCondition(SPEED_MPS))
     complete_condition(

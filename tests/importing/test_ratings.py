@@ -155,7 +155,6 @@ def test_what_is_named_a_deceleration_is_turned_and_told(tmp_path: Path, header:
 @needs_shared
 @pytest.mark.parametrize(("name", "expected"), [("late12ms", 0.561), ("inverted", 0.094), ("reference", 1.0)])
 def test_shifts_and_turns_of_others(name: str, expected: float) -> None:
-    """The same as of tables in our own form."""
     folder = SHARED / "real" / "formats" / "rate_shifts_and_turns"
     for own in ("", "own_"):
         table = rate_files(folder / f"{own}reference.csv", folder / f"{own}{name}.csv", [60])
@@ -163,7 +162,6 @@ def test_shifts_and_turns_of_others(name: str, expected: float) -> None:
 
 
 def test_files_that_are_no_pulse_say_what_they_lack(files: Path) -> None:
-    """No file; no unit, which can be given; no such channel."""
     with pytest.raises(DataError, match="expected a pulse file, found no such file"):
         rate_files(files / "own.csv", files / "none.csv")
     written(files, {"bare.csv": german(clock(), half_sine_g(clock()), header="Zeit [ms];a_x")})
@@ -198,7 +196,6 @@ def test_pairs_of_a_table_are_rated_and_those_that_cannot_be_say_why(files: Path
     ],
 )
 def test_a_table_that_holds_no_pairs_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
-    """In one sentence, before any file is read."""
     (tmp_path / "pairs.csv").write_text(text)
     with pytest.raises(DataError, match=sentence):
         rate_pairs(tmp_path / "pairs.csv")

@@ -50,7 +50,6 @@ def test_what_systems_leave_in_folders_is_passed_over(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("ending", "mode"), [("tar.gz", "w:gz"), ("TGZ", "w:gz"), ("tar", "w")])
 def test_tar_archives_are_read_as_zips_are(tmp_path: Path, ending: str, mode: Literal["w", "w:gz"]) -> None:
-    """One test, several, or tables: as downloads come."""
     written(tmp_path / "one", isomme("M1"))
     written(tmp_path / "two", isomme("M1") | isomme("M2"))
     written(tmp_path / "table", {"T1.csv": german(clock(), half_sine_g(clock()))})
@@ -176,7 +175,6 @@ def test_uploads_become_a_file_a_folder_or_a_folder_of_all(tmp_path: Path) -> No
     ],
 )
 def test_tricks_are_refused_and_leave_nothing(tmp_path: Path, uploads: list[tuple[str, bytes]], found: str) -> None:
-    """Names, sizes and damage, all before a reader sees anything."""
     home = tmp_path / "home"
     home.mkdir()
     with pytest.raises(DataError, match=found):

@@ -44,13 +44,11 @@ EVERY = [*GOOD.items(), ("lsdyna", {"nodout": SHORT.nodout()}), ("tdms", {"CEN19
 
 
 def test_every_format_has_a_good_file_here() -> None:
-    """Whoever adds a format is reminded of the tests."""
     assert set(GOOD) == set(FORMATS)
 
 
 @pytest.mark.parametrize(("fmt", "files"), EVERY, ids=[f"{fmt}, {next(iter(files))}" for fmt, files in EVERY])
 def test_the_pulse_is_that_of_the_crash(tmp_path: Path, fmt: str, files: Files) -> None:
-    """Unit, sign and time zero are found."""
     (record,) = read_records(Reading(written(tmp_path / "good", files), fmt))
     assert settle(record, GIVEN).pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=0.01)
 

@@ -309,7 +309,6 @@ def test_of_too_many_nodes_those_with_a_title_are_kept_first(tmp_path: Path) -> 
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
-    """No run, no nodes, no accelerations: each says what to do."""
     assert "choose the folder of a run" in problem(saved(tmp_path / "empty"))
     other = lsda({"/matsum/metadata": {"title": chars("x")}})
     assert "DATABASE_HISTORY_NODE" in problem(saved(tmp_path / "a", binout=other))

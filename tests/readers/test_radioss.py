@@ -143,7 +143,6 @@ def test_a_barrier_that_does_not_move_is_no_mass_of_the_vehicle(tmp_path: Path) 
     ],
 )
 def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[bytes], bytes], found: str) -> None:
-    """In one sentence, whatever is wrong with it."""
     path = written(tmp_path, {"hc1T01": damage(RUN.binary())}) / "hc1T01"
     with pytest.raises(DataError, match=found) as caught:
         read_radioss(path)

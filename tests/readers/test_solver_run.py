@@ -211,7 +211,6 @@ def test_energies_alone_are_no_run(tmp_path: Path) -> None:
 
 
 def test_a_damaged_glstat_is_told(tmp_path: Path) -> None:
-    """In one sentence, with its name."""
     damaged = TOLD.glstat().replace(b"8.00000E+01", b"8.00-00E+01")
     with pytest.raises(DataError, match=r"glstat: expected numbers, found '8.00-00E\+01'; copy it again"):
         read_lsdyna(saved(tmp_path / "run7", binout0000=binout(), glstat=damaged))

@@ -124,7 +124,6 @@ def test_each_is_refused_early(tmp_path: Path) -> None:
 
 
 def test_too_much_in_all_sheets_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in one."""
     monkeypatch.setattr("crashfuse.readers.table_sheet._MOST_CELLS_IN_ALL", 100)
     with pytest.raises(DataError, match="at most 100 cells, found more; save the sheet as CSV"):
         read_sheets(workbook(tmp_path / "t.xlsx", sheet(rows(60))))

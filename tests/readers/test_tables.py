@@ -201,7 +201,6 @@ def test_a_channel_that_begins_later_has_its_own_times(tmp_path: Path, x_columns
 
 
 def test_segments_that_continue_are_one_record_and_others_are_refused(tmp_path: Path) -> None:
-    """Three calls of a logger; a second trigger is another record."""
     parts = [(slice(0, 20), 0.0), (slice(20, 45), 20 * STEP_S), (slice(45, N_SAMPLES), 45 * STEP_S)]
     (sheet,) = sheets(tmp_path, measurement(segments=parts))
     np.testing.assert_allclose(sheet.numbers("X_Value"), np.arange(N_SAMPLES) * STEP_S, atol=1e-12)
@@ -227,6 +226,5 @@ def test_volts_are_no_acceleration(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_read_is_refused(tmp_path: Path, content: str, message: str) -> None:
-    """In one sentence."""
     (problem,) = problems_of(lambda: sheets(tmp_path, content))
     assert message in str(problem)

@@ -259,11 +259,10 @@ def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
 
 def test_the_speed_is_a_property(tmp_path: Path) -> None:
     """In km/h unless it says otherwise; what is no speed is none."""
-    speeds = {"55,8 km/h": 55.8, "n/a": None, "-3": None, "4 furlongs": None}
-    for properties, kph in [
-        ({"impact velocity (mph)": 35.0}, 35 * 1.609344),
-        *(({"Impact_velocity": text}, kph) for text, kph in speeds.items()),
-    ]:
+    speeds: dict[str, float | None] = {"55,8 km/h": 55.8, "n/a": None, "-3": None, "4 furlongs": None}
+    mph: dict[str, Any] = {"impact velocity (mph)": 35.0}
+    given = [(mph, 35 * 1.609344), *(({"Impact_velocity": text}, kph) for text, kph in speeds.items())]
+    for properties, kph in given:
         speed = read(tmp_path, VEHICLE, **properties).condition.speed_mps
         assert speed == (None if kph is None else pytest.approx(kph * KPH))
 

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from markupsafe import escape
@@ -31,7 +32,6 @@ from crashfuse.reporting.verdicts import planned, planned_table
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, KPH_KG, MPH
-from tests.certification.test_tested_since import values
 from tests.golden import assert_golden
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -76,6 +76,11 @@ def text(certification: Certification, shared_cache: Path) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CRASHFUSE_CACHE", str(shared_cache))
         return certification_report(certification)
+
+
+def values(certification: Certification, code: str) -> list[dict[str, Any]]:
+    """The values of the facts of a code."""
+    return [dict(fact.values) for fact in facts(certification) if fact.code == code]
 
 
 def wrong(certification: Certification) -> Certification:
@@ -287,7 +292,6 @@ def test_the_saving_to_expect_is_that_of_the_costs(certification: Certification)
     found = with_costs(certification, None)
     assert found.criteria.confidence == 0.95
     (costs,), (saving,) = values(found, "costs.confidence"), values(found, "costs.saving")
-    costs.pop("about")
     assert costs == {"test": 5.0, "wrong_answer": 100.0, "pays_from": 0.95, "confidence": 0.95, "follows": True}
     most = 1 - 0.05**0.5  # none of two tests with a wrong verdict
     assert (saving["n"], saving["expected"]) == (3, pytest.approx(3 * (5 - 100 * 0.03)))

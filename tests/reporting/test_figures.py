@@ -173,7 +173,6 @@ def test_what_there_is_not_is_one_sentence(study: Study, options: dict[str, obje
 
 
 def test_so_it_is_of_a_campaign_and_a_prediction(campaign: Campaign, elsewhere: PredictedPulse) -> None:
-    """Figures, tests, and options that another figure has."""
     for ask, sentence in (
         (lambda: campaign.plot("test"), "There is no figure of a campaign 'test'; did you mean tests?"),
         (lambda: campaign.plot(tests=["T9"]), "There is no test 'T9' in Tiny; it has T1, T2, T3, T4."),

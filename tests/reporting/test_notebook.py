@@ -27,7 +27,6 @@ def study(campaign: Campaign) -> Study:
 
 
 def test_every_object_says_in_a_line_what_it_is(campaign: Campaign, study: Study) -> None:
-    """At most 200 characters, no array."""
     prediction = crashfuse.predict(campaign, AT, "cae")
     fold = study.fold("T3")
     objects = [

@@ -34,7 +34,7 @@ def test_the_table_holds_the_pulse_and_its_motion(predicted: PredictedPulse) -> 
     """Equal to pulses.csv; velocity falls by the integral of the acceleration, displacement is that of the velocity."""
     frame = predicted.to_frame()
     assert list(frame) == ["time_ms", "acceleration_g", "lower_g", "upper_g", "velocity_kph", "displacement_mm"]
-    same = pulses_table([predicted.estimate])
+    same = pulses_table([predicted.preferred])
     assert frame[list(frame)[:4]].equals(same[list(frame)[:4]].reset_index(drop=True))
     assert frame["velocity_kph"].iloc[0] == pytest.approx(30 * 1.609344)
     change = np.trapezoid(frame["acceleration_g"] * 9.80665, frame["time_ms"] / 1e3) * 3.6

@@ -24,7 +24,6 @@ def parsed(command: str) -> argparse.Namespace:
 
 
 def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaign) -> None:
-    """Tests, approaches, preset, seed, windows and what is left out together."""
     approaches = "cae", "displacement_domain"
     config = StudyConfig(approaches=approaches, seed=3, windows_ms=(20.0, 55.5), leave_out="speed group")
     given = parsed(provenance.study_command(campaign, ["T2", "T4"], config))

@@ -27,7 +27,6 @@ from crashfuse.reporting.plots.pulses import library_band, measured_pulses, moti
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report
-from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
@@ -116,7 +115,7 @@ FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "next test": lambda campaign, display: next_tests(ranked(campaign), campaign.tests, display),
     "verdicts": lambda campaign, display: verdict_matrix(certification(campaign), display),
     "domain": lambda campaign, display: validated_domain(certification(campaign), display),
-    "record": lambda campaign, display: Verdicts(certification(campaign)).plot("record", display=display),
+    "record": lambda campaign, display: certification(campaign).plot("record", display=display),
 }
 
 

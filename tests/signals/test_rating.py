@@ -44,7 +44,6 @@ def curves(case: str) -> tuple[FloatArray, FloatArray]:
 
 @pytest.mark.parametrize("case", [*OURS, *OTHERS])
 def test_vector_scores_agree(case: str) -> None:
-    """All five scores equal the published vectors' unrounded ones."""
     reference, comparison = curves(case)
     expected = [float(EXPECTED[case][name]) for name in SCORES]
     np.testing.assert_allclose(scores(rate_iso18571(reference, comparison, dt_s=DT_S)), expected, rtol=0, atol=1e-9)
@@ -245,7 +244,7 @@ def test_arrays_and_pulses_rate_alike_over_a_window() -> None:
     pulses = [Pulse(np.arange(700) * DT_S, curve) for curve in (reference, comparison)]
     for window_ms, n in ((None, 600), (60.0, 600), (40.0, 400)):
         rating = rate_iso18571(reference[:n], comparison[:n], dt_s=DT_S)
-        assert rate_iso18571(*pulses, window_ms=window_ms) == rating
+        assert rate_iso18571(pulses[0], pulses[1], window_ms) == rating
         assert rate_iso18571(reference, comparison, dt_s=DT_S, window_ms=n / 10) == rating
     with pytest.raises(UsageError, match="dt_s"):
         rate_iso18571(pulses[0], comparison, dt_s=DT_S)

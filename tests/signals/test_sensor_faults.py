@@ -87,7 +87,6 @@ def test_a_fault_is_named_with_its_time_and_size(
 
 @pytest.mark.parametrize("rate", RATES)
 def test_a_held_value_is_found_to_the_sample(rate: int) -> None:
-    """The value, from when to when."""
     (fault,) = found(held, rate, filtered=False)
     assert fault.kind == "held"
     assert fault.start_s == pytest.approx(0.05, abs=2 / rate)

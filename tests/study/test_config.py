@@ -60,11 +60,6 @@ def test_a_preset_that_does_not_act_is_refused_and_of_several_approaches_it_is_s
     assert (several.under_preset, several.effective) == (("lf_tcn",), several)
 
 
-def test_a_speed_group_is_spelled_as_on_the_command_line_or_in_words() -> None:
-    spellings: list[Any] = ["speed group", "speed-group", "speed_group"]
-    assert len({StudyConfig(leave_out=spelling) for spelling in spellings}) == 1
-
-
 def test_a_single_test_or_speed_group_cannot_be_left_out(campaign: Campaign) -> None:
     """Nothing would remain to learn from."""
     with pytest.raises(UsageError, match="at least 2 tests"):

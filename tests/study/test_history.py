@@ -16,15 +16,12 @@ from crashfuse.execution.run import Run
 from crashfuse.study import history
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
-from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, earlier_settings, keep, past_results
+from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, keep, past_results
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 from crashfuse.units import MPH
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(40.0, 60.0), leave_out="both")
-
-SHOWN = StudyConfig(approaches=("cae", "displacement_domain"))
-OTHERS = [replace(SHOWN, seed=1), replace(SHOWN, seed=1, leave_out="speed group")]
 
 
 @pytest.fixture(scope="module")
@@ -182,36 +179,3 @@ def test_where_nothing_can_be_written_the_result_stands(
     monkeypatch.setattr(history, "_home", lambda: tmp_path / "file")
     keep(past)
     assert past_results() == []
-
-
-@pytest.fixture
-def kept(campaign: Campaign, shared_cache: Path) -> Campaign:
-    """The campaign, of which the predictions are in the shared cache."""
-    return replace(campaign, cache_folder=shared_cache)
-
-
-@pytest.fixture
-def results(kept: Campaign) -> list[PastResult]:
-    """T2 was left out alone and with its speed group by seed 1, and alone by the seed that is shown."""
-    both = replace(SHOWN, seed=1, leave_out="both")
-    studies = [run_study(kept, config, held_out=["T2"], workers=1) for config in (both, SHOWN)]
-    return [PastResult.of_study(study) for study in studies]
-
-
-def test_each_other_seed_and_way_is_found_once(kept: Campaign, results: list[PastResult]) -> None:
-    """Not those that are shown, however often they were computed."""
-    assert earlier_settings([*results, *results], kept, "T2", "displacement_domain", SHOWN) == OTHERS
-    shown = OTHERS[1]
-    assert earlier_settings(results, kept, "T2", "displacement_domain", shown) == [OTHERS[0], SHOWN]
-    assert earlier_settings(results, kept, "T2", "cae", SHOWN) == OTHERS[1:]  # which knows no seed
-
-
-def test_other_tests_other_data_and_a_deleted_cache_offer_nothing(
-    kept: Campaign, results: list[PastResult], tmp_path: Path
-) -> None:
-    """Nor does an approach that was not among those of the study."""
-    assert earlier_settings(results, kept, "T3", "displacement_domain", SHOWN) == []
-    assert earlier_settings(results, kept.without(["T4"]), "T2", "displacement_domain", SHOWN) == []
-    assert earlier_settings(results, kept, "T2", "lf_tcn", SHOWN) == []
-    elsewhere = replace(kept, cache_folder=tmp_path)
-    assert earlier_settings(results, elsewhere, "T2", "displacement_domain", SHOWN) == []

@@ -69,7 +69,6 @@ def test_a_saved_model_predicts_the_same_bits_without_learning_again(
 def test_the_papers_models_can_be_kept_too(
     campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fitting_is_an_error: Callable[[], None]
 ) -> None:
-    """Table 4's Gaussian process with a single start."""
     from crashfuse.approaches.displacement_domain.approach import DisplacementConfig
 
     quick = replace(DisplacementConfig.paper(), restarts=0, projected_points=15)

@@ -1,8 +1,6 @@
 """The dashboard without a browser: a new server for each test, and sessions on it."""
 
-import gc
 import re
-import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -156,11 +154,8 @@ def components_are_searched_once() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def everything_is_imported() -> None:
     """What a server imports in its first seconds is there: no thread imports beside a test or its fixtures."""
-    start_importing()
-    for thread in threading.enumerate():
-        if thread.name == "crashfuse-imports":
-            thread.join()
-    gc.unfreeze()  # or Hypothesis, which asks the collector who refers to what, would warn
+    for imported in start_importing():
+        imported.result()
 
 
 @pytest.fixture(autouse=True)

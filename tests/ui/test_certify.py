@@ -16,9 +16,10 @@ from streamlit.testing.v1.element_tree import Selectbox
 
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.certification.certify import Certification
 from crashfuse.reporting.certification_facts import exceptions, sentences
 from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.verdicts import Verdicts, planned
+from crashfuse.reporting.verdicts import planned
 from crashfuse.ui.certify.entry import Field
 from crashfuse.ui.certify.results import Judgement, last_verdicts
 from crashfuse.ui.kit.campaigns import View
@@ -72,7 +73,7 @@ def tab(session: Session, name: str) -> Session:
     return session.run()
 
 
-def of_library(folder: Path, confidence: float = 0.9) -> Verdicts:
+def of_library(folder: Path, confidence: float = 0.9) -> Certification:
     """The same verdicts from the library."""
     criteria = [
         {"name": "crush", "metric": "max_crush", "at_most": 430.0},
@@ -112,16 +113,16 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     """Counts, the conditions to test, the whole table, the record, and the files."""
     session = certified(visit("certify", **LINK))
     expected = of_library(asking)
-    answered = planned(expected.certification)
+    answered = planned(expected)
     assert [label.split("**")[1] for label in session.buttons if label.startswith("**")] == [
         row.word for row in answered
     ]
-    assert "{} of {}".format(*expected.certification.saved) in session.words
-    for told in exceptions(expected.certification).values():
+    assert "{} of {}".format(*expected.saved) in session.words
+    for told in exceptions(expected).values():
         assert told[0] in session.words
-    for sentence in sentences(expected.certification, "summary"):
+    for sentence in sentences(expected, "summary"):
         assert sentence in session.words
-    for i, verdict in expected.certification.cells:
+    for i, verdict in expected.cells:
         assert verdict.reason in reason(session, f"{i} | {verdict.criterion.name}")
     session.app.button_group(key="answered").set_value("By criterion")
     assert session.run().charts == 1
@@ -145,7 +146,7 @@ def test_another_limit_or_confidence_is_answered_at_once(
     session.run()
     assert "Certify" not in session.buttons
     looser = of_library(asking, confidence=0.7)
-    assert all(own.reason in reason(session, f"{i} | {own.criterion.name}") for i, own in looser.certification.cells)
+    assert all(own.reason in reason(session, f"{i} | {own.criterion.name}") for i, own in looser.cells)
     (asking / "criteria.toml").write_text(CRITERIA.replace("430.0", "300.0"))
     assert "at most 300 mm" in reason(visit("certify", **LINK), "M1 | crush")
 
@@ -160,7 +161,7 @@ def test_a_click_says_what_another_question_would_change(
     (pills,) = [own for own in session.app.pills if own.label.startswith("What if")]
     pills.set_value(["confidence 0.99", "limits 5 % stricter"])
     table = session.run().finish().tables[-1]
-    looser = of_library(asking, confidence=0.99).certification
+    looser = of_library(asking, confidence=0.99)
     assert table["Need not be run"].tolist()[0] == "{} of {}".format(*looser.saved)
     assert table["What if"].tolist() == ["confidence 0.99", "limits 5 % stricter"]
 
@@ -171,7 +172,7 @@ def test_what_one_test_less_would_change_is_in_the_files(visit: Visit, monkeypat
     """As the page shows it, beside the variants that are in them anyway."""
     session = certified(visit("certify", **LINK, what_if="without T1")).run().finish()
     taken: list[Judgement] = []
-    monkeypatch.setattr("crashfuse.ui.certify.results.show_files", taken.append)
+    monkeypatch.setattr("crashfuse.ui.certify.results.offer_files", taken.append)
     session.press("Export")
     assert "without T1" in [variant.name for variant in taken[-1].certification.variants]
 
@@ -179,9 +180,9 @@ def test_what_one_test_less_would_change_is_in_the_files(visit: Visit, monkeypat
 @pytest.mark.usefixtures("asking")
 def test_other_pages_know_the_last_verdicts_or_what_they_take(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a visit to Certify, by the campaign's criteria and planned tests; nothing is fitted for it."""
-    known: list[tuple[Verdicts | None, str]] = []
+    known: list[tuple[Certification | None, str]] = []
 
-    def noted(view: View) -> tuple[Verdicts | None, str]:
+    def noted(view: View) -> tuple[Certification | None, str]:
         known.append(last_verdicts(view))
         return known[-1]
 
@@ -246,12 +247,12 @@ def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, vis
     upload.set_value([("mine.toml", b"confidence = 0.8\n[[criterion]]\nmetric = 'peak'\nat_most = 20", "text/plain")])
     session.run()
     assert field(session, "Confidence").value == 0.8
-    assert session.app.session_state["criteria"] == ["peak~~~20~peak"]
+    assert session.app.session_state["criteria"] == ["peak~~~20~peak~g"]
     (upload,) = session.app.file_uploader
     upload.set_value([("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20", "text/plain")])
     session.run()
     assert "mine.toml, criterion 1: expected a metric of peak" in session.words
-    assert session.app.session_state["criteria"] == ["peak~~~20~peak"]
+    assert session.app.session_state["criteria"] == ["peak~~~20~peak~g"]
     assert (asking / "criteria.toml").read_text() == CRITERIA
 
 
@@ -262,17 +263,29 @@ def test_rows_typed_in_are_in_the_link_and_stay_when_the_page_is_left(visit: Vis
     assert "criteria" not in session.app.query_params
     field(session, "At most").set_value(444.0)
     field(session.run(), "Name, row 2").set_value("")
-    typed = ["max_crush~~~444~crush", "rating~40~0.6~~"]
+    typed = ["max_crush~~~444~crush~mm", "rating~40~0.6~~~"]
     assert session.run().app.query_params["criteria"] == typed
     session.go("data").go("certify")
     assert session.app.session_state["criteria"] == typed
     second = visit("certify", **LINK, criteria=typed, confidence="0.8")
     assert (field(second, "At most").value, field(second, "Confidence").value) == (444.0, 0.8)
     field(second, "Metric").set_value("peak")
-    assert second.run().app.session_state["criteria"] == ["peak~~~~", typed[1]]  # a limit of crush is none of peak
+    assert second.run().app.session_state["criteria"] == ["peak~~~~~", typed[1]]  # a limit of crush is none of peak
     assert "expected at_least or at_most" in second.words
     remove(second, "criteria", 0).press("Add a criterion")
-    assert second.app.session_state["criteria"] == [typed[1], "rating~~~~"]
+    assert second.app.session_state["criteria"] == [typed[1], "rating~~~~~"]
+
+
+def test_a_small_limit_whose_unit_the_file_states_is_asked_for_as_it_is(asking: Path, visit: Visit) -> None:
+    """Without its unit it would be refused: it could be in metres."""
+    row = '[[criterion]]\nmetric = "static_crush"\nat_most = 2.5\n'
+    (asking / "criteria.toml").write_text(row)
+    assert "else state the unit" in visit("certify", **LINK).words
+    (asking / "criteria.toml").write_text(row + 'unit = "mm"\n')
+    session = visit("certify", **LINK)
+    assert field(session, "At most").value == 2.5
+    assert "else state the unit" not in session.words
+    assert "Certify" in session.buttons
 
 
 @pytest.mark.usefixtures("asking")
@@ -413,7 +426,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     before = len(kept(session).options)
     session.press("Keep today’s verdicts")
     assert len(kept(session).options) > before  # another process may keep some, too
-    record = json.loads(certification_json(of_library(asking).certification))
+    record = json.loads(certification_json(of_library(asking)))
     last, _ = record["tests_sha256"].popitem()
     told = f"Tests that it did not know: {last}."
     for content, words in ((b"{}", "expected the record of a certification"), (json.dumps(record).encode(), told)):

@@ -83,7 +83,6 @@ def test_a_fold_with_other_settings_is_another(campaign: Campaign, rated: list[s
 
 
 def test_a_page_that_waits_for_what_is_kept_lets_another_visitor_go_on() -> None:
-    """Only who asks for the same waits with it."""
     slow, gate = threading.Event(), threading.Event()
 
     def in_cache() -> bool:

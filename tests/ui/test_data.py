@@ -66,7 +66,6 @@ def test_the_sample_is_made_where_it_was_not_shipped(
 
 @pytest.mark.slow
 def test_a_folder_that_is_opened_is_shown(campaign_folder: Path, campaign: Campaign) -> None:
-    """Numbers, tests, conditions, CAE runs and the rating before any correction."""
     session = begin().open_folder(str(campaign_folder))
     assert session.app.sidebar.selectbox(key="campaign").value == campaign_folder.name
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
@@ -120,7 +119,6 @@ def test_a_bad_folder_shows_every_problem_and_no_traceback(campaign_folder: Path
 
 @pytest.mark.parametrize("text", ["/no/such/folder", "", "\0"])
 def test_a_folder_that_is_none_breaks_nothing(text: str) -> None:
-    """Whatever is typed in, the page stays."""
     assert begin().open_folder(text).app.sidebar.selectbox(key="campaign").value is None
 
 
@@ -134,7 +132,6 @@ def test_a_folder_that_is_none_breaks_nothing(text: str) -> None:
 def test_a_file_in_the_field_for_a_folder_is_said_to_be_one(
     campaign_folder: Path, tmp_path: Path, name: str, found: str, advice: str
 ) -> None:
-    """It is there, so nobody is to check the path."""
     (tmp_path / name).write_bytes(zipped(content_of(campaign_folder)))
     (table,) = begin().open_folder(str(tmp_path / name)).tables
     assert (table["Found"].tolist(), table["What to do"].tolist()) == ([found], [advice])
@@ -142,7 +139,6 @@ def test_a_file_in_the_field_for_a_folder_is_said_to_be_one(
 
 @pytest.mark.slow
 def test_the_same_problems_are_shown_at_two_places(open_campaign: Path) -> None:
-    """The open campaign went bad, and is opened again."""
     session = begin()
     (open_campaign / "tests.csv").unlink()
     assert len(session.open_folder(str(open_campaign)).tables) == 2
@@ -163,26 +159,7 @@ def test_a_zip_is_opened_under_its_name(campaign_folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_uploads_that_nobody_looks_at_make_room(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beyond the limit those go that were not looked at for longest; what somebody looks at stays."""
-    files = content_of(campaign_folder)
-    monkeypatch.setattr(uploads, "_MOST_BYTES", 1.5 * sum(map(len, files.values())))
-    first = begin().upload({"first.zip": zipped(files)})
-    begin().upload({"second.zip": zipped({**files, "campaign.toml": b"name = 'Second'"})})
-    assert len(kept()) == 2  # both were looked at just now
-    gone = list(campaigns.opened_here())[2]
-    for folder in kept():
-        os.utime(folder, (0, 0))
-    first.run()
-    begin().upload({"third.zip": zipped({**files, "campaign.toml": b"name = 'Third'"})})
-    assert sorted(path.name for folder in kept() for path in folder.iterdir()) == ["first", "third"]
-    assert [campaigns.label(name).partition(" ")[0] for name in campaigns.opened_here()] == ["sample", "first", "third"]
-    assert "You have not opened the campaign" in begin(campaign=gone).words
-
-
-@pytest.mark.slow
 def test_the_files_of_a_campaign_are_opened_together(campaign_folder: Path) -> None:
-    """CSV and Parquet side by side; the field is empty afterwards."""
     session = begin().upload({path.name: path.read_bytes() for path in campaign_folder.rglob("*") if path.is_file()})
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
     assert not session.press("Open another campaign").app.file_uploader[0].value
@@ -207,7 +184,6 @@ def test_a_bad_upload_is_refused_row_by_row_and_not_kept(campaign_folder: Path) 
 
 
 def test_a_strangers_file_name_is_shown_as_text() -> None:
-    """No link, no image, no formula comes of it."""
     session = begin().upload({"![x](www.example.org) $a$ :tada: `b` <i>.exe": b"MZ"})
     (shown,) = session.tables[0]["File"]
     assert "![x](www.example.org) $a$" in shown
@@ -219,7 +195,6 @@ def test_a_strangers_file_name_is_shown_as_text() -> None:
 
 @pytest.mark.parametrize(("name", "content"), [("prog.exe", b"MZ"), ("report.pdf", b"%PDF"), ("T1.parquet", b"PAR1")])
 def test_a_file_that_is_refused_is_named(name: str, content: bytes) -> None:
-    """Who dropped it knows which it was."""
     assert begin().upload({name: content}).tables[0]["File"].tolist() == [name]
 
 
@@ -233,8 +208,6 @@ def test_nothing_dropped_or_all_too_large_is_said() -> None:
 
 @pytest.mark.slow
 def test_a_full_disk_is_a_sentence(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The page says so, and nothing half-written stays."""
-
     def full(*_: object) -> Path:
         raise OSError(28, "No space left on device")
 
@@ -317,7 +290,6 @@ def test_a_test_is_left_out_of_use_and_the_change_undone(open_campaign: Path) ->
 
 @pytest.mark.slow
 def test_a_test_whose_sensor_failed_is_left_out_by_a_click(open_campaign: Path) -> None:
-    """What happened is said, and is the reason."""
     path = open_campaign / "tests" / "T3.csv"
     table = pd.read_csv(path)
     table.loc[table["time_ms"].between(30, 35), "acceleration_g"] = 0.0
@@ -392,7 +364,6 @@ def test_the_held_out_test_may_be_taken_out(open_campaign: Path) -> None:
 
 @pytest.mark.slow
 def test_the_last_test_in_use_stays(open_campaign: Path) -> None:
-    """A campaign without tests could not be opened again."""
     session = begin()
     pills(session)[0].set_value([]).run()
     assert "Nothing was changed: 1 problem" in session.words
@@ -418,7 +389,6 @@ def test_a_copy_of_the_sample_is_edited(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_folder_opened_before_is_one_click_away(campaign_folder: Path) -> None:
-    """After a restart, too; one that is gone is not offered."""
     other = shutil.copytree(campaign_folder, campaign_folder.with_name("other"))
     for folder in (other, campaign_folder):
         begin().open_folder(str(folder))
@@ -433,7 +403,6 @@ def test_a_folder_opened_before_is_one_click_away(campaign_folder: Path) -> None
     "content", [b"", b"{}", b"[1]", b'["relative"]', b"\xff", b"[" * 60_000, b"0" * 100_000, b'["/\\u0000"]']
 )
 def test_a_damaged_list_of_folders_is_ignored(content: bytes, tmp_path: Path) -> None:
-    """And written anew by the next folder."""
     default_folder().mkdir(parents=True, exist_ok=True)
     (default_folder() / "recent.json").write_bytes(content)
     assert campaigns.recent_folders() == ()

@@ -16,7 +16,6 @@ from streamlit.testing.v1 import AppTest
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import figures, files
 from crashfuse.ui.kit.files import Caption, caption, file_name, unusual_settings
@@ -29,12 +28,13 @@ Captioned = Callable[..., Caption]
 def captioned(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> Captioned:
     """Captions of the pulses of a test, on Compare with the usual choices and those that are given."""
 
-    def of(campaign: Campaign = campaign, beside: Any = (), **chosen: Any) -> Caption:
+    def of(campaign: Campaign = campaign, **chosen: Any) -> Caption:
         usual = {"page": "compare", "campaign": "tiny", "test": "T2", "leave_out": "test", "preset": "fast", "seed": 0}
         shown = {"window": 60.0, "unit": "g", "sign": "Acceleration", "system": "mph-lb"}
+        usual["defaults"] = {"system": "mph-lb", **chosen.pop("defaults", {})}
         monkeypatch.setattr(st, "session_state", {**usual, **shown, **chosen})
         monkeypatch.setattr("crashfuse.ui.kit.campaigns.load", lambda _: campaign)
-        return caption(ALT, "pulses", beside)
+        return caption(ALT, "pulses")
 
     return of
 
@@ -48,12 +48,13 @@ def test_a_name_has_the_campaign_the_test_what_is_drawn_the_window_and_the_unit(
 @pytest.mark.parametrize(
     ("chosen", "end"),
     [
-        ({"leave_out": "speed group"}, "all-at-its-speed-left-out"),
+        ({"leave_out": "speed group"}, "speed-group-left-out"),
         ({"preset": "paper"}, "paper-settings"),
         ({"seed": 7}, "seed-7"),
         ({"sign": "Deceleration"}, "Deceleration"),
         ({"system": "kph-kg"}, "kph-kg"),
-        ({"beside": ("T1", "cae:C07")}, "with-T1-C07"),
+        ({"compare_also": ["T1", "cae:C07"]}, "with-T1-cae-C07"),
+        ({"pins": ["30mph"]}, "pins-30mph"),
     ],
 )
 def test_a_name_has_whatever_is_not_as_usual(captioned: Captioned, chosen: dict[str, Any], end: str) -> None:
@@ -61,13 +62,10 @@ def test_a_name_has_whatever_is_not_as_usual(captioned: Captioned, chosen: dict[
     assert captioned(**chosen).name == f"Tiny_T2_pulses_0-60ms_g_{end}"
 
 
-def test_a_name_has_pinned_conditions_and_tests_left_out_of_use(captioned: Captioned, campaign: Campaign) -> None:
-    """Both change the figure; a condition is named by its shortest text."""
-    test = campaign.test("T1")
-    pinned = PredictedPulse(campaign, (Estimate("fused", Prediction(test.condition, test.pulse.accel_mps2), {}, 0.1),))
-    fewer = replace(campaign, unused=(("T9", test.condition),))
-    shown = captioned(campaign=fewer, beside=(pinned,))
-    assert shown.name == f"Tiny_T2_pulses_0-60ms_g_without-T9_with-{file_name(test.condition.text)}"
+def test_a_name_has_tests_left_out_of_use(captioned: Captioned, campaign: Campaign) -> None:
+    """They change the figure."""
+    shown = captioned(campaign=replace(campaign, unused=(("T9", campaign.test("T1").condition),)))
+    assert shown.name == "Tiny_T2_pulses_0-60ms_g_without-T9"
     assert "T9 left out of use" in shown.details
 
 
@@ -99,7 +97,7 @@ def test_figures_of_different_certifications_have_different_names(captioned: Cap
     plain = captioned(**chosen)
     assert plain.name == "Tiny_pulses_g"
     assert "Fused judged · Confidence 0.95 · Fast settings" in plain.details
-    assert captioned(**{**chosen, "approach": "cae"}).name == "Tiny_pulses_g_CAE"
+    assert captioned(**{**chosen, "approach": "cae"}).name == "Tiny_pulses_g_cae"
     asked: list[dict[str, Any]] = [
         {"confidence": 0.9}, {"criteria": ["max_crush~~~400~"]}, {"earlier": "abc"}, {"matrix": "grid"},
         {"planned": ["P01~20"]}, {"planned": ["P01~30"]},
@@ -141,7 +139,7 @@ def test_a_downloaded_table_is_the_file_of_the_command_line(monkeypatch: pytest.
 
     monkeypatch.setattr("crashfuse.ui.kit.files.st.download_button", take)
     for of, name in (("", "certification.csv"), ("my car T09, 56 km/h", "my-car-T09-56-km-h_seed-7_certification.csv")):
-        files.download_table("certification.csv", lambda: table, of)
+        files.offer(of, {"certification.csv": lambda: table})
         assert offered[name]() == csv_bytes(table) == b"id,value,lower\nA,24.9583,\n"
 
 
@@ -166,13 +164,13 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, dict[str, str]]]:
     """Name and texts of each file that the page would hand out, anew at each run."""
     files: list[tuple[str, dict[str, str]]] = []
 
-    def take(name: str, write: object, of: str) -> None:
+    def take(of: str, offered: dict[str, Callable[[], bytes]]) -> None:
         assert of == "Tiny"
-        assert callable(write)
+        ((name, write),) = offered.items()
         with zipfile.ZipFile(io.BytesIO(write())) as archive:
             files.append((name, {each: archive.read(each).decode("latin-1") for each in archive.namelist()}))
 
-    monkeypatch.setattr("crashfuse.ui.kit.files.download_bytes", take)
+    monkeypatch.setattr("crashfuse.ui.kit.files.offer", take)
     return files
 
 

@@ -90,7 +90,6 @@ def test_the_address_is_written_again_once_a_campaign_is_open(visit: Visit) -> N
 
 @pytest.mark.slow
 def test_a_campaign_that_goes_bad_while_open_is_refused_on_every_page(visit: Visit, open_campaign: Path) -> None:
-    """What is wrong stands where the page would be."""
     session = visit()
     (open_campaign / "cae.csv").unlink()
     for page in PAGES:
@@ -126,7 +125,6 @@ def test_what_a_page_shows_already_is_not_sent_over_what_is_just_being_chosen(vi
 
 @pytest.mark.usefixtures("open_campaign")
 def test_a_cache_that_cannot_be_written_is_said(visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With its folder, and what to do."""
     folder = tmp_path / "file" / "cache"
     folder.parent.touch()
     frame._not_kept.clear()

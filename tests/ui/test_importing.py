@@ -167,7 +167,6 @@ def load_stop(path: Path) -> float:
 
 @pytest.mark.slow
 def test_what_is_filled_in_overrules_what_was_found(tmp_path: Path) -> None:
-    """Channel, filter, time zero, speed in mph and id."""
     session = begin().upload({"v5.zip": zipped(nhtsa_files())})
     session.fill({"Channels": ["93"], "Filter": "CFC 180", "Time zero": 1.0, "Speed in": "mph"})
     session = into(session.fill({"Speed (mph)": 36.0, "Id in": "Nova"}), tmp_path / "n")
@@ -335,7 +334,6 @@ def test_nothing_is_added_to_the_sample_or_among_other_things(tmp_path: Path) ->
 
 
 def test_a_folder_of_foreign_files_is_imported_from_where_it_is(tmp_path: Path) -> None:
-    """Nothing of the user's own is deleted."""
     (tmp_path / "v5").mkdir()
     for name, content in nhtsa_files().items():
         (tmp_path / "v5" / name).write_bytes(content)

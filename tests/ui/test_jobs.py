@@ -43,7 +43,6 @@ def test_who_asks_for_the_same_joins_the_same_job(gate: threading.Event) -> None
 
 
 def test_one_job_runs_at_a_time_in_the_order_of_asking(gate: threading.Event) -> None:
-    """The second waits and says so."""
     jobs = Jobs()
     first = jobs.start("a", "First", lambda _: gate.wait(SOON), ANNA)
     second = jobs.start("b", "Second", lambda _: first.state, ANNA)
@@ -153,7 +152,6 @@ def test_a_job_that_hangs_does_not_hold_up_the_others(
 
 
 def test_a_job_that_reports_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Slow is not silent."""
     monkeypatch.setattr("crashfuse.ui.kit.jobs._LOOK_S", 0.01)
     monkeypatch.setattr("crashfuse.ui.kit.jobs._SILENT_S", 0.3)
     jobs = Jobs()
@@ -192,7 +190,6 @@ def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None
 
 
 def test_only_the_last_outcomes_are_kept() -> None:
-    """The memory of a server that runs for weeks stays bounded."""
     jobs = Jobs()
     for i in range(40):
         assert jobs.start(i, str(i), lambda _: None, ANNA).wait(SOON)
@@ -202,7 +199,6 @@ def test_only_the_last_outcomes_are_kept() -> None:
 
 
 def test_who_asks_for_what_is_being_stopped_gets_a_job_of_their_own(gate: threading.Event) -> None:
-    """It cannot be joined any more."""
     jobs = Jobs()
     first = jobs.start("a", "A", lambda _: gate.wait(SOON), ANNA)
     first.cancel(ANNA)

@@ -121,7 +121,7 @@ def test_a_certification_is_listed_and_opens_certify_with_its_criteria(visit: Vi
     campaign = load_campaign(open_campaign)
     matrix = campaign.tests_frame[["id", "speed_mph", "front_weight_lb", "rear_weight_lb"]].head(2)
     verdicts = certify(campaign, CRITERIA, matrix, approach="cae", workers=1)
-    earlier = keep_certification(certification_json(verdicts.certification), campaign)
+    earlier = keep_certification(certification_json(verdicts), campaign)
     session = visit("study", study_tab="Past results", ticked=earlier.id)
     (row,) = session.app.dataframe[0].value.to_dict("records")
     assert (row["What"], row["Recommended"]) == ("certification of 2 conditions", "CAE")

@@ -42,7 +42,6 @@ def test_an_archive_is_put_in_shown_and_taken_out(open_campaign: Path) -> None:
 
 
 def test_a_file_that_is_no_archive_changes_nothing(open_campaign: Path) -> None:
-    """Why is said."""
     session = upload(begin("train"), b"no archive")
     assert "Nothing was changed" in session.words
     assert session.tables[-1]["File"].tolist() == ["archive.cfa"]
@@ -50,7 +49,6 @@ def test_a_file_that_is_no_archive_changes_nothing(open_campaign: Path) -> None:
 
 
 def test_the_sample_tells_where_an_archive_can_be_put() -> None:
-    """Its folder is not written to."""
     session = begin("train", campaign="sample")
     assert "crashfuse sample DIR" in session.words
     assert not session.app.file_uploader

@@ -140,7 +140,6 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
 
 
 def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path, capsys: Capture) -> None:
-    """Of the campaign or of the log, before any server starts."""
     assert cli.main(["app", "--campaign", str(tmp_path / "nowhere")]) == cli.WRONG_USAGE
     assert "There is no folder" in capsys.readouterr().err
     file = tmp_path / "nowhere" / "log"
@@ -149,8 +148,6 @@ def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path, capsys: Capt
 
 
 def test_memory_that_runs_out_while_a_page_is_drawn_is_a_sentence() -> None:
-    """Other errors stay Streamlit's to show."""
-
     def page() -> None:
         from crashfuse.ui.server import tell
 

@@ -1,6 +1,5 @@
 """Who is in front of a session, what others may see, the log-in, and the log of a server."""
 
-import asyncio
 import logging
 import os
 import re
@@ -8,18 +7,13 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
-from streamlit.runtime.uploaded_file_manager import UploadedFileRec
 
 from crashfuse import cli
 from crashfuse.errors import DataError, UsageError
 from crashfuse.files.archive import zipped
-from crashfuse.ui import server
 from crashfuse.ui.kit import campaigns, uploads, visitors
 from crashfuse.ui.kit.computation import jobs
 from crashfuse.ui.kit.jobs import Jobs
@@ -160,25 +154,6 @@ def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(
     assert sorted(tmp_path.glob("crashfuse-uploads-*")) == [running, running.with_suffix(".lock")]
 
 
-def test_what_lies_in_the_field_of_a_closed_tab_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After a while in which its browser may come back; that of an open tab stays."""
-    files = MemoryUploadedFileManager("/upload")
-    for session in ("open", "closed"):
-        files.add_file(session, UploadedFileRec("1", "a.csv", "text/csv", b"time"))
-    runtime = SimpleNamespace(uploaded_file_mgr=files, is_active_session=lambda session: session == "open")
-    monkeypatch.setattr(server, "Runtime", SimpleNamespace(instance=lambda: runtime))
-    monkeypatch.setattr(server, "_LOOK_S", 0.01)
-
-    async def watched(patience_s: float) -> set[str]:
-        monkeypatch.setattr(server, "_PATIENCE_S", patience_s)
-        with suppress(TimeoutError):
-            await asyncio.wait_for(server._forget_closed_tabs(), 0.2)
-        return {*files.file_storage}
-
-    assert asyncio.run(watched(60.0)) == {"open", "closed"}
-    assert asyncio.run(watched(0.05)) == {"open"}
-
-
 @pytest.fixture(autouse=True)
 def as_it_was() -> Iterator[None]:
     """The program's loggers are given back as they were."""
@@ -235,7 +210,6 @@ def test_a_refused_page_is_told_with_what_to_do_once_a_minute(capsys: Capture, m
 
 @pytest.mark.parametrize(("text", "asks"), [(GOOD, True), (NAMED, True), ("other = 1", False), ("", False)])
 def test_what_streamlit_understands_is_taken(text: str, asks: bool, tmp_path: Path) -> None:
-    """One provider, several by name, or none."""
     file = tmp_path / "secrets.toml"
     file.write_text(text)
     assert visitors.check_login([file, tmp_path / "nowhere.toml"]) is asks

@@ -1,7 +1,7 @@
 """Common style of all figures: axes, units, lines and bands, independent of their content."""
 
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -194,18 +194,6 @@ def shade_window(figure: go.Figure, window_ms: float, *, rows: int = 1) -> None:
         x=window_ms, xref="x", y=1, yref="y domain", xanchor="right", yanchor="top", showarrow=False,
         text=f"rated: 0–{window_ms:g} ms", font_size=12, font_color=WINDOW_INK,
     )  # fmt: skip
-
-
-def share_y_range(figures: Iterable[go.Figure]) -> None:
-    """Give figures shown side by side the same y range at the same height, so that they can be compared."""
-    figures = list(figures)
-    top = max(map(room_above, figures)) + _ROW_PX  # one of them may need a further row of names in a narrow window
-    values = np.concatenate([trace.y for figure in figures for trace in figure.data])
-    values = values[np.isfinite(values)]  # bands have gaps
-    margin = 0.05 * np.ptp(values)
-    for figure in figures:
-        figure.update_yaxes(range=[values.min() - margin, values.max() + margin])
-        figure.update_layout(margin_t=top)
 
 
 def _add(figure: go.Figure, x: FloatArray, y: FloatArray, style: dict[str, Any]) -> None:

@@ -2,7 +2,8 @@
 
 from contextlib import suppress
 from dataclasses import asdict
-from typing import Any
+from functools import partial
+from typing import Any, Literal
 
 import streamlit as st
 
@@ -22,11 +23,13 @@ from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_heading
 from crashfuse.signals.rating import STANDARD
 from crashfuse.ui.certify.entry import SEPARATOR, Field, edit_rows, parts_of, show_wrong, upload, uploaded
 from crashfuse.ui.kit import address
+from crashfuse.ui.kit.address import kept
 from crashfuse.ui.kit.campaigns import View
 
 _FILE = "criteria.toml"
-_FIELDS = ("metric", "window_ms", "at_least", "at_most", "name")  # of a criterion in the session and the address
+_FIELDS = ("metric", "window_ms", "at_least", "at_most", "name", "unit")  # of a criterion in session and address
 _COSTS = {"cost_test": "Cost of a test", "cost_wrong": "Cost of a wrong answer"}
+_COSTS_HELP = "In any currency. Both say from which confidence skipping a test pays, and what it saves."
 _METRICS = {**metric_headings(), RATING: f"{STANDARD} rating against a test there"}
 
 
@@ -38,7 +41,7 @@ def criteria_asked(view: View) -> Criteria | None:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
         wrong = error
-    address.default("criteria", [_text(asdict(own)) for own in declared.items] if declared else [])
+    address.default("criteria", _rows_of(declared) if declared else [])
     usual = declared or Criteria(())
     for key, cost in _costs_of(usual).items():
         address.default(key, cost)
@@ -66,53 +69,39 @@ def choose_criteria(view: View) -> Criteria | None:
     def fields(parts: list[str]) -> list[Field | None]:
         factor = units.factor(METRIC_UNITS.get(parts[0], ""))
         return [
-            Field("Metric", labels, clears=(1, 2, 3, 4)),
+            Field("Metric", labels, clears=(1, 2, 3, 4, 5)),
             Field("Window (ms)", factor=1.0, help="Of a rating.") if parts[0] == RATING or parts[1] else None,
             Field("At least", factor=factor, help="In the unit of the metric."),
             Field("At most", factor=factor),
             Field("Name", help="Yours to choose; else the metric’s."),
+            None,
         ]
 
     with st.container(gap="xsmall"):
-        edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5), fields, units)
+        edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5, 0), fields, units)
 
     def start(rows: list[dict[str, Any]]) -> None:
         state["criteria"] = [_text(row) for row in rows]
 
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.number_input(
-            "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session", width=150,
-            help="A criterion is met from this probability, not met from its complement.",
-        )  # fmt: skip
+        tip = "A criterion is met from this probability, not met from its complement."
+        st.number_input("Confidence", step=0.01, format="%.6g", width=150, help=tip, **kept("confidence"))
         for key, label in _COSTS.items():
-            st.number_input(
-                label, value=None, format="%.10g", key=key, persist_state="session", width=170, placeholder="optional",
-                help="In any currency. Both say from which confidence skipping a test pays, and what it saves.",
-            )  # fmt: skip
-        st.selectbox(
-            "Approach that is judged", tuple(APPROACHES), format_func=LABELS.__getitem__, key="approach",
-            persist_state="session", width=210,
-        )  # fmt: skip
+            look = {"format": "%.10g", "width": 170, "placeholder": "optional", "help": _COSTS_HELP}
+            st.number_input(label, value=None, **kept(key, **look))
+        names = tuple(APPROACHES)
+        st.selectbox("Approach that is judged", names, format_func=LABELS.__getitem__, width=210, **kept("approach"))
         another = _text({"metric": RATING if any(RATING in text for text in state["criteria"]) else MAIN_METRICS[0]})
-        st.button(
-            "Add a criterion", icon=":material/add:",
-            on_click=lambda: state.update(criteria=[*state["criteria"], another]),
-        )  # fmt: skip
-        st.button(
-            "Limits of these tests", icon=":material/speed:", type="secondary" if criteria else "primary",
-            on_click=lambda: start(limits_of_tests(view.campaign, units)),
-            help="Start with the most that a test showed, and a rating of 0.8.",
-        )  # fmt: skip
-        st.button(
-            "Good ratings", icon=":material/grade:", on_click=lambda: start(ratings_wanted()),
-            help=f"Start with {STANDARD} ratings of 0.8 over 20, 40 and 60 ms.",
-        )  # fmt: skip
+        add = partial(state.update, criteria=[*state["criteria"], another])
+        st.button("Add a criterion", icon=":material/add:", on_click=add)
+        kind: Literal["secondary", "primary"] = "secondary" if criteria else "primary"
+        st.button("Limits of these tests", type=kind, on_click=lambda: start(limits_of_tests(view.campaign, units)))
+        st.button("Good ratings", on_click=start, args=(ratings_wanted(),))
         with st.popover("From a file", icon=":material/upload:"):
-            names = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)
-            st.markdown(f"`{_FILE}` has the names and units of `metrics.csv`: {names} and others.")
+            metrics = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)
+            st.markdown(f"`{_FILE}` has the names and units of `metrics.csv`: {metrics} and others.")
             key = f"criteria file {view.campaign.fingerprint[:8]}"
-            if refused := upload(f"Upload {_FILE}", _FILE, key, _take_file):
-                show_wrong(refused)
+            upload(f"Upload {_FILE}", _FILE, key, _take_file)
     if wrong is not None:
         show_wrong(wrong)
     elif criteria is None:
@@ -122,8 +111,11 @@ def choose_criteria(view: View) -> Criteria | None:
 
 def take(criteria: Criteria) -> None:
     """Ask for these criteria; call it from a callback."""
-    rows = [_text(asdict(own)) for own in criteria.items]
-    st.session_state.update(criteria=rows, confidence=criteria.confidence, **_costs_of(criteria))
+    st.session_state.update(criteria=_rows_of(criteria), confidence=criteria.confidence, **_costs_of(criteria))
+
+
+def _rows_of(criteria: Criteria) -> list[str]:
+    return [_text({**asdict(own), "unit": own.unit}) for own in criteria.items]  # stated: a small limit is meant
 
 
 def _costs_of(criteria: Criteria) -> dict[str, float | None]:
@@ -138,8 +130,8 @@ def _text(row: dict[str, Any]) -> str:
 
 
 def _row(text: str) -> dict[str, Any]:
-    metric, *numbers, name = parts_of(text, len(_FIELDS))
-    given = zip(_FIELDS, [metric, *map(_number, numbers), name], strict=True)
+    metric, *numbers, name, unit = parts_of(text, len(_FIELDS))
+    given = zip(_FIELDS, [metric, *map(_number, numbers), name, unit], strict=True)
     return {key: value for key, value in given if value != ""}
 
 

@@ -55,7 +55,7 @@ def edit_rows(
     units: UnitSystem,
     most: int | None = None,
 ) -> None:
-    """Let rows, the first ``most``, be typed in that session and address hold as texts.
+    """Let rows, the first ``most``, be typed in that session and address hold as texts; a width of 0 hides a place.
 
     Another list or unit begins with widgets of its own: a browser would send what it showed before.
     """
@@ -64,50 +64,49 @@ def edit_rows(
     if texts != state[key]:
         number += 1
         state[written] = list(state[key]), number
-    labelled = set[int]()  # places whose label stands above a field
+    unlabelled = {place for place, width in enumerate(widths) if width}
+
+    def keep(row: int, place: int, field: Field, widget: str) -> None:
+        parts = parts_of(state[key][row], len(widths))
+        parts[place] = field.text(state[widget], parts[place])
+        parts = ["" if other in field.clears else part for other, part in enumerate(parts)]
+        state[key] = [*state[key][:row], SEPARATOR.join(parts), *state[key][row + 1 :]]
+        if not field.clears:  # else other widgets begin
+            state[written] = list(state[key]), number
+
     for row, text in enumerate(state[key][:most]):
         parts = parts_of(text, len(widths))
-        columns = st.columns([*widths, 0.5], vertical_alignment="bottom", gap="small")
-        for place, (column, field) in enumerate(zip(columns, fields(parts), strict=False)):
+        *columns, last = st.columns([*filter(None, widths), 0.5], vertical_alignment="bottom", gap="small")
+        shown = [(place, field) for place, field in enumerate(fields(parts)) if widths[place]]
+        for column, (place, field) in zip(columns, shown, strict=True):
             if field is not None:
                 widget = f"{key} {number} {row} {place} in {units.speed} {units.weight} {units.acceleration}"
-                is_first = place not in labelled
                 with column:
-                    _edit(key, row, len(parts), place, field, parts[place], widget, is_first=is_first)
-                labelled.add(place)
+                    change = partial(keep, row, place, field, widget)
+                    _edit(field, parts[place], widget, change, row=None if place in unlabelled else row + 1)
+                unlabelled.discard(place)
         remaining = [*state[key][:row], *state[key][row + 1 :]]
-        columns[-1].button(
+        last.button(
             "", icon=":material/close:", help=f"Remove row {row + 1}", key=f"remove {key} {number} {row}",
             type="tertiary", on_click=state.update, args=({key: remaining},),
         )  # fmt: skip
 
 
-def _edit(key: str, row: int, n: int, place: int, field: Field, text: str, widget: str, *, is_first: bool) -> None:
-    state, keep = st.session_state, partial(_keep, key, row, n, place, field)
-    label = field.label if is_first else f"{field.label}, row {row + 1}"  # which is read out
-    look: dict[str, Any] = {"key": widget, "on_change": lambda: keep(state[widget])}
-    look |= {"help": field.help} if is_first else {"label_visibility": "collapsed"}
+def _edit(field: Field, text: str, widget: str, change: Callable[[], None], *, row: int | None) -> None:
+    label = field.label if row is None else f"{field.label}, row {row}"  # which is read out
+    look: dict[str, Any] = {"key": widget, "on_change": change}
+    look |= {"help": field.help} if row is None else {"label_visibility": "collapsed"}
     if field.factor is not None:
-        state.setdefault(widget, field.number(text))
+        st.session_state.setdefault(widget, field.number(text))
         st.number_input(label, value=None, step=1.0, format="%.6g", **look)
     elif field.options is not None:
         options = field.options | ({} if text in ("", *field.options) else {text: text})  # what is not known, too
-        state.setdefault(widget, text or None)
+        st.session_state.setdefault(widget, text or None)
         look |= {"format_func": options.__getitem__, "placeholder": "not given", "required": bool(field.clears)}
         st.selectbox(label, list(options), index=None, **look)
     else:
-        state.setdefault(widget, text)
+        st.session_state.setdefault(widget, text)
         st.text_input(label, max_chars=100, **look)
-
-
-def _keep(key: str, row: int, n: int, place: int, field: Field, value: float | str | None) -> None:
-    state, written = st.session_state, f"{key} as typed"
-    parts = parts_of(state[key][row], n)
-    parts[place] = field.text(value, parts[place])
-    parts = ["" if other in field.clears else part for other, part in enumerate(parts)]
-    state[key] = [*state[key][:row], SEPARATOR.join(parts), *state[key][row + 1 :]]
-    if not field.clears:  # else other widgets begin
-        state[written] = list(state[key]), state[written][1]
 
 
 def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
@@ -118,8 +117,8 @@ def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
         return read(path)
 
 
-def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], T]) -> T | None:
-    """Ask for a file that is kept on the server, by a name in the address; a CrashfuseError if it is wrong or gone."""
+def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], object]) -> None:
+    """Ask for a file that is kept on the server, by a name in the address."""
     state = st.session_state
 
     def take(content: bytes | None) -> None:
@@ -128,14 +127,11 @@ def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[by
             read(content)
             state[choice] = file_store.keep(content, file)
 
-    error = upload(label, file, key, take)
-    if error is not None and state[choice] is None:
-        raise error
-    return find_kept(file, choice, read)
+    upload(label, file, key, take)
 
 
-def upload(label: str, file: str, key: str, take: Callable[[bytes | None], None]) -> CrashfuseError | None:
-    """Ask for a file whose content is taken, None once it is taken away; returns what was wrong with the last."""
+def upload(label: str, file: str, key: str, take: Callable[[bytes | None], None]) -> None:
+    """Ask for a file whose content is taken, None once it is taken away; show what was wrong with the last."""
     state, wrong = st.session_state, f"{key}: wrong"
 
     def changed() -> None:
@@ -149,12 +145,12 @@ def upload(label: str, file: str, key: str, take: Callable[[bytes | None], None]
             state[wrong] = error
 
     st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=changed)
-    error: CrashfuseError | None = state.get(wrong)
-    return error
+    if (error := state.get(wrong)) is not None:
+        show_wrong(error)
 
 
 def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:
-    """What the address has as this choice; None if it has none. Raises as :func:`choose_kept`."""
+    """What the address has as this choice; None if it has none. A CrashfuseError if it is gone."""
     if (name := st.session_state[choice]) is None:
         return None
     if (content := file_store.find(name)) is None:

@@ -67,10 +67,7 @@ def choose_matrix(view: View) -> Matrix | None:
         campaign = view.campaign
         columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
         label, key = f"Upload {_FILE}, with the columns {columns}", f"matrix file {campaign.fingerprint[:8]}"
-        try:
-            choose_kept(label, _FILE, "uploaded", key, partial(_checked, campaign=campaign))
-        except CrashfuseError as error:
-            wrong = error
+        choose_kept(label, _FILE, "uploaded", key, partial(_checked, campaign=campaign))
     if source == _TYPED:
         _edit(view)
     elif matrix is not None:
@@ -82,7 +79,7 @@ def choose_matrix(view: View) -> Matrix | None:
             st.dataframe(without_formulas(pd.DataFrame(rows)), hide_index=True, alt="The planned tests")
     if wrong is not None:
         show_wrong(wrong)
-    return None if wrong is not None else matrix
+    return matrix
 
 
 def _sources(view: View) -> list[str]:
@@ -172,7 +169,7 @@ def _edit(view: View) -> None:
         return [Field("Id"), *numbers, None, *factors]
 
     with st.container(height=420 if len(state["planned"]) > _FEW_ROWS else "content", border=False, gap="xsmall"):
-        edit_rows("planned", (2, 2, 2, 2, 0.01, *[2] * len(campaign.factors)), fields, view.display.units, _MOST_ROWS)
+        edit_rows("planned", (2, 2, 2, 2, 0, *[2] * len(campaign.factors)), fields, view.display.units, _MOST_ROWS)
     if len(state["planned"]) > _MOST_ROWS:
         st.caption(f"{len(state['planned']) - _MOST_ROWS} more are judged; a file shows and changes them.")
     if len(state["planned"]) < _MOST_ROWS:

@@ -1,26 +1,29 @@
-"""Verdicts on the Certify page, their record, domain and files."""
+"""Verdicts on the Certify page: the answer with reasons and what-ifs, their record, domain and files."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import partial
 
+import pandas as pd
 import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification import file_store
-from crashfuse.certification.certify import APPROACH, Certification, is_computed
-from crashfuse.certification.criteria import Criteria, criteria_text
+from crashfuse.certification.certify import APPROACH, Certification, Variant, is_computed
+from crashfuse.certification.criteria import Criteria, criteria_text, varied
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError
-from crashfuse.reporting.certification_facts import Place, sentences
+from crashfuse.reporting.certification_facts import DECISIVE, Place, exceptions, sentences
 from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.certification_tables import SHOWN, csv_as_given, matrix_table
+from crashfuse.reporting.certification_tables import SHOWN, changed_text, csv_as_given, matrix_table
+from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report.certification import certification_report
-from crashfuse.reporting.verdicts import Verdicts, certify
+from crashfuse.reporting.verdicts import Planned, certify, planned
+from crashfuse.study.outliers import departures
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong
 from crashfuse.ui.certify.matrix import matrix_asked
@@ -28,14 +31,16 @@ from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Request, said_of
-from crashfuse.ui.kit.figures import choose, show_cached_figure
-from crashfuse.ui.kit.files import download_bytes, download_report, download_table
+from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
+from crashfuse.ui.kit.files import offer
+from crashfuse.ui.kit.navigation import open_page
+from crashfuse.ui.kit.progress import show_end, show_job
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
-from crashfuse.units import counted
+from crashfuse.units import counted, joined
 
-_CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
-_MANY, _MANY_PX = 3, 620  # criteria whose record scrolls
+_CHOICE, _KEPT = "earlier", "verdicts that were kept"  # session keys
+_MANY = 3  # criteria whose record scrolls
 _RECORD = {
     "What left-out tests showed": (
         "record",
@@ -50,7 +55,7 @@ _RECORD = {
 }
 
 
-def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Verdicts]:
+def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Certification]:
     """Judge criteria at the conditions of a matrix, by the approach and the settings that are chosen."""
     address.default("approach", APPROACH, APPROACHES)
     approach = st.session_state["approach"]
@@ -63,7 +68,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Ver
     )
 
 
-def last_verdicts(view: View) -> tuple[Verdicts | None, str]:
+def last_verdicts(view: View) -> tuple[Certification | None, str]:
     """Verdicts of what Certify has chosen, if known, else what it takes to know them."""
     try:
         criteria, matrix = criteria_asked(view), matrix_asked(view)
@@ -87,15 +92,10 @@ def question(criteria: Criteria, matrix: Matrix) -> str:
 class Judgement:
     """Verdicts, notes on the tests, and how the reader wants to see them."""
 
-    verdicts: Verdicts
+    certification: Certification
     display: Display
     notes: tuple[Note, ...]
     key: Hashable  # equal for equal verdicts: the beginning of the key of a cached figure
-
-    @property
-    def certification(self) -> Certification:
-        """Verdicts, record and domain in SI."""
-        return self.verdicts.certification
 
     def show_sentences(self, place: Place) -> None:
         """Show what is said in a place, a line each."""
@@ -103,7 +103,7 @@ class Judgement:
 
     def show_figure(self, name: str, alt: str, file: str) -> None:
         """Show a figure of the verdicts."""
-        draw = partial(self.verdicts.plot, name, display=self.display)
+        draw = partial(self.certification.plot, name, display=self.display)
         show_cached_figure(draw, alt, name, self.key, self.display, name=file)
 
 
@@ -130,7 +130,7 @@ def show_record(judgement: Judgement) -> None:
             show_table(SHOWN["since"](certification, judgement.display), "earlier verdicts")
 
 
-def beside_earlier(verdicts: Verdicts, key: Hashable) -> Verdicts:
+def beside_earlier(verdicts: Certification, key: Hashable) -> Certification:
     """The verdicts beside the earlier certification that was chosen, if it can be read."""
     try:
         earlier = find_kept(FILE, _CHOICE, parse_earlier)
@@ -141,51 +141,42 @@ def beside_earlier(verdicts: Verdicts, key: Hashable) -> Verdicts:
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
-def _beside(key: Hashable, _verdicts: Verdicts, _earlier: Earlier) -> Verdicts:  # noqa: ARG001
-    return Verdicts(_verdicts.certification.beside(_earlier))
+def _beside(key: Hashable, _verdicts: Certification, _earlier: Earlier) -> Certification:  # noqa: ARG001
+    return _verdicts.beside(_earlier)
 
 
 def _choose_earlier(certification: Certification) -> None:
     campaign, state = certification.campaign, st.session_state
-    kept, of_these = file_store.certifications(campaign), campaign.fingerprint[:8]
-    shown, file_key = f"kept of {of_these}", f"earlier file {of_these}"
-    wrong = state.pop(_WRONG, None)
+    of_these = campaign.fingerprint[:8]
+
+    def read(content: bytes) -> None:
+        parse_earlier(content).require_of(campaign)
+
+    def keep() -> None:
+        try:
+            today = file_store.keep_certification(certification_json(certification), campaign)
+            noted = f"SHA-256 {today.digest}: noted before a test, it shows that the verdicts came first."
+            state[_KEPT] = f"Kept on this machine since {today.date}. {noted}"
+        except CrashfuseError as error:
+            state[_KEPT] = error
+
     with st.container(horizontal=True, vertical_alignment="bottom"):
         place = st.container()
         with st.popover("Upload one", icon=":material/upload:"):
             label = f"The {FILE} of an earlier certification of this vehicle"
-            try:
-                choose_kept(label, FILE, _CHOICE, file_key, lambda content: _read(content, campaign))
-            except CrashfuseError as error:
-                wrong = wrong or (error if state[_CHOICE] is None else None)  # what was chosen is told above
-        st.button("Keep today’s verdicts", icon=":material/bookmark_add:", on_click=_keep, args=(certification,))
+            choose_kept(label, FILE, _CHOICE, f"earlier file {of_these}", read)
+        st.button("Keep today’s verdicts", icon=":material/bookmark_add:", on_click=keep)
+    if isinstance(told := state.pop(_KEPT, None), CrashfuseError):
+        show_wrong(told)
+    elif told is not None:
+        st.success(told, icon=":material/bookmark:")
+    kept, shown = file_store.certifications(campaign), f"kept of {of_these}"
     address.put(shown, state[_CHOICE] if state[_CHOICE] in kept else None)
     place.selectbox(
         "Earlier certification", list(kept), index=None, format_func=lambda name: _described(kept[name]), key=shown,
         placeholder="none chosen" if kept else "none of this vehicle is kept on this machine",
         on_change=lambda: state.update({_CHOICE: state[shown]}),
     )  # fmt: skip
-    if wrong is not None:
-        show_wrong(wrong)
-    elif (message := state.pop(_KEPT, None)) is not None:
-        st.success(message, icon=":material/bookmark:")
-
-
-def _read(content: bytes, campaign: Campaign) -> Earlier:
-    earlier = parse_earlier(content)
-    earlier.require_of(campaign)
-    return earlier
-
-
-def _keep(certification: Certification) -> None:
-    try:
-        kept = file_store.keep_certification(certification_json(certification), certification.campaign)
-        st.session_state[_KEPT] = (
-            f"Kept on this machine since {kept.date}. SHA-256 {kept.digest}: noted before a test, it shows that the "
-            "verdicts came first."
-        )
-    except CrashfuseError as error:
-        st.session_state[_WRONG] = error
 
 
 def _described(earlier: Earlier) -> str:
@@ -203,15 +194,174 @@ def show_domain(judgement: Judgement) -> None:
     st.caption("  \n".join(plain(sentence) for sentence in sentences(judgement.certification, "domain")))
 
 
-def show_files(judgement: Judgement) -> None:
+def offer_files(judgement: Judgement) -> None:
     """Offer them; criteria and matrix ask for the same again."""
-    verdicts, certification = judgement.verdicts, judgement.certification
-    of = certification.campaign.name
-    with st.container(horizontal=True):
-        download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)
-        download_bytes("certification.csv", lambda: csv_as_given(verdicts.table), of)
-        download_table("track_record.csv", lambda: verdicts.track_record, of)
-        download_table("credibility.csv", lambda: verdicts.credibility, of)
-        download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode(), of)
-        download_bytes("matrix.csv", lambda: csv_as_given(matrix_table(certification.matrix)), of)
-        download_bytes("certification.json", lambda: certification_json(certification), of)
+    certification = judgement.certification
+    files = {
+        "report.html": lambda: certification_report(certification, judgement.display, judgement.notes),
+        "certification.csv": lambda: csv_as_given(certification.table),
+        "track_record.csv": lambda: certification.track_record,
+        "credibility.csv": lambda: certification.credibility,
+        "criteria.toml": lambda: criteria_text(certification.criteria),
+        "matrix.csv": lambda: csv_as_given(matrix_table(certification.matrix)),
+        "certification.json": lambda: certification_json(certification),
+    }
+    offer(certification.campaign.name, files)
+
+
+_CELL, _CRITERION = "cell", "criterion of the cell"  # session keys
+_MANY_PX = 560  # of what scrolls: of a list, the reason stays beside it
+_FEW, _MOST = 12, 200  # planned tests in a list without scrolling, and at all
+_WITHOUT = "without "  # what if
+_WAYS = ("Planned tests", "By criterion")
+_MEANINGS = {
+    "skip": "would meet all criteria at once, with the confidence asked for",
+    "run": "uncertain, or a wrong answer costs too much: a test, or another design, can tell",
+    "would miss": "would miss a criterion: another design, not a test, is needed",
+    "cannot say": "beyond what the tests check, or records end too early",
+    "was run": "a test was made there",
+}
+
+
+def show_answer(judgement: Judgement) -> None:
+    """Show the answer, why, what speaks against it, and what would change it."""
+    certification = judgement.certification
+    _show_headline(certification)
+    subjects = list(exceptions(certification).items())
+    with st.container(key="caveats"):
+        for subject, (first, *others) in [own for own in subjects if own[0] in DECISIVE]:
+            more = f" :gray[and {len(others)} more below]" if others else ""
+            st.markdown(f":small[:material/warning: **{plain(subject)}:** {plain(first)}{more}]")
+    left, right = st.columns([3, 2], gap="medium")
+    with left:
+        way = choose("Shown as", _WAYS, key="answered")
+        (_show_planned if way == _WAYS[0] else _show_matrix)(judgement)
+    with right:
+        _show_reason(certification, judgement.display)
+    _show_variants(certification)
+    n = sum(len(told) for _, told in subjects)
+    with st.expander(f"All {n} caveats, and the answer in sentences", icon=":material/list:"):
+        for subject, told in subjects:
+            st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in told))
+        st.markdown("**The answer in sentences**")
+        judgement.show_sentences("summary")
+
+
+def _show_headline(certification: Certification) -> None:
+    (headline,) = sentences(certification, "answer")
+    st.subheader(headline, anchor=False)
+    for sentence in sentences(certification, "headline"):
+        st.caption(plain(sentence))
+
+
+def _show_planned(judgement: Judgement) -> None:
+    rows, chosen = planned(judgement.certification), str(st.session_state[_CELL] or "").partition(" | ")[0]
+    with st.container(height=_MANY_PX if len(rows) > _FEW else "content", border=False, gap=None, key="planned_tests"):
+        for number, row in enumerate(rows[:_MOST]):
+            label = f"**{row.word}** *{plain(row.id)}* {plain(judgement.display.speed(row.condition.speed_mps))} · "
+            st.button(
+                label + plain(judgement.display.words(row.why)), key=f"planned {row.word} {number}", width="stretch",
+                type="primary" if row.id == chosen else "secondary", on_click=_choose, args=(row.id,),
+            )  # fmt: skip
+    if len(rows) > _MOST:
+        st.caption(f"The slowest {_MOST}; *By criterion* has all.")
+    words = dict.fromkeys(row.word for row in rows)
+    st.caption("  \n".join(f"**{word}**: {_MEANINGS[word]}" for word in _MEANINGS if word in words))
+
+
+def _choose(cell: str) -> None:
+    st.session_state[_CELL] = cell
+
+
+def _show_matrix(judgement: Judgement) -> None:
+    n = len(judgement.certification.matrix.ids)
+    with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
+        draw = partial(judgement.certification.plot, display=judgement.display)
+        alt = "Verdicts by planned test and criterion"
+        show_clickable(draw, alt, _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts")
+    told = "Probability that a test there meets the criterion. Click a cell for its reason."
+    st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict.")
+
+
+def _show_reason(certification: Certification, display: Display) -> None:
+    state, rows = st.session_state, {row.id: row for row in planned(certification)}
+    test, _, criterion = str(state.get(_CELL) or "").partition(" | ")
+    if test not in rows:  # of another matrix
+        test = ""
+    shown = f"planned test of {len(rows)}"
+    state[shown] = test or None
+    st.selectbox(
+        "Why? Choose a planned test, or click one", list(rows), index=None, key=shown, placeholder="none chosen",
+        format_func=lambda i: f"{i} · {display.speed(rows[i].condition.speed_mps)} · {rows[i].word}",
+        on_change=lambda: _choose(state[shown]),
+    )  # fmt: skip
+    if not test:
+        return
+    row, verdicts = rows[test], {own.criterion.name: own for own in certification.rows[test]}
+    with st.container(border=True):
+        st.markdown(f"**{plain(test)}: {row.word}** · {plain(display.words(row.why))}")
+        st.caption(plain(display.condition(row.condition)))
+        state[_CRITERION] = criterion if criterion in verdicts else _deciding(row, certification)
+        st.pills(
+            "Criterion", list(verdicts), key=_CRITERION, required=True, label_visibility="collapsed",
+            format_func=lambda name: plain(f"{name}: {verdicts[name].word}"),
+            on_change=lambda: _choose(f"{test} | {state[_CRITERION]}"),
+        )  # fmt: skip
+        verdict = verdicts[state[_CRITERION]]
+        st.markdown(f"**{plain(display.words(joined([verdict.criterion.label, verdict.criterion.limits], ', ')))}**")
+        st.markdown(plain(display.words(verdict.reason)))
+        button, args = "See the predicted pulse there", (certification.campaign, row.condition)
+        if st.button(button, icon=":material/arrow_forward:", on_click=address.choose_condition, args=args):
+            open_page("predict")
+
+
+def _deciding(row: Planned, certification: Certification) -> str:
+    words = {"would miss": "not met", "run": "open"}
+    verdicts = certification.rows[row.id]
+    deciding = [own for own in verdicts if own.word == words.get(row.word)] or verdicts
+    return min(deciding, key=lambda own: 0.0 if own.probability is None else own.probability).criterion.name
+
+
+def _variants(certification: Certification) -> dict[str, tuple[Campaign, Criteria]]:
+    campaign, criteria, tests = certification.campaign, certification.criteria, certification.campaign.test_ids
+    apart = [own.test for own in departures(campaign)]
+    without = dict.fromkeys((*apart, *tests)) if len(tests) > 1 else ()
+    return {
+        **{name: (campaign, other) for name, other in varied(criteria).items()},
+        **{f"{_WITHOUT}{test}": (campaign.without((test,)), criteria) for test in without},
+    }
+
+
+def _show_variants(certification: Certification) -> None:
+    variants, state, table, key = _variants(certification), st.session_state, [], "what_if"
+    address.put(key, [name for name in state[key] if name in variants])
+    asked = st.pills(
+        "What if …", [*variants], selection_mode="multi", format_func=plain, key=key, persist_state="session"
+    )
+    for name in asked:
+        request = judge(*variants[name], certification.matrix)
+        if request.find() is None:
+            request.start()
+        if (job := request.find()) is None:
+            continue
+        if job.active:
+            show_job(job)
+        elif job.result is not None:
+            variant = Variant.of(name, certification, job.result)
+            saved, changed = "{} of {}".format(*variant.saved), changed_text(variant)
+            table.append({"What if": name, "Need not be run": saved, "What changes": changed or "nothing"})
+        else:
+            show_end(job)
+    if table:
+        show_table(pd.DataFrame(table), key="what if")
+
+
+def show_files(judgement: Judgement) -> None:
+    """Offer them; what the page shows *without* a test is in them, as other limits and confidences always are."""
+    certification, asked = judgement.certification, st.session_state["what_if"]
+    variants, matrix = _variants(certification), certification.matrix
+    without = [name for name in variants if name in asked and name.startswith(_WITHOUT)]
+    known = {name: other for name in without if (other := judge(*variants[name], matrix).result) is not None}
+    others = (Variant.of(name, certification, other) for name, other in known.items())
+    with_all = replace(certification, variants=(*certification.variants, *others))
+    offer_files(replace(judgement, certification=with_all))

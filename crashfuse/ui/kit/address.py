@@ -6,7 +6,7 @@ is drawn, and read back when a session begins and on Back and Forward.
 
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -16,14 +16,17 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.approaches.base import DEVICES, PRESETS
 from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, require_window
-from crashfuse.units import SYSTEMS
+from crashfuse.units import IN_SI, SYSTEMS
 
+DECIMALS = 9  # of speeds and weights in the session: 56 km/h come back as 56
+_CONDITION = {"speed_mph": "mph", "front_weight_lb": "lb", "rear_weight_lb": "lb"}
 MOST_PINS = 6  # each takes ten megabytes, and a column of the table
 Value = str | float | bool | tuple[str, ...] | None
 _PAGE, _DEFAULTS = "page", "defaults"  # session keys: the open page; defaults that depend on the campaign
@@ -103,7 +106,7 @@ CHOICES: dict[str, Choice] = {
     **{f"{page}_also": Choice(tuple, (), pages=(page,), of_campaign=True) for page in ("compare", "predict")},
     **{f"{page}_nearest": Choice(bool, False, pages=(page,)) for page in ("compare", "predict")},
     "pins": Choice(tuple, (), pages=("compare", "predict")),
-    **dict.fromkeys(("speed_mph", "front_weight_lb", "rear_weight_lb"), Choice(float, pages=("predict",))),
+    **dict.fromkeys(_CONDITION, Choice(float, pages=("predict",))),
     "sweep_metric": Choice(str, next(iter(METRIC_LABELS)), tuple(METRIC_LABELS), ("predict",)),
     "criteria": Choice(tuple, pages=("certify",), of_campaign=True),
     **dict.fromkeys(("confidence", "cost_test", "cost_wrong"), Choice(float, pages=("certify",), of_campaign=True)),
@@ -186,6 +189,11 @@ def put(key: str, value: object) -> None:
         state[key] = value
 
 
+def kept(key: str, **look: Any) -> dict[str, Any]:  # noqa: ANN401 - of any widget
+    """A widget's key, under which the session keeps its value also while another page is open, and its look."""
+    return {"key": key, "persist_state": "session", **look}
+
+
 def leave_campaign() -> None:
     """Let another campaign decide what nobody has chosen, and what means nothing there; call it from a callback."""
     state = st.session_state
@@ -206,13 +214,13 @@ def publish() -> None:
         st.query_params.from_dict(shown)
 
 
-def parameters(page: str, keys: Collection[str] = ()) -> dict[str, list[str]]:
-    """Parameters of a link to a page that shows what this session has chosen; ``keys`` are those of :func:`keys`."""
+def parameters(page: str) -> dict[str, list[str]]:
+    """Parameters of a link to a page that shows what this session has chosen."""
     state = st.session_state
     defaults = state.get(_DEFAULTS, {})
     return {
         key: choice.texts(value)
-        for key, choice in _of(page, keys).items()
+        for key, choice in _of(page).items()
         if (value := state.get(key)) is not None and value not in (defaults.get(key), _in_session(choice.default))
     }
 
@@ -227,16 +235,11 @@ def acts(key: str, page: str) -> bool:
     return CHOICES[key].acts_on(page)
 
 
-def keys() -> frozenset[str]:
-    """All keys of the session and of the address; Streamlit takes milliseconds to list them."""
-    return frozenset({*map(str, st.session_state), *st.query_params})
-
-
-def _of(page: str | None, known: Collection[str] = ()) -> dict[str, Choice]:
+def _of(page: str | None) -> dict[str, Choice]:
     here = {key: choice for key, choice in CHOICES.items() if choice.acts_on(page)}
     for family in [key for key in here if key.endswith(_ANY)]:
         choice, stem = here.pop(family), family.removesuffix(_ANY)
-        here |= {key: choice for key in known or keys() if key.startswith(stem)}
+        here |= {key: choice for key in map(str, (*st.session_state, *st.query_params)) if key.startswith(stem)}
     return here
 
 
@@ -286,6 +289,13 @@ def choose_held_out(test: CrashTest) -> None:
     """Select the test to hold out; call it from a callback, before the sidebar is drawn."""
     st.session_state["test"] = test.id
     forget()
+
+
+def choose_condition(campaign: Campaign, condition: Condition) -> None:
+    """Choose a condition on the page Predict; call it from a callback."""
+    given, numbers = dict(condition.factors), zip(_CONDITION.items(), condition.vector, strict=True)
+    st.session_state.update({key: round(float(value) / IN_SI[unit], DECIMALS) for (key, unit), value in numbers})
+    st.session_state.update({f"factor_{name}": given.get(name) or None for name in campaign.factors})
 
 
 def forget() -> None:

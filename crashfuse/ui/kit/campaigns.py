@@ -160,13 +160,6 @@ def open_uploaded(folder: Path) -> str:
     return name
 
 
-def close(name: str) -> None:
-    """Forget an open campaign, whose folder goes."""
-    opened = opened_here()
-    with _opening:
-        opened.pop(name, None)
-
-
 def label(name: str) -> str:
     """What the open campaign of this name is called where others may read it."""
     return opened_here()[name].label or name

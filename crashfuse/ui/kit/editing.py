@@ -13,7 +13,7 @@ from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note,
 from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.errors import DataError, UsageError
 from crashfuse.ui.kit import address, campaigns
-from crashfuse.ui.kit.address import choose_campaign
+from crashfuse.ui.kit.address import choose_campaign, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.results import refused_into, show_problems
 from crashfuse.ui.kit.text import plain
@@ -39,11 +39,8 @@ def show_last_change(view: View) -> None:
     if last is not None:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
             st.markdown(f":material/history: {plain(last.what)}.", width="content")
-            st.button(
-                "Undo", icon=":material/undo:", on_click=_edit,
-                args=(view, lambda: f"Undone: {undo(view.folder, last).what}"),
-                help=f"{plain(str(last))}. The folder will be as before.",
-            )  # fmt: skip
+            args = view, lambda: f"Undone: {undo(view.folder, last).what}"
+            st.button("Undo", icon=":material/undo:", on_click=_edit, args=args, help=plain(str(last)))
 
 
 def offer_leaving_out(view: View) -> None:
@@ -51,10 +48,8 @@ def offer_leaving_out(view: View) -> None:
     if len(view.campaign.tests) > 1 and can_be_edited(view.folder):
         for test in [test for test in view.campaign.tests if test.faults]:
             why = "; ".join(fault.text for fault in test.faults)[:LONGEST_REASON]
-            st.button(
-                f"Leave {plain(test.id)} out of use", icon=":material/block:", key=f"leave out {test.id}",
-                on_click=_edit, args=(view, partial(leave_out, view.folder, [test.id], why)),
-            )  # fmt: skip
+            args = view, partial(leave_out, view.folder, [test.id], why)
+            st.button(f"Leave {plain(test.id)} out of use", on_click=_edit, args=args, key=f"leave out {test.id}")
 
 
 def choose_tests_in_use(view: View) -> None:
@@ -89,10 +84,8 @@ def show_tests_out_of_use(view: View) -> None:
                 args=(view, lambda test=test_id, key=key: say_why(view.folder, test, st.session_state[key])),
                 label_visibility="collapsed", placeholder="no reason given; it stands in every report",
             )  # fmt: skip
-            st.button(
-                f"Take {plain(test_id)} out of the folder", icon=":material/delete:", on_click=_edit,
-                args=(view, partial(remove_tests, view.folder, [test_id])), help="With its pulse. Undo brings it back.",
-            )  # fmt: skip
+            args = view, partial(remove_tests, view.folder, [test_id])
+            st.button(f"Take {plain(test_id)} out of the folder", icon=":material/delete:", on_click=_edit, args=args)
 
 
 def _change_use(view: View, used: tuple[str, ...]) -> None:
@@ -123,10 +116,8 @@ def _edit(view: View, change_it: Callable[[], str]) -> None:
 def _offer_copy(view: View) -> None:
     with st.popover("Save a copy to edit", icon=":material/content_copy:"):
         st.markdown("Tests are left out of use, or added, in a copy.")
-        st.text_input(
-            "Folder of the copy", key=_COPY, persist_state="session", placeholder=str(Path.home() / "my-campaign"),
-            help="A new or empty one on the computer that crashfuse runs on.",
-        )  # fmt: skip
+        usual = str(Path.home() / "my-campaign")
+        st.text_input("Folder of the copy", placeholder=usual, **kept(_COPY))
         st.button("Save the copy", type="primary", on_click=_save_copy, args=(view,))
 
 
@@ -158,10 +149,8 @@ def edit_notes(view: View, notes: Sequence[Note]) -> None:
     with folded:
         for number, note in enumerate(note for note in notes if note.test == test):
             with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-                st.button(
-                    "Delete", icon=":material/close:", key=f"delete note {number} of {test}", type="tertiary",
-                    on_click=_delete_note, args=(view, note),
-                )  # fmt: skip
+                key = f"delete note {number} of {test}"
+                st.button("Delete", on_click=_delete_note, args=(view, note), key=key, type="tertiary")
                 st.markdown(f"**{note.when}** {plain(note.text)}" if note.when else plain(note.text), width="stretch")
         folder, deleted = st.session_state.get(_DELETED_NOTE, (None, None))
         if folder == view.folder and deleted.test == test:

@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,7 +12,6 @@ import streamlit as st
 
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table, unpacked
-from crashfuse.reporting.figures import Further
 from crashfuse.reporting.plots.canvas import AXIS_TITLE, darkened, room_above, without_links
 from crashfuse.reporting.plots.palette import in_the_dark
 from crashfuse.signals.pulse import FloatArray
@@ -24,7 +22,6 @@ from crashfuse.ui.kit.navigation import component
 _DIGITS = 5  # of the largest value of a curve, on a screen of thousands of pixels
 _CACHED = 200  # figures of up to half a megabyte
 _TOOLS: dict[str, Any] = {"displaylogo": False, "showSendToCloud": False}  # none of those left sends a figure anywhere
-_STREAMLITS = Path(st.__file__).parent / "static" / "static" / "js"
 T = TypeVar("T")
 
 
@@ -101,13 +98,11 @@ def show_figure(figure: go.Figure, alt: str, key: str | None = None, name: str =
     offer_files(figure, caption(alt, name), key or alt)
 
 
-def show_cached_figure(
-    draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "", beside: Sequence[Further] = ()
-) -> None:
+def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "") -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
     figure, sent = _cached(key, _is_dark(), draw)
     st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS)
-    offer_files(figure, caption(alt, name, beside), alt)
+    offer_files(figure, caption(alt, name), alt)
 
 
 def show_clickable(
@@ -133,12 +128,6 @@ def show_clickable(
     )
     offer_files(figure, caption(alt, name), widget)
     return bool(_points(event))
-
-
-def load_early() -> None:
-    """On a page without figures, let the browser read Plotly, which takes a second."""
-    script = next((path.name for path in _STREAMLITS.glob("PlotlyChart.*.js")), "")
-    component("figures_early")(key="figures early", data=script)
 
 
 def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit returns two forms

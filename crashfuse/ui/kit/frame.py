@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import streamlit as st
@@ -20,11 +21,10 @@ from crashfuse.execution.cache import not_kept
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, telling_test
 from crashfuse.study.facts import campaign_facts
-from crashfuse.ui.kit import address, campaigns, navigation, uploads, visitors
-from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget
+from crashfuse.ui.kit import address, campaigns, navigation, visitors
+from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import jobs
-from crashfuse.ui.kit.figures import load_early
 from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
@@ -33,37 +33,34 @@ from crashfuse.units import SYSTEMS, counted, read_out, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it
-_TAB_OF = {"cae.runs_fail": "CAE model", "tests.left_out_of_use": "Tests", "campaign.notice": "Tests"}
+_PLACE_OF = {  # of facts that stand above every page: where they lead
+    "test.stands_apart": ("compare", {"compare_tab": "Why"}),
+    "campaign.archive": ("train", {"train_tab": "Train"}),
+    "cae.runs_fail": ("data", {"data_tab": "CAE model"}),
+    "tests.left_out_of_use": ("data", {"data_tab": "Tests"}),
+    "campaign.notice": ("data", {"data_tab": "Tests"}),
+}
 _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 
 
 def choose_settings() -> tuple[StudyConfig, str]:
     """Ask for the settings; second is what is wrong with them, if anything."""
-    chosen = st.pills(
-        "Approaches", tuple(APPROACHES), selection_mode="multi", format_func=LABELS.__getitem__,
-        key="approaches", persist_state="session",
-    )  # fmt: skip
+    label = LABELS.__getitem__
+    chosen = st.pills("Approaches", tuple(APPROACHES), selection_mode="multi", format_func=label, **kept("approaches"))
     st.caption(f"{LF} {TIME_DOMAIN}")
     left, right = st.columns(2, gap="large")
     acts_on = read_out([LABELS[name] for name in filter(uses_preset, APPROACHES)])
-    left.radio(
-        "Settings", PRESETS, format_func={"fast": "Fast", "paper": "Paper"}.__getitem__, key="preset",
-        captions=["Ours: minutes on a laptop.", f"As published (Zeng et al. 2023): {acts_on}."],
-        persist_state="session",
-    )  # fmt: skip
+    captions = ["Ours: minutes on a laptop.", f"As published (Zeng et al. 2023): {acts_on}."]
+    left.radio("Settings", PRESETS, format_func=str.capitalize, captions=captions, **kept("preset"))
     with right.expander("Advanced", icon=":material/tune:"):
-        st.number_input(  # without bounds, within which a browser would keep the last one and say nothing to the page
-            "Seed", step=1, key="seed", persist_state="session", help="The same seed gives the same results."
-        )
+        # without bounds, within which a browser would keep the last one and say nothing to the page
+        st.number_input("Seed", step=1, help="The same seed gives the same results.", **kept("seed"))
         choose_left_out("train")
         from torch import cuda  # imported while the first pages are read
 
-        st.radio(
-            "Networks are trained on",
-            DEVICES if cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu"),
-            format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
-            key="device", persist_state="session", help="Results differ in their last digits.",
-        )  # fmt: skip
+        names = {"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}
+        devices = DEVICES if cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu")
+        st.radio("Networks are trained on", devices, format_func=names.__getitem__, **kept("device"))
     config = chosen_config()
     if config.preset != st.session_state["preset"]:
         st.warning("The paper's settings act on none of these approaches.", icon=":material/info:")
@@ -79,21 +76,25 @@ def choose_settings() -> tuple[StudyConfig, str]:
 
 
 def choose_left_out(page: str) -> None:
-    """Ask what is left out with a test, by a widget of its own on each page."""
+    """Ask what is left out with a test, by a widget of its own on each page: one key at two places loses its value."""
     state, shown = st.session_state, f"leave_out on {page}"
     address.put(shown, state["leave_out"])
-    st.segmented_control(
-        "Left out", address.CHOICES["leave_out"].options, required=True,
-        format_func={"test": "The test", "speed group": "All at its speed"}.__getitem__, key=shown,
-        persist_state="session", on_change=lambda: state.update(leave_out=state[shown]),
-        help=f"At one speed: less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart.",
-    )  # fmt: skip
+    names = {"test": "The test", "speed group": "All at its speed"}
+    tip = f"At one speed: less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart."
+    look = kept(shown, on_change=lambda: state.update(leave_out=state[shown]), format_func=names.__getitem__, help=tip)
+    st.segmented_control("Left out", list(names), required=True, **look)
 
 
 def sidebar(page: str) -> View | Sequence[Problem]:
     """Show links to the pages, and the choices on the open one; returns these, or what is wrong."""
     opened: View | Sequence[Problem] = ()
     state = st.session_state
+
+    def turn_to_campaign() -> None:
+        if state["campaign"] != state.pop(ASKED, ""):
+            address.leave_campaign()
+        forget()
+
     with st.sidebar:
         links = st.container(gap=None)
         names = list(campaigns.open_campaigns())
@@ -104,11 +105,9 @@ def sidebar(page: str) -> View | Sequence[Problem]:
             state[ASKED], state["campaign"] = state["campaign"], None
         if state["campaign"] is None and ASKED not in state:
             state["campaign"] = campaigns.at_start()
-        name = st.selectbox(
-            "Campaign", names, index=None if state["campaign"] is None else 0,  # None: Escape would clear the choice
-            placeholder="none open", key="campaign", persist_state="session", format_func=campaigns.label,
-            on_change=_turn_to_campaign,
-        )  # fmt: skip
+        first = None if state["campaign"] is None else 0  # None: Escape would clear the choice
+        look = {"placeholder": "none open", "format_func": campaigns.label, "on_change": turn_to_campaign}
+        name = st.selectbox("Campaign", names, first, **kept("campaign", **look))
         if name is not None:
             try:
                 opened = _choose_view(page, name, campaigns.load(name))
@@ -118,8 +117,6 @@ def sidebar(page: str) -> View | Sequence[Problem]:
             st.fragment(_keep_up, run_every=every_s)(address.here())
         visitors.show_account()
         navigation.watch_browser()
-        if not isinstance(opened, View):  # nor is there a figure
-            load_early()
     with links:
         navigation.show_links()
     return opened
@@ -151,49 +148,40 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
 
 
 def _choose_window(page: str) -> None:
-    shown = float(st.session_state["window"])
-    st.selectbox(
-        "Rated time window", sorted({*WINDOWS_MS, shown}), format_func=lambda ms: f"0–{ms:g} ms", key="window",
-        accept_new_options=True, on_change=_take_window, args=(shown,), persist_state="session",
-        help="Type any from 10 to 100 ms.",
-    )  # fmt: skip
-    if page in ("compare", "study"):
-        st.checkbox("Also to zero velocity (TTZV)", key="to_ttzv", persist_state="session", help=TO_TTZV_HELP)
-
-
-def _take_window(before: float) -> None:
     state = st.session_state
-    try:
-        state["window"] = address.window_of(str(state["window"]))
-    except UsageError as error:
-        state["window"] = before
-        st.toast(plain(error), icon=":material/edit:")
+    shown = float(state["window"])
+
+    def take() -> None:
+        try:
+            state["window"] = address.window_of(str(state["window"]))
+        except UsageError as error:
+            state["window"] = shown
+            st.toast(plain(error), icon=":material/edit:")
+
+    look = {"format_func": "0–{:g} ms".format, "accept_new_options": True, "help": "Type any from 10 to 100 ms."}
+    st.selectbox("Rated time window", sorted({*WINDOWS_MS, shown}), **kept("window", on_change=take, **look))
+    if page in ("compare", "study"):
+        st.checkbox("Also to zero velocity (TTZV)", **kept("to_ttzv", help=TO_TTZV_HELP))
 
 
 def _choose_units(page: str) -> None:
     labels = {
         "system": ("Units of speeds and weights", {"mph-lb": "mph, lb", "kph-kg": "km/h, kg"}),
         "unit": ("Unit of accelerations", {"g": "g", "m/s²": "m/s²"}),
-        "sign": ("Sign of braking", {"Acceleration": "−", "Deceleration": "+"}),
+        "sign": ("Sign of braking (SAE J1733: negative)", {"Acceleration": "−", "Deceleration": "+"}),
     }
 
     def keep(key: str) -> None:
         address.want_units()
         visitors.keep_for_visitor(key, st.session_state[key])
 
-    with st.container(gap=None, key="units"):
-        st.markdown(
-            f":small[Units{', sign of braking' if address.acts('sign', page) else ''}]",
-            help="Files have their own. SAE J1733: braking is negative.",
-        )
-        with st.container(horizontal=True, gap="xxsmall"):
-            for key, (label, words) in labels.items():
-                if address.acts(key, page):
-                    st.segmented_control(
-                        label, address.CHOICES[key].options, required=True, key=key, persist_state="session",
-                        format_func=words.__getitem__, label_visibility="collapsed", width="content", on_change=keep,
-                        args=(key,),
-                    )  # fmt: skip
+    st.markdown(f":small[Units{', sign of braking' if address.acts('sign', page) else ''}]")
+    with st.container(horizontal=True, gap="xxsmall", key="units"):
+        for key, (label, words) in labels.items():
+            if address.acts(key, page):
+                look = {"format_func": words.__getitem__, "label_visibility": "collapsed", "width": "content"}
+                change = partial(keep, key)
+                st.segmented_control(label, list(words), required=True, **kept(key, on_change=change, **look))
 
 
 def _is_adding(page: str) -> bool:
@@ -207,21 +195,17 @@ def _choose_held_out(tests: Mapping[str, CrashTest], *, was_drawn: bool) -> None
         state.pop(shown, None)
     address.put(shown, state["test"])
     state[_HELD_OUT] = True
-    st.selectbox(
-        "Held-out test", list(tests), key=shown, on_change=lambda: choose_held_out(tests[state[shown]]),
-        format_func=lambda test_id: f"{test_id} · {said(speed(tests[test_id].condition.speed_mps), units)}",
-        help="Nothing that predicts it sees its pulse.",
-    )  # fmt: skip
+
+    def choose() -> None:
+        choose_held_out(tests[state[shown]])
+
+    named = {name: f"{name} · {said(speed(test.condition.speed_mps), units)}" for name, test in tests.items()}
+    tip, label = "Nothing that predicts it sees its pulse.", named.__getitem__
+    st.selectbox("Held-out test", list(tests), key=shown, on_change=choose, format_func=label, help=tip)
 
 
 def _note(sentence: str, asked: str) -> None:
     st.session_state.setdefault(NOT_FOUND, sentence.replace("{}", f"“{asked[:80]}”", 1))
-
-
-def _turn_to_campaign() -> None:
-    if st.session_state["campaign"] != st.session_state.pop(ASKED, ""):
-        address.leave_campaign()
-    forget()
 
 
 def _keep_up(shown: address.Place) -> None:
@@ -240,14 +224,16 @@ def route(page: Page) -> None:
     address.follow(page.url_path, visitors.kept_for_visitor)
     opened = sidebar(page.url_path)
     token = _opened.set(opened)
-    line = _AnswerLine(opened) if isinstance(opened, View) and not _is_adding(page.url_path) else None
+    view = opened if isinstance(opened, View) and not _is_adding(page.url_path) else None
+    if view is not None:
+        row = st.container(horizontal=True, key="answer")
     if ASKED not in st.session_state:  # else the link stays as it was given
         address.publish()
     try:
         with suppress(StopException):  # of end_page
             page.run()
-        if line is not None:
-            line.complete()
+        if view is not None:
+            _show_answer(row, view)
     finally:
         _opened.reset(token)
 
@@ -269,7 +255,6 @@ def enter() -> View | None:
     if missing := st.session_state.get(NOT_FOUND):
         st.warning(plain(missing), icon=":material/link_off:")
     if isinstance(opened, View):
-        uploads.note_use(opened.folder)
         return opened
     if opened:
         show_problems(opened)
@@ -313,44 +298,35 @@ def show_title(title: str) -> DeltaGenerator:
     return row
 
 
-class _AnswerLine:
-    """The line above every page, outside of it: what is known of the campaign."""
+def _show_answer(row: DeltaGenerator, view: View) -> None:
+    """The line above every page: what is known of the campaign."""
+    from crashfuse.ui.certify.results import last_verdicts  # whose figures and reports take a while
 
-    def __init__(self, view: View) -> None:
-        self.view = view
-        self.row = st.container(horizontal=True, key="answer")
-        n, runs = len(view.campaign.tests), len(view.campaign.cae)
-        self._link("tests", counted(n, "test"), "On Data.", "data", data_tab="Tests")
-        self._link("cae", counted(runs, "CAE run"), "On Data.", "data", data_tab="CAE model")
+    campaign, words = view.campaign, view.display.words
+    _link(row, "tests", counted(len(campaign.tests), "test"), "On Data.", "data", data_tab="Tests")
+    _link(row, "cae", counted(len(campaign.cae), "CAE run"), "On Data.", "data", data_tab="CAE model")
+    verdicts, told = last_verdicts(view)
+    meaning = "Which planned tests need not be run?"
+    if verdicts is not None:
+        n, of = verdicts.saved
+        told = f"{n:,} of {counted(of, 'planned test')} need not be run"
+        meaning = "A test there would meet all criteria at once."
+    _link(row, "certify", f"**{plain(told)}**", meaning, "certify")
+    for fact in campaign_facts(campaign):
+        page, chosen = _PLACE_OF.get(fact.code, ("", {}))
+        label = plain(fact.label)
+        if fact.code == "test.stands_apart":
+            chosen = {**chosen, "test": fact.about[0]}
+            at = words(speed(campaign.test(chosen["test"]).condition.speed_mps, form=".0f"))
+            label = f"{label} at {at}"
+        if page:
+            label = label if fact.code in ("campaign.archive", "campaign.notice") else f":orange[{label}]"
+            _link(row, f"{fact.code} {fact.label}", label, words(fact.sentence), page, **chosen)
 
-    def complete(self) -> None:
-        from crashfuse.ui.certify.results import last_verdicts  # whose figures and reports take a while
 
-        view = self.view
-        verdicts, told = last_verdicts(view)
-        meaning = "Which planned tests need not be run?"
-        if verdicts is not None:
-            n, of = verdicts.certification.saved
-            told = f"{n:,} of {counted(of, 'planned test')} need not be run"
-            meaning = "A test there would meet all criteria at once."
-        self._link("certify", f"**{plain(told)}**", meaning, "certify")
-        for fact in campaign_facts(view.campaign):
-            label, key = plain(fact.label), f"{fact.code} {fact.label}"
-            if fact.code == "test.stands_apart":
-                (test,) = fact.about
-                at = view.display.words(speed(view.campaign.test(test).condition.speed_mps, form=".0f"))
-                self._link(key, f":orange[{label} at {at}]", fact.sentence, "compare", test=test, compare_tab="Why")
-            elif fact.code == "campaign.archive":
-                self._link(key, label, fact.sentence, "train", train_tab="Train")
-            elif tab := _TAB_OF.get(fact.code):
-                warned = label if fact.code == "campaign.notice" else f":orange[{label}]"
-                self._link(key, warned, fact.sentence, "data", data_tab=tab)
-
-    def _link(self, key: str, label: str, meaning: str, page: str, **chosen: str) -> None:
-        self.row.button(
-            label, key=f"answer {key}", type="tertiary", help=plain(self.view.display.words(meaning)),
-            on_click=_open_with, args=(page, chosen),
-        )  # fmt: skip
+def _link(row: DeltaGenerator, key: str, label: str, meaning: str, page: str, **chosen: str) -> None:
+    args, help_ = (page, chosen), plain(meaning)
+    row.button(label, key=f"answer {key}", type="tertiary", help=help_, on_click=_open_with, args=args)
 
 
 def _open_with(page: str, chosen: Mapping[str, str]) -> None:
@@ -368,7 +344,5 @@ def _not_kept() -> str:
 
 def offer_sample() -> None:
     """Offer to load the sample."""
-    st.button(
-        "Load the sample campaign", type="primary", icon=":material/play_arrow:", on_click=choose_campaign,
-        args=(campaigns.SAMPLE,),
-    )  # fmt: skip
+    args = (campaigns.SAMPLE,)
+    st.button("Load the sample campaign", type="primary", on_click=choose_campaign, args=args)

@@ -57,9 +57,9 @@ def show_links() -> None:
     """Links to all pages. Streamlit's own would drop this session's choices from the address."""
     from crashfuse.ui.kit import address
 
-    known, keys = pages(), address.keys()
+    known = pages()
     for name, (title, icon) in _PAGES.items():
-        st.page_link(known[name], label=title, icon=icon, query_params=address.parameters(name, keys))
+        st.page_link(known[name], label=title, icon=icon, query_params=address.parameters(name))
 
 
 def show_link(name: str, label: str, icon: str = ":material/arrow_forward:") -> None:

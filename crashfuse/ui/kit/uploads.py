@@ -1,11 +1,10 @@
 """Files from the browser, and foreign files being imported.
 
-Uploads are deleted when the server ends, or as the next one starts; beyond 8 GiB, those that nobody looked at for long.
+Uploads are deleted when the server ends, or as the next one starts.
 """
 
 import atexit
 import hashlib
-import os
 import shutil
 import tempfile
 import time
@@ -43,8 +42,6 @@ T = TypeVar("T")
 _SCRATCH, _LOCK = "crashfuse-uploads-", ".lock"  # of the folder, and beside it
 _STARTING_S = 10  # between making a lock file and locking it
 _UNLOCKED_S = 86400.0  # a folder without its lock file may be of a server whose lock a cleaner of old files took
-_MOST_BYTES = 8 << 30
-_IN_USE_S = 4 * 3600.0  # since somebody looked at it; a session may pause over noon
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +187,6 @@ def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
 def _keep(lay_out_in: Callable[[Path], T]) -> T:
     try:
         sweep_uploads()  # of servers that were killed too shortly before this one started
-        _make_room()
         folder = Path(tempfile.mkdtemp(dir=_scratch()))
         try:
             return lay_out_in(folder)
@@ -200,29 +196,6 @@ def _keep(lay_out_in: Callable[[Path], T]) -> T:
     except OSError as error:
         expected = "room to unpack it on the server's disk"
         raise DataError(Problem("upload", expected, error.strerror or "none", "free some space")) from error
-
-
-def note_use(folder: Path) -> None:
-    """Note that somebody looks at a campaign: an upload is kept as long as anybody does."""
-    for path in (folder, *folder.parents):
-        if path.parent == _scratch().resolve():
-            with suppress(OSError):
-                os.utime(path)
-
-
-def _make_room() -> None:
-    uploads = sorted((folder.stat().st_mtime, folder) for folder in _scratch().iterdir())
-    sizes = {folder: sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) for _, folder in uploads}
-    excess = sum(sizes.values()) - _MOST_BYTES
-    for used, folder in uploads:
-        if excess <= 0 or time.time() - used < _IN_USE_S:
-            break
-        for key, name in list(_opened().items()):
-            if folder.resolve() in campaigns.folder_of(name).parents:
-                del _opened()[key]
-                campaigns.close(name)
-        shutil.rmtree(folder, ignore_errors=True)
-        excess -= sizes[folder]
 
 
 @st.cache_resource

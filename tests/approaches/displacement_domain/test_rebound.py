@@ -29,7 +29,6 @@ def test_the_branch_is_shifted_to_t0_and_scaled() -> None:
 
 
 def test_a_vehicle_that_never_stops_is_left_as_it_is() -> None:
-    """Without t0 there is no rebound."""
     pulse = np.full((1, 1250), -50.0)
     cae = bouncing(0.07)
     np.testing.assert_array_equal(follow_unloading(pulse, SPEED, cae, loading_phase(cae, SPEED)), pulse)

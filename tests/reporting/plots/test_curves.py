@@ -4,7 +4,7 @@ import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.reporting.plots.canvas import add_line, new_figure, room_above, share_y_range
+from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.curves import POINTWISE, TEST, Curve, add_marks, by_speed, draw_curves
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
 from crashfuse.reporting.plots.pulses import motion
@@ -86,19 +86,6 @@ def test_without_marks_or_curves_nothing_is_drawn(campaign: Campaign) -> None:
     assert not add_marks(motion(None, {}, 11.0), MARKS).layout.shapes
     plain = motion(campaign.test("T2").pulse, {}, 11.0)
     assert add_marks(plain, []).layout == motion(campaign.test("T2").pulse, {}, 11.0).layout
-
-
-def test_figures_to_be_compared_share_one_range_that_holds_all_curves() -> None:
-    """One from -45 to 5, the other up to 20: both are drawn from -45 to 20 and a little more."""
-    low, high = new_figure(300), new_figure(300)
-    add_line(low, np.array([0.0, 0.1]), np.array([-45.0, 5.0]))
-    add_line(high, np.array([0.0, 0.1]), np.array([0.0, 20.0]), name="a name")
-    share_y_range([low, high])
-    assert low.layout.margin.t == high.layout.margin.t == room_above(high) + 21  # a row to spare in a narrow window
-    assert low.layout.yaxis.range == high.layout.yaxis.range
-    bottom, top = low.layout.yaxis.range
-    assert -50 < bottom < -45
-    assert 20 < top < 25
 
 
 def test_titles_of_axes_are_no_larger_than_text() -> None:

@@ -7,7 +7,7 @@ const cells = figure => figure.data.flatMap((trace, number) => trace.type === "h
 const relaid = (figure, changes, height, inCellsPx) => {
   const some = inCellsPx.length > 0;
   Plotly.update(figure, some ? { "textfont.size": inCellsPx } : {}, changes, some ? cells(figure) : undefined);
-  figure.parentElement.style.height = `${height}px`;
+  figure.style.height = `${height}px`;
 };
 const wrapped = (text, most) => text.replaceAll("<br>", " ").split(" ").reduce((lines, word) => {
   const longer = `${lines.at(-1)} ${word}`.trim();
