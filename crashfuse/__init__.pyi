@@ -37,8 +37,8 @@ from .reporting.planning import NextTests as NextTests
 from .reporting.planning import SpeedSweep as SpeedSweep
 from .reporting.planning import next_test as next_test
 from .reporting.planning import sweep as sweep
-from .reporting.plots.canvas import darkened as darkened
 from .reporting.plots.display import Display as Display
+from .reporting.plots.drawing import darkened as darkened
 from .reporting.predicted import PredictedPulse as PredictedPulse
 from .reporting.predicted import predict as predict
 from .reporting.previews import Preview as Preview

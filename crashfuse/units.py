@@ -85,6 +85,16 @@ def difference(value: float, base: float, digits: int) -> str:
     return signed(round(value, digits) - round(base, digits), digits)
 
 
+def interval_texts(value: str | None, lower: str | None, upper: str | None, *, is_open: bool) -> tuple[str, str]:
+    """A value and its interval, whose ends may be open: ``25.3``, ``[24.1, 26.0]``; ``≤ 15.3``, ``(95 %, …)``."""
+    if lower is None and upper is None:
+        return value or "–", "[open]" if value and is_open else ""
+    known = f"≤ {upper}" if lower is None else f"≥ {lower}" if upper is None else None
+    if value is None:
+        return known or f"{lower}–{upper}", "(95 %, record too short)"
+    return value, f"[{known or f'{lower}, {upper}'}]"
+
+
 def probability_text(probability: float | None, confidence: float) -> str:
     """A probability to three digits, never 0 or 1; a dash if it is not known.
 
@@ -120,7 +130,8 @@ SYSTEMS = {"mph-lb": MPH_LB, "kph-kg": KPH_KG}
 class Quantity:
     """One or more values with their unit; as a string, in this unit.
 
-    A value that is not known is None, shown as a dash; ``form`` is the format of a value, in whatever unit.
+    A value that is not known is None, shown as a dash; ``form`` is the format of a value, in whatever unit. Without
+    values it is the unit alone.
     """
 
     values: tuple[float | None, ...]
@@ -134,8 +145,9 @@ class Quantity:
 
     def _text(self, factor: float, unit: str) -> str:
         told = ["–" if value is None else number(value * factor, self.form) for value in self.values]
-        known = any(value is not None for value in self.values)
-        return self.between.join(each.removesuffix(".") for each in told) + (f" {unit}" if unit and known else "")
+        known = any(value is not None for value in self.values) or not self.values
+        words = self.between.join(each.removesuffix(".") for each in told)
+        return " ".join(filter(None, (words, unit if known else "")))
 
     def __str__(self) -> str:
         return self._text(1.0, self.unit)

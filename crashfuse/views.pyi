@@ -2,7 +2,7 @@ from .campaign_folder.writer import campaign_of_frames as campaign_of_frames
 from .campaign_folder.writer import conditions_frame as conditions_frame
 from .campaign_folder.writer import pulses_frame as pulses_frame
 from .reporting.certification_tables import certification_table as certification_table
-from .reporting.certification_tables import counts_table as counts_table
+from .reporting.certification_tables import counts_frame as counts_frame
 from .reporting.certification_tables import track_record_table as track_record_table
 from .reporting.credibility import credibility_table as credibility_table
 from .reporting.figures import Further as Further

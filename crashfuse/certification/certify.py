@@ -114,7 +114,7 @@ class Certification:
     @property
     def counts(self) -> pd.DataFrame:
         """Number of verdicts of each kind, one row a criterion."""
-        return views.counts_table(self)
+        return views.counts_frame(self)
 
     def plot(self, figure: str = "verdicts", **display: Unpack[views.DisplayOptions]) -> go.Figure:
         """A figure of the page Certify.

@@ -18,7 +18,7 @@ from crashfuse.cli.output import opened, say_facts, say_written, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
 from crashfuse.reporting import verdicts
 from crashfuse.reporting.certification_facts import sentences
-from crashfuse.reporting.certification_tables import counts_table
+from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.results import replaced
 from crashfuse.reporting.training_progress import watching
@@ -61,7 +61,7 @@ def certify(arguments: argparse.Namespace) -> None:
         file_store.keep_certification(content, campaign)
     known = say_facts(campaign, display)
     _print_planned(certification, display)
-    print(counts_table(certification, display.units).to_string(index=False))
+    print(SHOWN["counts"](certification, display).to_string(display))
     told = *sentences(certification, "summary"), *sentences(certification, "since")
     print(*map(display.words, [own for own in dict.fromkeys(told) if own not in known]), sep="\n")
     say_written(arguments.out, "certification")

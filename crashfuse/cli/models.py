@@ -117,7 +117,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     output.say_facts(campaign, display)
     low, high = display.condition(over.low), display.condition(over.high)
     print(f"The band of the displacement domain over {low} to {high}:")
-    print(next_tests_table(ranking.ranked[:BEST], display.units).to_string(index=False))
+    print(next_tests_table(ranking.ranked[:BEST]).to_string(display))
     output.say_written(arguments.out, ranking.kind)
 
 

@@ -186,7 +186,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
         curve.write(arguments.out, cost=arguments.cost_per_test, display=display)
     say_facts(campaign, display)
     if not (table := gains_table(curve, cost)).empty:
-        print(table.to_string(index=False))
+        print(table.to_string())
     print(*sentences(curve, cost), sep="\n")
     say_written(arguments.out, "learning curve")
 
@@ -218,7 +218,7 @@ def compare(arguments: argparse.Namespace) -> None:
         return
     for way in compared.ways:
         print(f"Over 0–{compared.longest_ms:g} ms, left out: {way}")
-        print(comparison_means(compared, compared.longest_ms, way).to_string(index=False))
+        print(comparison_means(compared, compared.longest_ms, way).to_string())
         print(*compared.sentences(left_out=way), sep="\n")
     for caution in compared.cautions:
         print(caution)

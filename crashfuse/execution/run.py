@@ -42,21 +42,11 @@ class Workers:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Made once where a computation is asked for, and passed whole to all that computes.
+    """Made once where a computation is asked for, and passed whole to all that computes."""
 
-    Parameters
-    ----------
-    cache : Cache
-        Keeps what is finished; by default in the platform's folder.
-    watch : Watch
-        It is told of the progress, and cancels.
-    workers : Workers
-        Who computes tasks; by default this process.
-    """
-
-    cache: Cache = field(default_factory=Cache)
-    watch: Watch = SILENT
-    workers: Workers = field(default_factory=Workers)
+    cache: Cache = field(default_factory=Cache)  # keeps what is finished; by default in the platform's folder
+    watch: Watch = SILENT  # hears of the progress, and cancels
+    workers: Workers = field(default_factory=Workers)  # who computes tasks; by default this process
 
     @classmethod
     def of(cls, campaign: Campaign, cache: Cache | None = None, watch: Watch = SILENT) -> Self:

@@ -96,8 +96,8 @@ class OtherProcesses(Workers, ABC):
                 if not lives:
                     self.check()
                     found = f"Workers died {_LIVES} times in a row, perhaps because memory ran out"
-                    advice = f"{resume(_RESUME, run.cache.folder)}; fewer --workers need less"
-                    raise CrashfuseError(f"{found}. {advice}.") from error
+                    kept = resume(_RESUME, run.cache.folder)
+                    raise CrashfuseError(f"{found}. {kept}; fewer --workers need less.") from error
                 log.warning("A worker died (%s); its task is computed again.", type(error).__name__)
 
 

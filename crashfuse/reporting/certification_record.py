@@ -8,7 +8,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import WrongShare, trial_bounds
 from crashfuse.reporting.certification_facts import exceptions, facts, outcomes, sentences
-from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, share_columns
+from crashfuse.reporting.certification_tables import counts_frame, matrix_table, record_counts, share_columns
 from crashfuse.reporting.exports import json_bytes
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
 from crashfuse.units import LB, MPH
@@ -49,7 +49,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
     """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, domain, costs = certification.criteria, certification.domain, certification.criteria.costs
-    counts = counts_table(certification).set_index("criterion")
+    counts = counts_frame(certification).set_index("criterion")
     brier, (tests, saved, wrong) = record.brier or (None, None), record.waived(criteria)
     (inside, intervals), (inside_outside, outside) = record.intervals, record.intervals_outside
     with_runs = certification.record_with_runs

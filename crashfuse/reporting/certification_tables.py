@@ -1,6 +1,5 @@
 """Every table of a certification: those of its files, and those that pages and reports show."""
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -17,8 +16,9 @@ from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.certification_facts import measured_text, support_text
 from crashfuse.reporting.plots.canvas import tick_name
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.table import Column, Table, frame_of
 from crashfuse.study.outliers import departures_near
-from crashfuse.units import MPH_LB, Sentence, UnitSystem, joined, probability_text, read_out, said, unbroken
+from crashfuse.units import MASS, SPEED, Sentence, joined, probability_text, read_out, unbroken
 
 ANSWER = "A test there"
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
@@ -93,9 +93,12 @@ def condition_columns(
     }
 
 
+_AS_GIVEN = {f"speed_{unit}" for unit in SPEED} | {f"{end}_weight_{unit}" for end in ("front", "rear") for unit in MASS}
+
+
 def csv_as_given(table: pd.DataFrame) -> bytes:
     """A table with :func:`condition_columns` as CSV: speeds and weights with all digits that were given."""
-    given = [name for name in table if re.fullmatch(r"(speed|front_weight|rear_weight)_[a-z]+", str(name))]
+    given = _AS_GIVEN.intersection(table)
     return csv_bytes(table.assign(**{name: table[name].map("{:.12g}".format) for name in given}))
 
 
@@ -127,11 +130,11 @@ def share_columns(share: WrongShare) -> dict[str, float | None]:
     return {"n": share.n, "wrong": share.wrong, "wrong_at_most": share.at_most}
 
 
-def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd.DataFrame:
+def counts_frame(certification: Certification) -> pd.DataFrame:
     """Number of verdicts of each kind by criterion, with its limits."""
     columns = [[verdict.word for verdict in column] for column in zip(*certification.verdicts, strict=True)]
-    return pd.DataFrame(
-        {"criterion": criterion.name, "limit": said(criterion.limits, units), **{w: words.count(w) for w in WORDS}}
+    return frame_of(
+        {"criterion": criterion.name, "limit": criterion.limits, **{word: words.count(word) for word in WORDS}}
         for criterion, words in zip(certification.criteria.items, columns, strict=True)
     )
 
@@ -162,69 +165,81 @@ def at_once_text(certification: Certification, condition: str) -> str:
     return f"all met at once: {only}{probability_text(probability, certification.criteria.confidence)}{but}"
 
 
-def _cells(certification: Certification, verdict: Verdict, display: Display, *without: str) -> dict[str, str]:
-    criterion, words = verdict.criterion, display.words
-    cells = {
+def _cells(verdict: Verdict) -> dict[str, object]:
+    criterion = verdict.criterion
+    return {
         "Criterion": criterion.name,
-        "Limit": words(criterion.limits),
-        "Expected": unbroken(words(criterion.shown(verdict.value))),
-        "95 % of tests": unbroken(words(criterion.interval(verdict.lower, verdict.upper))),
-        "Probability": probability_text(verdict.probability, certification.criteria.confidence),
+        "Limit": criterion.limits,
+        "Expected": criterion.shown(verdict.value),
+        "95 % of tests": criterion.interval(verdict.lower, verdict.upper),
+        "Probability": verdict.probability,
         "Verdict": verdict.word,
-        "Reason": words(verdict.reason),
+        "Reason": verdict.reason,
     }
-    return {name: cell for name, cell in cells.items() if name not in without}
 
 
-def _trials(certification: Certification, display: Display, trials: Sequence[Trial]) -> pd.DataFrame:
-    return pd.DataFrame(
+def _probability(certification: Certification) -> Column:
+    return Column("Probability", "probability", confidence=certification.criteria.confidence)
+
+
+def _verdicts(certification: Certification, _: Display) -> Table:
+    rows = ({"Condition": i, **_cells(verdict)} for i, verdict in certification.cells)
+    return Table.of("verdicts", rows, _probability(certification))
+
+
+def _trials(name: str, certification: Certification, trials: Sequence[Trial]) -> Table:
+    rows = (
         {
             "Test": trial.held_out,
             "Left out": {"test": "alone", "planned": "before it was run"}.get(trial.left_out, trial.left_out),
-            **_cells(certification, trial.verdict, display, "Limit", "Reason"),
-            "Measured": unbroken(display.words(measured_text(trial.verdict.criterion, trial.measured, trial.shift))),
+            **_cells(trial.verdict),
+            "Measured": measured_text(trial.verdict.criterion, trial.measured, trial.shift),
             "The test": ("met it" if trial.met else "missed it") + ", wrong" * trial.wrong,
         }
         for trial in trials
     )
+    return Table.of(name, rows, _probability(certification)).without("Limit", "Reason")
 
 
-def _record(certification: Certification, display: Display) -> pd.DataFrame:
+def _record(certification: Certification, _: Display) -> Table:
     record, confidence = certification.record, certification.criteria.confidence
-    return pd.DataFrame(
+    bounds = {unit: unbroken(f"Wrong at most (95 %), by {unit[:-1]}") for unit in record.bounds()}
+    rows = (
         {
             "Criterion": "All" if criterion is None else criterion.name,
-            "Limit": "" if criterion is None else display.words(criterion.limits),
+            "Limit": "" if criterion is None else criterion.limits,
             **{
-                word.capitalize(): f"{n}, {wrong} wrong" if wrong else f"{n}"
+                word.capitalize(): Sentence("{}, {} wrong", n, wrong) if wrong else n
                 for word, (n, wrong) in record.counts(criterion).items()
             },
-            **{
-                unbroken(f"Wrong at most (95 %), by {unit[:-1]}"): "–" if most is None else f"{100 * most:.1f} %"
-                for unit, share in record.bounds(criterion).items()
-                for most in [share.at_most]
-            },
+            **{bounds[unit]: share.at_most for unit, share in record.bounds(criterion).items()},
             "What this record supports": "" if criterion is None else support_text(record, criterion, confidence),
         }
         for criterion in (*certification.criteria.items, None)
     )
+    return Table.of("counts", rows, *(Column(title, "share") for title in bounds.values()))
 
 
-def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
-    table = pd.DataFrame(  # in both, if the reader's units are not those that limits are declared in
-        (own.name, own.label, display.words(own.limits), str(own.limits)) for own in certification.criteria.items
-    ).set_axis(["Criterion", "Quantity", "Limit", "As declared"], axis=1)
-    return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")
+def _criteria(certification: Certification, display: Display) -> Table:
+    rows = (  # in both, if the reader's units are not those that limits are declared in
+        {"Criterion": own.name, "Quantity": own.label, "Limit": own.limits, "As declared": str(own.limits)}
+        for own in certification.criteria.items
+    )
+    differ = any(display.words(own.limits) != str(own.limits) for own in certification.criteria.items)
+    return Table.of("criteria", rows).without(*([] if differ else ["As declared"]))
 
 
-SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
+def _counts(certification: Certification, _: Display) -> Table:
+    counts = counts_frame(certification).rename(columns=str.capitalize)
+    return Table.of("counts", counts, *(Column(word.capitalize(), "number", form=".0f") for word in WORDS))
+
+
+SHOWN: Mapping[str, Callable[[Certification, Display], Table]] = {
     "criteria": _criteria,
-    "counts": lambda certification, display: counts_table(certification, display.units).rename(columns=str.capitalize),
-    "verdicts": lambda own, display: pd.DataFrame(
-        {"Condition": i, **_cells(own, verdict, display)} for i, verdict in own.cells
-    ),
+    "counts": _counts,
+    "verdicts": _verdicts,
     "record": _record,
-    "trials": lambda own, display: _trials(own, display, own.record.counted),
-    "since": lambda own, display: _trials(own, display, own.since.trials if own.since else ()),
+    "trials": lambda own, _: _trials("trials", own, own.record.counted),
+    "since": lambda own, _: _trials("earlier verdicts", own, own.since.trials if own.since else ()),
 }
 """Tables for readers, by name; the last has verdicts that were given before their tests were run."""

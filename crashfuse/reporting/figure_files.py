@@ -5,7 +5,6 @@ import importlib.util
 import io
 import json
 import os
-import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -133,7 +132,8 @@ def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> di
 
 def _file_name(title: str) -> str:
     title = " ".join(dict.fromkeys(title.split(": ")[:: max(title.count(": "), 1)]))
-    return re.sub(r"[^a-z0-9]+", "-", title.lower())[:60].strip("-") or "figure"
+    words = "".join(letter if letter.isascii() and letter.isalnum() else " " for letter in title.lower()).split()
+    return "-".join(words)[:60].strip("-") or "figure"
 
 
 def _numbers(figure: ReportFigure) -> bytes:

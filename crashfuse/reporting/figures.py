@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, Unpack
 
 import numpy as np
-import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.calibration import LEVELS
@@ -22,6 +21,7 @@ from crashfuse.reporting.plots import displacement, learning, pulses, ratings
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.curves import LegendName, add_marks, curve_line
 from crashfuse.reporting.plots.display import Display, DisplayOptions
+from crashfuse.reporting.plots.drawing import DrawnFigure
 from crashfuse.reporting.plots.palette import added_test_line
 from crashfuse.signals.pulse import Pulse
 from crashfuse.study.config import StudyConfig, require_rated
@@ -29,7 +29,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
 
 T = TypeVar("T")
-Draw = Callable[[], go.Figure]
+Draw = Callable[[], DrawnFigure]
 
 RUN = "cae:"  # may stand before the id of a CAE run, and must where a test has the same id
 ONE_PROCESS = "The paper's bias model is one Gaussian process; only the fast settings split it into parts."
@@ -108,7 +108,7 @@ class Curves:
         """The pulses by their names."""
         return pulses_of(self.shown)
 
-    def draw(self, figure: str, display: Display) -> go.Figure:
+    def draw(self, figure: str, display: Display) -> DrawnFigure:
         """The figure of this name; a UsageError if there is none."""
         return one_of("figure of pulses", figure, self.figures(display))()
 
@@ -117,7 +117,7 @@ class Curves:
         both, speed_mps = (self.measured, self.predictions), self.condition.speed_mps
         filled, mass_kg = self.band, self.condition.mass_kg
 
-        def over_displacement() -> go.Figure:
+        def over_displacement() -> DrawnFigure:
             metrics = {name: own.metrics for name, own in self.shown.items() if isinstance(own, Estimate)}
             crush = {name: m for name, own in metrics.items() for m in own if m.name == "max_crush"}
             return displacement.over_displacement(*both, speed_mps, display, filled=filled, crush=crush)
@@ -140,7 +140,7 @@ def campaign_figure(
     cfc: float | None,
     also: Sequence[Further],
     **options: Unpack[DisplayOptions],
-) -> go.Figure:
+) -> DrawnFigure:
     """A figure of a campaign, see :meth:`Campaign.plot`."""
     display = Display.of(campaign.units, **options)
     shown = [campaign.test(test) for test in several(tests) or campaign.test_ids]
@@ -148,7 +148,7 @@ def campaign_figure(
     of_all: dict[str, Any] = {"speeds_mps": _speeds(campaign), "display": display}
     marked: dict[str, Any] = {"highlight": held_out, **of_all}
 
-    def bias() -> go.Figure:
+    def bias() -> DrawnFigure:
         model = CaeModel().fit(campaign.cae, Run.of(campaign))
         return displacement.bias_by_speed(shown, [measured_bias(test, model) for test in shown], **marked)
 
@@ -172,7 +172,7 @@ def campaign_figure(
 
 def overview(
     study: Study, figure: str, approaches: Sequence[str] | None, **options: Unpack[DisplayOptions]
-) -> go.Figure:
+) -> DrawnFigure:
     """A figure of all held-out tests, see :meth:`Study.plot`."""
     names = chosen({name: name for fold in study.folds for name in fold.ratings}, approaches)
     window_ms = _rated(study, _display(study, options))
@@ -180,20 +180,20 @@ def overview(
     def asked(by_approach: Mapping[str, T]) -> dict[str, T]:
         return {name: by_approach[name] for name in by_approach if name in names}
 
-    def heatmap() -> go.Figure:
+    def heatmap() -> DrawnFigure:
         overall = {
             fold.held_out: {name: rated[window_ms].overall for name, rated in asked(fold.ratings).items()}
             for fold in study.folds
         }
         return ratings.rating_heatmap(overall, study.repeats(window_ms))
 
-    def spread() -> go.Figure:
+    def spread() -> DrawnFigure:
         drawn = {test: asked(by_approach) for test, by_approach in study.rating_spread(window_ms).items()}
         if not any(drawn.values()):
             raise UsageError("None of these approaches has a band to draw pulses from.")
         return ratings.rating_spread(drawn, study.repeats(window_ms))
 
-    def calibration() -> go.Figure:
+    def calibration() -> DrawnFigure:
         return ratings.calibration_curves(LEVELS, asked(study.reliability))
 
     figures: dict[str, Draw] = {"ratings": heatmap, "draws": spread, "calibration": calibration}
@@ -212,7 +212,7 @@ def figure_of_test(
     corridors: bool,
     notes: Sequence[Note],
     **options: Unpack[DisplayOptions],
-) -> go.Figure:
+) -> DrawnFigure:
     """A figure of one held-out test, see :meth:`Study.plot`."""
     require_a(bool, measured, "measured=False leaves the test out")
     require_a(bool, corridors, "corridors=True shades them")
@@ -224,11 +224,11 @@ def figure_of_test(
     pulse = fold.test.pulse if measured else None
     curves = Curves(pulse, estimates | other_fold(estimates, band) | further, fold.test.condition, band)
 
-    def scores() -> go.Figure:
+    def scores() -> DrawnFigure:
         window_ms = _rated(study, display)
         return ratings.rating_parts({name: fold.ratings[name][window_ms] for name in estimates})
 
-    def rating() -> go.Figure:
+    def rating() -> DrawnFigure:
         name = by_preference(estimates)[0]
         explanation = fold.explained(name, _rated(study, display))
         return ratings.rated_curves(explanation, name, display, pulses_of(further))
@@ -263,7 +263,7 @@ def _rated(study: Study, display: Display) -> float:
     return display.window_ms
 
 
-def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -> go.Figure:
+def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -> DrawnFigure:
     config, test = study.config, fold.test
     if config.preset == "paper":
         raise UsageError(ONE_PROCESS)
@@ -281,13 +281,13 @@ def _state(estimates: Mapping[str, Estimate], *keys: str) -> dict[str, Any]:
     raise UsageError(f"None of these approaches trained a network like that: {', '.join(estimates)}.")
 
 
-def _fine_tuning(state: dict[str, Any]) -> go.Figure:
+def _fine_tuning(state: dict[str, Any]) -> DrawnFigure:
     if "tuning_curve" in state:
         return _losses(state["tuning_curve"], "Loss", "Step")
     return learning.tuning_strength(state["rmse"], state["left_out_rmse"], str(state["penalty"]))
 
 
-def _losses(curve: dict[str, list[float]], value: str, step: str) -> go.Figure:
+def _losses(curve: dict[str, list[float]], value: str, step: str) -> DrawnFigure:
     steps = [int(number) for number in curve["epoch"]]
     losses = {name.replace("_", " "): list(zip(steps, curve[name], strict=True)) for name in curve if name != "epoch"}
     return learning.learning_curves(losses, value=value, step=step, total=steps[-1])

@@ -12,43 +12,49 @@ from crashfuse.approaches.displacement_domain.events import CaeEvent, CaeEvents,
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.table import Column, Table, frame_of
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Study
-from crashfuse.units import MPH_LB, MS, Quantity, UnitSystem, joined, number, probability_text, statements
+from crashfuse.units import IN_SI, MS, Quantity, Sentence, joined, statements
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration", "whole": "Whole pulse, 0–60 ms"}
 _SAME = 0.02  # differences of a metric up to here are not told: others are what repeats scatter
 
 
-def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:
-    """One row per approach: shares of time inside the band, and counts of tests; all text, for display."""
-    return pd.DataFrame(
+def coverage_table(coverage: Mapping[str, Calibration]) -> Table:
+    """One row per approach: shares of time inside the band, and counts of tests."""
+    rows = (
         {
             "Approach": LABELS[name],
-            **{heading: _percent(calibration.share(column)) for column, heading in _HEADINGS.items()},
+            **{heading: calibration.share(column) for column, heading in _HEADINGS.items()},
             **{title: f"{calibration.count(column)} of {len(calibration.tests)}" for column, title in _COUNTS.items()},
         }
         for name, calibration in coverage.items()
     )
+    return Table.of("coverage", rows, *(Column(heading, "share", form=".0f") for heading in _HEADINGS.values()))
 
 
-def fit_table(state: Mapping[str, Any], units: UnitSystem = MPH_LB) -> pd.DataFrame:
+_FIT = (
+    Column("Hyperparameter", source="name"),
+    Column("Value", "number", units="unit", form=".3g", source="value"),
+    Column("Known to a factor of", "number", form=".2f", source="spread"),
+    Column("At its bound", source="touched"),
+)
+
+
+def fit_table(approach: str, state: Mapping[str, Any]) -> Table:
     """Hyperparameters of a bias model and their uncertainty; empty for an approach without any."""
     spread, touched, rows = state.get("spread_factors", {}), state.get("touched_bounds", []), []
     for name, value in state.get("hyperparameters", {}).items():
         quantity, _, si = name.rpartition(" in ")
-        unit = {"m/s": "mph", "kg": "lb"}.get(si)
-        rows.append(
-            {
-                "Hyperparameter": f"{quantity} in {units.unit(unit)}" if unit else name,
-                "Value": f"{value / (units.in_si(unit) if unit else 1):.3g}",
-                "Known to a factor of": f"{spread[name]:.2f}" if name in spread else "–",
-                "At its bound": "yes" if name in touched else "no",
-            }
-        )
-    return pd.DataFrame(rows)
+        unit = {"m/s": "mph", "kg": "lb"}.get(si, "")
+        row = {"name": name, "value": value, "spread": spread.get(name), "touched": name in touched, "unit": unit}
+        if unit:
+            row |= {"name": Sentence("{} in {}", quantity, Quantity((), unit)), "value": value / IN_SI[unit]}
+        rows.append(row)
+    return Table(f"fit of {approach}", frame_of(rows), _FIT)
 
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:
@@ -62,12 +68,12 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
         values["factors"] = state["factors"] or "none"
     if equal := state.get("weights_at_equal_bands"):
         values["equal"] = [f"{name} {weight:.2f}" for name, weight in equal.items()]
-    told = [statements(_FIT, values), *([_band_sentence(check)] if check else [])]
+    told = [statements(_OF_FIT, values), *([_band_sentence(check)] if check else [])]
     return [sentence for sentence in told if sentence]
 
 
 _VERDICTS = {False: "more than noise", True: "no more than noise: treat the result as uncorrected"}
-_FIT = (
+_OF_FIT = (
     "Fitted to {points} points of a bias of {bias_rms_g} RMS; it explains {verdict}.",
     "Factors: {factors}; log predictive density of left-out tests (higher is better): {densities}.",
     "Fine-tuning: {members} networks of {weights:,} weights; {penalty:g} of the increments are a test's own. ΔV of "
@@ -163,23 +169,32 @@ def events_frame(found: CaeEvents) -> pd.DataFrame:
     return frame.assign(rating_cae=found.rating_cae, rating_mended=found.rating_mended, window_ms=found.window_ms)
 
 
-def events_table(found: CaeEvents) -> pd.DataFrame:
-    """The events as a readable table, one row each."""
-    return pd.DataFrame(
+_EVENTS = (
+    Column("Rank", "number", form=".0f", source="rank"),
+    Column("Crush", "range", "mm", ".0f", further=("from_mm", "to_mm")),
+    Column("Time (ms)", source="time"),
+    Column("The CAE model is", source="size"),
+    Column("95 %", "range", "kN", ".0f", further=("least", "most")),
+    Column("Probability", "probability", source="probability"),
+    Column("Tests", source="which"),
+    Column("Rating, this alone mended", "number", form=".3f", source="rating_alone"),
+    Column("Rating, all but this mended", "number", form=".3f", source="rating_but"),
+    Column("Share of what is lost", "share", "%", ".0f", source="share"),
+)
+
+
+def events_table(found: CaeEvents) -> Table:
+    """The events, one row each."""
+    rows = [
         {
-            "Rank": rank,
-            "Crush (mm)": _between(event.from_m / _MM, event.to_m / _MM, ".0f"),
-            "Time (ms)": f"{_between(event.from_s / MS, event.to_s / MS, '.1f')} in {event.timed_in}",
-            "The CAE model is": _size(event),
-            "95 % (kN)": _interval(event),
-            "Probability": probability_text(event.probability, 1.0),
-            "Tests": _which(event),
-            "Rating, this alone mended": f"{event.rating_alone:.3f}",
-            "Rating, all but this mended": f"{event.rating_but:.3f}",
-            "Share of what is lost (%)": number(100 * event.share, ".0f"),
+            "time": Sentence("{} in {}", Quantity((event.from_s / MS, event.to_s / MS), ""), event.timed_in),
+            "size": _size(event),
+            "which": _which(event),
+            **dict(zip(("least", "most"), _ends_kn(event), strict=True)),
         }
-        for rank, event in enumerate(found.events, start=1)
-    )
+        for event in found.events
+    ]
+    return Table("CAE events", events_frame(found).join(frame_of(rows)), _EVENTS)
 
 
 def events_sentences(found: CaeEvents) -> list[str]:
@@ -189,8 +204,8 @@ def events_sentences(found: CaeEvents) -> list[str]:
     worth["mended"] = found.rating_mended if found.events else None
     return [
         *(
-            f"{_between(e.from_m / _MM, e.to_m / _MM, '.0f')} mm: {_size(e)} ({_interval(e)}) in {_which(e)} tests; "
-            f"{100 * e.share:.0f} % of what is lost."
+            f"{Quantity((e.from_m / _MM, e.to_m / _MM), 'mm', '.0f')}: {_size(e)} ({Quantity(_ends_kn(e), '', '.0f')}) "
+            f"in {_which(e)} tests; {100 * e.share:.0f} % of what is lost."
             for e in named
         ),
         *([] if named else ["In no range of crush do two tests agree and would mending raise the rating."]),
@@ -205,17 +220,13 @@ _WORTH = (
 )
 
 
-def _between(lower: float, upper: float, form: str) -> str:
-    return f"{number(lower, form)}–{number(upper, form)}"
-
-
 def _size(event: CaeEvent) -> str:
     return f"{abs(event.force_n) / _KN:.0f} kN too {'soft' if event.force_n > 0 else 'stiff'}"
 
 
-def _interval(event: CaeEvent) -> str:
-    ends = (event.lower_n, event.upper_n) if event.force_n > 0 else (-event.upper_n, -event.lower_n)
-    return _between(ends[0] / _KN, ends[1] / _KN, ".0f")
+def _ends_kn(event: CaeEvent) -> tuple[float, float]:
+    lower, upper = (event.lower_n, event.upper_n) if event.force_n > 0 else (-event.upper_n, -event.lower_n)
+    return lower / _KN, upper / _KN
 
 
 def _which(event: CaeEvent) -> str:

@@ -13,9 +13,10 @@ from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import read_csv_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.table import Column, Table
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult, Ratings, parsed
-from crashfuse.units import counted, difference
+from crashfuse.units import counted
 
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
 _IN_TWO_WAYS = {
@@ -42,29 +43,31 @@ def left_out_in_words(way: str) -> str:
     return f"Each test left out {(_LEFT_OUT | _IN_TWO_WAYS)[way]}"
 
 
-def comparison_means(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
-    """Mean ratings of both studies by approach, as a table for readers; of a single test its ratings alone."""
-    table = pd.DataFrame(
-        {
-            "Approach": label_of(row["approach"]),
-            "Tests": f"{row['tests']}",
-            "First": f"{row['first']:.3f}",
-            "Second": f"{row['second']:.3f}",
-            "Difference": difference(row["second"], row["first"], 3),
-            "Standard error": f"{row['standard_error']:.3f}" if row["tests"] > 1 else "–",
-            "Second higher in": f"{row['higher']}",
-            "Second lower in": f"{row['lower']}",
-        }
-        for row in compared.means(window_ms, left_out).to_dict("records")
-    )
-    return table[["Approach", "First", "Second", "Difference"]] if set(table["Tests"]) == {"1"} else table
+_MEANS = (
+    Column("Approach", source="label"),
+    Column("Tests", "number", form=".0f", source="tests"),
+    Column("First", "number", form=".3f", source="first"),
+    Column("Second", "number", form=".3f", source="second"),
+    Column("Difference", "difference", form=".3f", source="second", further=("first",)),
+    Column("Standard error", "number", form=".3f", source="standard_error"),
+    Column("Second higher in", "number", form=".0f", source="higher"),
+    Column("Second lower in", "number", form=".0f", source="lower"),
+)
 
 
-def studies_table(first: PastResult, second: PastResult, display: Display = DEFAULT) -> pd.DataFrame:
+def comparison_means(compared: StudyComparison, window_ms: float, left_out: str) -> Table:
+    """Mean ratings of both studies by approach; of a single test its ratings alone."""
+    frame = compared.means(window_ms, left_out)
+    table = Table("compared means", frame.assign(label=frame["approach"].map(label_of)), _MEANS)
+    alone = ("Tests", "Standard error", "Second higher in", "Second lower in")
+    return table.without(*alone) if (frame["tests"] == 1).all() else table
+
+
+def studies_table(first: PastResult, second: PastResult, display: Display = DEFAULT) -> Table:
     """What two studies are, one row for each property."""
     rows = history_table([first, second], display).T
     rows.loc["Id"] = [first.id, second.id]
-    return rows.set_axis(["First", "Second"], axis=1).rename_axis("Study").reset_index()
+    return Table.of("studies", rows.set_axis(["First", "Second"], axis=1).rename_axis("Study").reset_index())
 
 
 def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:

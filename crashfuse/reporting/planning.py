@@ -20,8 +20,9 @@ from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.conditions import BEST, next_tests, sweep_figure
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.predicted import check_factors, fits_of
-from crashfuse.reporting.result_tables import next_tests_table, sweep_table
-from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
+from crashfuse.reporting.result_tables import interval_frame, next_tests_file, next_tests_table, sweep_table
+from crashfuse.reporting.table import Column, Table
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, METRIC_UNITS
 from crashfuse.study import planning
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import FASTEST_MPS, Fit
@@ -68,13 +69,12 @@ class SpeedSweep(Plan):
         return f"<SpeedSweep, {names}, {len(speeds)} speeds from {ends}>"
 
     def _repr_html_(self) -> str:
-        shown, headings, display = self.sweeps[-1], self.campaign.metric_headings, Display(system=self.campaign.units)
-        rows = (
-            {"Speed": display.speed(speed_mps)}
-            | {display.heading(headings[m.name]): display.metric(m).text for m in metrics if m.name in MAIN_METRICS}
-            for speed_mps, metrics in zip(shown.speeds_mps.tolist(), shown.metrics, strict=True)
-        )
-        return card(repr(self)[1:-1], pd.DataFrame(rows), (f"By {shown.approach}.",))
+        shown, headings = self.sweeps[-1], self.campaign.metric_headings
+        frame = interval_frame({headings[name]: shown.over_speed(name) for name in MAIN_METRICS})
+        columns = (Column(headings[name], "interval", METRIC_UNITS[name]) for name in MAIN_METRICS)
+        frame["Speed"] = [*map(speed, shown.speeds_mps.tolist())]
+        table = Table("sweep", frame, (Column("Speed"), *columns))
+        return card(repr(self)[1:-1], table, (f"By {shown.approach}.",), Display(system=self.campaign.units))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,7 +89,7 @@ class NextTests(Plan):
     @property
     def table(self) -> pd.DataFrame:
         """One row a candidate, the best first, as ``next_tests.csv``."""
-        return next_tests_table(self.ranked)
+        return next_tests_file(self.ranked)
 
     def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
         """How much each candidate would narrow the band over its speed, as the page Predict shows it."""
@@ -100,8 +100,10 @@ class NextTests(Plan):
         return f"<NextTests, the best of {len(self.ranked)} at {best.condition}: {100 * best.gain:.0f} % narrower>"
 
     def _repr_html_(self) -> str:
-        low, high = map(Display(system=self.campaign.units).condition, (self.over.low, self.over.high))
-        return card(f"The band over {low} to {high}: which test would narrow it most", self.table.head(BEST))
+        display = Display(system=self.campaign.units)
+        low, high = map(display.condition, (self.over.low, self.over.high))
+        title = f"The band over {low} to {high}: which test would narrow it most"
+        return card(title, next_tests_table(self.ranked[:BEST]), (), display)
 
 
 def sweep(

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Unpack
 
@@ -23,15 +24,15 @@ from crashfuse.reporting import figures
 from crashfuse.reporting.certification_tables import condition_columns, factors_of
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import DEFAULT, Display, DisplayOptions
-from crashfuse.reporting.result_tables import metric_texts, metrics_table, pulses_table
-from crashfuse.signals.metrics import MAIN_METRICS
+from crashfuse.reporting.result_tables import metrics_shown, metrics_table, pulses_table
+from crashfuse.reporting.table import Table
 from crashfuse.signals.pulse import DT_S, motion
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimate_at, estimates_at
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
 from crashfuse.study.facts import Fact, campaign_facts, condition_facts, distinct
 from crashfuse.study.recommendation import Recommendation, recommend_for
-from crashfuse.units import KPH, Sentence, difference
+from crashfuse.units import KPH, Sentence
 
 _MM = 1e-3
 _WITH_WHOLE_PULSES = ("motion", "acceleration")
@@ -176,9 +177,9 @@ class PredictedPulse:
     def _repr_html_(self) -> str:
         display = Display(system=self.campaign.units)
         columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in self.estimates]
-        table = metric_texts(columns, self.campaign, display, "Metric").loc[[*MAIN_METRICS]]
+        table, _ = metrics_shown(columns, self.campaign, "Metric")
         notes = ("In brackets: the 95 % interval of a single test.", *map(display.words, self.sentences))
-        return card(f"The pulse at {display.condition(self.condition)}", table, notes)
+        return card(f"The pulse at {display.condition(self.condition)}", table, notes, display)
 
 
 def predict(
@@ -255,23 +256,18 @@ def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[Predict
     ]
 
 
-def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAULT, base: int = 0) -> pd.DataFrame:
+def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAULT, base: int = 0) -> Table:
     """Main metrics by one approach, for readers: first the ``base``, then each other with its differences from it."""
-    labels = predictions[0].campaign.metric_headings
-    columns = [{m.name: display.metric(m) for m in prediction.preferred.metrics} for prediction in predictions]
-    others = list(zip(column_names(predictions, display), columns, strict=True))
-    first, subtracted = others.pop(base)
-    table = {
-        "Pulse metric": [display.heading(labels[name]) for name in MAIN_METRICS],
-        first: [subtracted[name].text for name in MAIN_METRICS],
-    }
-    for who, metrics in others:
-        table[who] = [metrics[name].text for name in MAIN_METRICS]
-        pairs = [(metrics[name], subtracted[name].value) for name in MAIN_METRICS]
-        table[f"{who} − {first}"] = [
-            "–" if m.value is None or base is None else difference(m.value, base, m.digits) for m, base in pairs
-        ]
-    return pd.DataFrame(table)
+    metrics = [[replace(metric, folds={}) for metric in own.preferred.metrics] for own in predictions]
+    shown = list(zip(column_names(predictions, display), metrics, strict=True))
+    shown.insert(0, shown.pop(base))
+    table, _ = metrics_shown(shown, predictions[0].campaign)
+    label, first, *others = table.columns
+    minus = [
+        replace(own, title=f"{own.title} − {first.title}", kind="difference", source=own.title, further=(first.title,))
+        for own in others
+    ]
+    return replace(table, columns=(label, first, *chain.from_iterable(zip(others, minus, strict=True))))
 
 
 def column_names(predictions: Sequence[PredictedPulse], display: Display) -> list[str]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack, get_args
 
-import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.campaign_folder.condition_tables import Role
@@ -17,6 +16,7 @@ from crashfuse.readers.vocabulary import Travel
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.pulses import imported_pulse
+from crashfuse.reporting.table import Column, Table
 from crashfuse.units import MS
 
 
@@ -43,16 +43,18 @@ class Preview:
 
     def _repr_html_(self) -> str:
         if (own := self.settled) is None:
-            found = ({"Channel": channel.shown, "Unit": channel.unit or ""} for channel in self.record.channels)
-            return card(f"{self.record.id}: not yet to be imported", pd.DataFrame(found), [*map(str, self.problems)])
+            rows = ({"Channel": channel.shown, "Unit": channel.unit or ""} for channel in self.record.channels)
+            title = f"{self.record.id}: not yet to be imported"
+            return card(title, Table.of("channels", rows), [*map(str, self.problems)])
         row = {
             "Channels": ", ".join(own.channels),
             "Unit": own.unit,
             "Deceleration": own.deceleration_sign,
-            "Time zero (ms)": own.time_zero_s / MS,
+            "Time zero": own.time_zero_s / MS,
             "Filtered here": "none" if own.channel_filter_class is None else f"CFC {own.channel_filter_class:g}",
         }
-        return card(f"{own.id}: {own.condition}", pd.DataFrame([row]), own.steps)
+        zero = Column("Time zero", "number", "ms", ".4g")
+        return card(f"{own.id}: {own.condition}", Table.of("preview", [row], zero), own.steps)
 
 
 def preview_source(

@@ -1,58 +1,51 @@
 """Ratings, and what a rating is made of, as tables for reading and as plain JSON values."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.registry import LABELS, label_of
 from crashfuse.errors import require_a
-from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.signals.rating import graded
+from crashfuse.reporting.table import Column, Table
 from crashfuse.signals.rating_explanation import RatingExplanation, rating_sentences
 from crashfuse.study.study import Fold, Study
-from crashfuse.units import MS, G, difference, number, signed
+from crashfuse.units import MS, G
+
+_HUMPS = (
+    Column("Hump", "number", form=".0f", source="hump"),
+    Column("From–to", "range", "ms", further=("begin_ms", "end_ms")),
+    Column("Peak, test", "number", "ms", source="peak_ms"),
+    Column("Peak, prediction", "number", "ms", source="counterpart_ms", missing="none"),
+    Column("Late", "difference", "ms", source="counterpart_ms", further=("peak_ms",)),
+    Column("Correlation gained by the shift", "number", form="+.3f", source="shift_gain"),
+    Column("Share of magnitude's error", "share", "%", ".0f", source="magnitude_share"),
+    Column("Share of slope's error", "share", "%", ".0f", source="slope_share"),
+    Column("Stronger than the test, shifted and warped", "number", "g", "+.1f", source="too_strong_g"),
+)
+_EXCURSIONS = (
+    Column("Outside from", "number", "ms", source="begin_ms"),
+    Column("to", "number", "ms", source="end_ms"),
+    Column("Prediction minus test, largest", "number", "g", "+.1f", source="difference_g", flips=True),
+    Column("Beyond the outer corridor", source="beyond_outer"),
+    Column("Costs of the overall rating", "number", form=".3f", source="loss"),
+)
 
 
-def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> pd.DataFrame:
+def humps_table(explanation: RatingExplanation) -> Table:
     """One row a hump of the test: its time, that in the prediction, and its share in what the scores lost."""
     require_a(RatingExplanation, explanation, "crashfuse.explain_rating(reference, comparison)")
-    scale = abs(display.accel_scale)
-    return pd.DataFrame(
-        {
-            "Hump": f"{number}",
-            "From–to (ms)": f"{hump.begin_s / MS:.1f}–{hump.end_s / MS:.1f}",
-            "Peak, test (ms)": f"{hump.peak_s / MS:.1f}",
-            "Peak, prediction (ms)": "none" if hump.counterpart_s is None else f"{hump.counterpart_s / MS:.1f}",
-            "Late (ms)": "–" if (there := hump.counterpart_s) is None else difference(there / MS, hump.peak_s / MS, 1),
-            "Correlation gained by the shift": signed(hump.shift_gain, 3),
-            "Share of magnitude's error (%)": f"{100 * hump.magnitude_share:.0f}",
-            "Share of slope's error (%)": f"{100 * hump.slope_share:.0f}",
-            f"Stronger than the test, shifted and warped ({display.unit})": signed(hump.difference_mps2 * scale, 1),
-        }
-        for number, hump in enumerate(explanation.humps, start=1)
-    )
+    numbers = range(1, len(explanation.humps) + 1)
+    there = [np.nan if hump.counterpart_s is None else hump.counterpart_s / MS for hump in explanation.humps]
+    frame = pd.DataFrame(_humps(explanation)).assign(hump=numbers, counterpart_ms=there)
+    return Table("humps", frame, _HUMPS)
 
 
-def excursions_table(explanation: RatingExplanation, display: Display = DEFAULT) -> pd.DataFrame:
+def excursions_table(explanation: RatingExplanation) -> Table:
     """One row a stretch of time outside the inner corridor, in order of time, with what it costs of the rating."""
     require_a(RatingExplanation, explanation, "crashfuse.explain_rating(reference, comparison)")
-    columns = [
-        "Outside from (ms)", "to (ms)", f"Prediction minus test, largest ({display.unit})", "Beyond the outer corridor",
-        "Costs of the overall rating",
-    ]  # fmt: skip
-    rows = [
-        (
-            f"{excursion.begin_s / MS:.1f}",
-            f"{excursion.end_s / MS:.1f}",
-            signed(excursion.difference_mps2 * display.accel_scale, 1),
-            "yes" if excursion.beyond_outer else "no",
-            f"{excursion.loss:.3f}",
-        )
-        for excursion in explanation.excursions
-    ]
-    return pd.DataFrame(rows, columns=columns)
+    return Table("excursions", pd.DataFrame(_excursions(explanation)), _EXCURSIONS)
 
 
 def explanation_record(explanation: RatingExplanation, comparison: str = "prediction") -> dict[str, Any]:
@@ -63,30 +56,38 @@ def explanation_record(explanation: RatingExplanation, comparison: str = "predic
         "late_ms": explanation.shift_s / MS,
         "inner_corridor_g": explanation.inner_mps2 / G,
         "outer_corridor_g": explanation.outer_mps2 / G,
-        "outside_inner_corridor": [
-            {
-                "begin_ms": excursion.begin_s / MS,
-                "end_ms": excursion.end_s / MS,
-                "difference_g": excursion.difference_mps2 / G,
-                "beyond_outer": excursion.beyond_outer,
-                "loss": excursion.loss,
-            }
-            for excursion in explanation.excursions
-        ],
-        "humps": [
-            {
-                "begin_ms": hump.begin_s / MS,
-                "peak_ms": hump.peak_s / MS,
-                "end_ms": hump.end_s / MS,
-                "late_ms": None if hump.late_s is None else hump.late_s / MS,
-                "shift_gain": hump.shift_gain,
-                "magnitude_share": hump.magnitude_share,
-                "slope_share": hump.slope_share,
-                "too_strong_g": hump.difference_mps2 / G,
-            }
-            for hump in explanation.humps
-        ],
+        "outside_inner_corridor": _excursions(explanation),
+        "humps": _humps(explanation),
     }
+
+
+def _excursions(explanation: RatingExplanation) -> list[dict[str, Any]]:
+    return [
+        {
+            "begin_ms": excursion.begin_s / MS,
+            "end_ms": excursion.end_s / MS,
+            "difference_g": excursion.difference_mps2 / G,
+            "beyond_outer": excursion.beyond_outer,
+            "loss": excursion.loss,
+        }
+        for excursion in explanation.excursions
+    ]
+
+
+def _humps(explanation: RatingExplanation) -> list[dict[str, Any]]:
+    return [
+        {
+            "begin_ms": hump.begin_s / MS,
+            "peak_ms": hump.peak_s / MS,
+            "end_ms": hump.end_s / MS,
+            "late_ms": None if hump.late_s is None else hump.late_s / MS,
+            "shift_gain": hump.shift_gain,
+            "magnitude_share": hump.magnitude_share,
+            "slope_share": hump.slope_share,
+            "too_strong_g": hump.difference_mps2 / G,
+        }
+        for hump in explanation.humps
+    ]
 
 
 TABLE_3 = {"lf_tcn": "LF_TCN", "time_domain": "MF_TCN"}  # the network before and after it has seen the tests
@@ -106,14 +107,12 @@ _FURTHER = {
 }
 
 
-def further_table(study: Study, fold: Fold, window_ms: float) -> pd.DataFrame:
+def further_table(study: Study, fold: Fold, window_ms: float) -> Table:
     """Measures beside the rating that were asked for, one row an approach; empty if none were."""
-    measured = {name: fold.further(name, window_ms, study.config.also) for name in fold.ratings}
-    return pd.DataFrame(
-        {"Approach": LABELS[name], **{_FURTHER[column]: number(value, ".3f") for column, value in values.items()}}
-        for name, values in measured.items()
-        if values
-    )
+    measured = {LABELS[name]: fold.further(name, window_ms, study.config.also) for name in fold.ratings}
+    rows = ({"Approach": name, **values} for name, values in measured.items() if values)
+    numbers = (Column(title, "number", form=".3f", source=name) for name, title in _FURTHER.items())
+    return Table.of("further measures", rows, *numbers)
 
 
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
@@ -153,10 +152,15 @@ def mean_values(study: Study) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows | ({REPEAT: repeats} if repeats else {}), orient="index")
 
 
-def mean_ratings(study: Study) -> pd.DataFrame:
-    """Mean ratings with their grades, as text, by approach and window."""
-    means = mean_values(study).rename(index=label_of).rename_axis("Approach")
-    return means.map(lambda mean: "–" if np.isnan(mean) else graded(mean)).reset_index()
+def ratings_shown(ratings: pd.DataFrame, kind: Literal["grade", "number"] = "grade") -> Table:
+    """Ratings by approach, or by test and approach: with their grades, or as numbers of which the best are marked."""
+    ratings = ratings.rename(index=label_of, level=-1)
+    frame, keys = ratings.rename_axis([*ratings.index.names[:-1], "Approach"]).reset_index(), ratings.index.nlevels
+    columns = (
+        *(Column(name) for name in frame.columns[:keys]),
+        *(Column(name, kind, form=".3f", marks=f"{name} best" if kind == "number" else "") for name in ratings),
+    )
+    return Table("ratings", frame.join(best(ratings).reset_index(drop=True).add_suffix(" best")), columns)
 
 
 def best(table: pd.DataFrame) -> pd.DataFrame:

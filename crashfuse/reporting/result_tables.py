@@ -1,7 +1,7 @@
 """Tables of the numbers of studies, predictions and plans, as written to files and as read."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from itertools import chain
 
@@ -14,14 +14,14 @@ from crashfuse.cae_library import QualityVerdict
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.condition import ABOUT, About
-from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.signals.metrics import Metric
+from crashfuse.reporting.table import CONDITION, PARTS, Column, Kind, Table, frame_of, of_condition
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, Metric
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.one_more_test import Cost, gains, plus_minus, summary
+from crashfuse.study.one_more_test import Cost, gains, summary
 from crashfuse.study.planning import NextTest, Sweep
 from crashfuse.study.study import Study
-from crashfuse.units import KN, MPH, MPH_LB, MS, G, UnitSystem, number, signed
+from crashfuse.units import KN, LB, MPH, MS, G, Quantity, Sentence
 
 _FOLDS = ("others", "apart")  # in names of columns: as most tests at about the speed fold, and as one that stands apart
 _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
@@ -40,21 +40,21 @@ def scores_table(study: Study) -> pd.DataFrame:
     )
 
 
-def archive_table(record: pd.DataFrame) -> pd.DataFrame:
+_ARCHIVE = (
+    Column("Vehicle left out", source="vehicle"),
+    Column("From tests", "number", form=".0f", source="n_tests"),
+    Column("Predictions", "number", form=".0f", source="predicted"),
+    Column("Rating", "number", form=".3f", source="rating"),
+    Column("Rating without", "number", form=".3f", source="rating_without"),
+    Column("In 95 % intervals", "share", "%", source="inside"),
+    Column("In those without", "share", "%", source="inside_without"),
+    Column("Width of intervals, without = 1", "number", form=".2f", source="width"),
+)
+
+
+def archive_table(record: pd.DataFrame) -> Table:
     """The record of an archive as read: its vehicles, each left out and predicted with the others and without."""
-    return pd.DataFrame(
-        {
-            "Vehicle left out": row["vehicle"],
-            "From tests": row["n_tests"],
-            "Predictions": row["predicted"],
-            "Rating": f"{row['rating']:.3f}",
-            "Rating without": f"{row['rating_without']:.3f}",
-            "In 95 % intervals (%)": f"{100 * row['inside']:.1f}",
-            "In those without (%)": f"{100 * row['inside_without']:.1f}",
-            "Width of intervals, without = 1": f"{row['width']:.2f}",
-        }
-        for row in record.to_dict("records")
-    )
+    return Table("archive", record, _ARCHIVE)
 
 
 def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
@@ -125,20 +125,37 @@ def metrics_table(rows: _MetricRows, campaign: Campaign, first: str = "held_out"
     return table.astype({name: float for name in table if str(name).endswith((*ends, "of_pulse"))})
 
 
-def metric_texts(
-    columns: Iterable[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display, head: str = "Pulse metric"
-) -> pd.DataFrame:
-    """Metrics in the reader's units, a column for each whose they are; indexed by their names.
+def metrics_shown(
+    columns: Iterable[tuple[str, Sequence[Metric]]], campaign: Campaign, head: str = "Pulse metric", test: str = ""
+) -> tuple[Table, Table]:
+    """Metrics as rows, the main ones and the others; a column for each whose they are.
 
-    The last whose tests fold in two ways has columns of both.
+    The last whose tests fold in two ways has columns of both. Marked is an interval that does not hold what the column
+    of the ``test`` shows.
     """
     shown = dict(columns)
     for who in [who for who, metrics in shown.items() if any(m.folds for m in metrics)][-1:]:
         for fold in shown[who][0].folds:
             shown[f"{who} if it folds as {fold}"] = [metric.folds[fold] for metric in shown[who]]
-    texts = pd.DataFrame({who: {m.name: display.metric(m).text for m in own} for who, own in shown.items()})
-    texts.insert(0, head, [display.heading(campaign.metric_headings[name]) for name in texts.index])
-    return texts
+    measured = {metric.name: metric.value for metric in shown.get(test, ())}
+    frame, of = interval_frame(shown), [Column(head, source="label", units="unit")]
+    frame = frame.assign(label=frame.index.map(campaign.metric_headings), unit=frame.index.map(METRIC_UNITS))
+    for who, metrics in shown.items():
+        frame[f"{who} missed"] = [metric.holds(measured.get(metric.name)) is False for metric in metrics]
+        kind: Kind = "interval" if frame[f"{who} lower"].notna().any() else "number"
+        of.append(Column(who, kind, units="unit", unitless=".2f", marks=f"{who} missed"))
+    is_main = frame.index.isin(MAIN_METRICS)
+    return Table("metrics", frame[is_main], tuple(of)), Table("more metrics", frame[~is_main], tuple(of))
+
+
+def interval_frame(columns: Mapping[str, Sequence[Metric]]) -> pd.DataFrame:
+    """Metrics with their intervals in the columns that these have in a table, by name."""
+    values = {
+        f"{title}{end}": pd.Series([m.interval[place] for m in metrics], [m.name for m in metrics], float)
+        for title, metrics in columns.items()
+        for place, end in enumerate(PARTS["interval"])
+    }
+    return pd.DataFrame(values)
 
 
 def study_metrics(study: Study) -> pd.DataFrame:
@@ -161,23 +178,44 @@ def sweep_table(sweeps: Sequence[Sweep], campaign: Campaign) -> pd.DataFrame:
     return metrics_table(rows, campaign, "speed_mph")
 
 
-def next_tests_table(ranked: Sequence[NextTest], units: UnitSystem = MPH_LB) -> pd.DataFrame:
-    """Ranked tests as a readable table, one row each."""
-    speed, weight, band = (units.in_si(unit) for unit in ("mph", "lb", "g"))
+def next_tests_file(ranked: Sequence[NextTest]) -> pd.DataFrame:
+    """Ranked tests in the columns of ``next_tests.csv``, one row each."""
     return pd.DataFrame(
         {
             "rank": rank,
-            f"speed ({units.speed})": round(test.condition.speed_mps / speed, 1),
-            f"front weight ({units.weight})": round(test.condition.front_weight_kg / weight),
-            f"rear weight ({units.weight})": round(test.condition.rear_weight_kg / weight),
+            "speed (mph)": round(test.condition.speed_mps / MPH, 1),
+            "front weight (lb)": round(test.condition.front_weight_kg / LB),
+            "rear weight (lb)": round(test.condition.rear_weight_kg / LB),
             **dict(test.condition.factors),
-            f"band now (± {units.acceleration})": round(test.before_mps2 / band, 2),
-            f"band then (± {units.acceleration})": round(test.after_mps2 / band, 2),
+            "band now (± g)": round(test.before_mps2 / G, 2),
+            "band then (± g)": round(test.after_mps2 / G, 2),
             "gain (%)": round(100 * test.gain, 1),
             "extrapolation": "yes" if test.extrapolation else "no",
         }
         for rank, test in enumerate(ranked, start=1)
     )
+
+
+def next_tests_table(ranked: Sequence[NextTest]) -> Table:
+    """Ranked tests, with the ranking criterion first."""
+    rows = [
+        {
+            "Rank": rank,
+            **of_condition(test.condition),
+            "Gain": test.gain,
+            "Extrapolation": bool(test.extrapolation),
+            "Band now": test.before_mps2 / G,
+            "Band then": test.after_mps2 / G,
+        }
+        for rank, test in enumerate(ranked, start=1)
+    ]
+    speed, *weights = CONDITION
+    columns = (
+        *(Column("Rank", "number", form=".0f"), speed, Column("Gain", "share", "%"), Column("Extrapolation")),
+        *(*weights, *(Column(name.capitalize(), source=name) for name, _ in ranked[0].condition.factors)),
+        *(Column(name, "spread", "g", ".2f") for name in ("Band now", "Band then")),
+    )
+    return Table("next tests", pd.DataFrame(rows), columns)
 
 
 def repeat_scores(study: Study) -> pd.DataFrame:
@@ -192,60 +230,75 @@ def repeat_scores(study: Study) -> pd.DataFrame:
     )
 
 
-def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:
-    """Gains of the judged approach as a readable table; the cost of a hundredth only for gains above their error."""
-    return pd.DataFrame(
+def gains_table(curve: LearningCurve, cost: Cost | None = None) -> Table:
+    """Gains of the judged approach; the cost of a hundredth only for gains above their error."""
+    frame = pd.DataFrame(
         {
-            "Tests": f"{step.before} → {step.after}",
-            "Gain of rating": signed(step.gain, 3) + plus_minus(step.error),
-            "Per test": signed(step.per_test, 4),
-            **({} if cost is None else {"Cost of 0.01": cost.times(0.01 / step.per_test) if step.is_clear else "–"}),
+            **asdict(step),
+            "steps": f"{step.before} → {step.after}",
+            "per_test": step.per_test,
+            "cost": cost.times(0.01 / step.per_test) if cost is not None and step.is_clear else None,
         }
         for step in gains(curve)
     )
-
-
-def curve_table(curve: LearningCurve, display: Display = DEFAULT) -> pd.DataFrame:
-    """The summary of the approaches that learn from tests, as a readable table."""
-    table = summary(curve)
-    table = table[[CLASSES[name].learns_from_tests for name in table["approach"]]]
-    half_width, known = table["half_width_g"] * display.units.factor("g"), table["half_width_g"].notna()
-    return pd.DataFrame(
-        {
-            "Approach": table["approach"].map(LABELS.__getitem__),
-            "Tests": table["n_tests"],
-            "Chosen": table["choice"].map({"even": "evenly", "random": "at random"}),
-            "Predictions": table["predictions"],
-            "Rating": [f"{r:.3f}{plus_minus(e)}" for r, e in zip(table["rating"], table["error"], strict=True)],
-            "80 % within": [f"{low:.2f}–{high:.2f}" for low, high in zip(table["low"], table["high"], strict=True)],
-            "a(t) in band (%)": (100 * table["inside"]).map("{:.0f}".format).where(known, "–"),
-            f"Band (± {display.unit})": half_width.map("{:.1f}".format).where(known, "–"),
-            **({"Decided (%)": (100 * table["decided"]).map("{:.0f}".format)} if "decided" in table else {}),
-        }
+    columns = (
+        Column("Tests", source="steps"),
+        Column("Gain of rating", "estimate", form="+.3f", source="gain", further=("error",)),
+        Column("Per test", "number", form="+.4f", source="per_test"),
+        *([] if cost is None else [Column("Cost of 0.01", source="cost")]),
     )
+    return Table("gains", frame, columns)
 
 
-def about_table(campaign: Campaign) -> pd.DataFrame:
+_CHOICES = {"even": "evenly", "random": "at random"}
+
+
+def curve_table(curve: LearningCurve) -> Table:
+    """The summary of the approaches that learn from tests."""
+    frame = summary(curve)
+    frame = frame[[CLASSES[name].learns_from_tests for name in frame["approach"]]]
+    inside = frame["inside"].where(frame["half_width_g"].notna())
+    frame = frame.assign(label=frame["approach"].map(LABELS), chosen=frame["choice"].map(_CHOICES), inside=inside)
+    columns = (
+        Column("Approach", source="label"),
+        Column("Tests", "number", form=".0f", source="n_tests"),
+        Column("Chosen", source="chosen"),
+        Column("Predictions", "number", form=".0f", source="predictions"),
+        Column("Rating", "estimate", form=".3f", source="rating", further=("error",)),
+        Column("80 % within", "range", form=".2f", further=("low", "high")),
+        Column("a(t) in band", "share", "%", ".0f", source="inside"),
+        Column("Band", "spread", "g", source="half_width_g"),
+        *([Column("Decided", "share", "%", ".0f", source="decided")] if "decided" in frame else []),
+    )
+    return Table("learning curve", frame, columns)
+
+
+def about_table(campaign: Campaign) -> Table:
     """Where tests and CAE runs come from, as far as that is stated; empty if it is not."""
     rows = [(test.id, [test.about]) for test in campaign.tests if test.about]
     rows += [(f"{len(campaign.cae):,} CAE runs", list(campaign.cae.about))] if any(campaign.cae.about) else []
-    return pd.DataFrame({"Of": of, **_about_cells(about)} for of, about in rows).fillna("–")
+    return Table.of("origins", ({"Of": of, **_about_cells(about)} for of, about in rows))
 
 
-def wall_table(campaign: Campaign) -> pd.DataFrame:
+_WALLS = (
+    Column("Test"),
+    Column("Impulse of the barrier", "number", "kN s", ".2f"),
+    Column("Mass × ΔV", "number", "kN s", ".2f"),
+    Column("Ratio", "number", form=".3f"),
+    Column("First loaded", "number", "ms"),
+    Column("Deceleration later", "number", "ms"),
+)
+
+
+def wall_table(campaign: Campaign) -> Table:
     """The barrier's force beside mass and pulse of each test that has it; empty if none has."""
     beside = [(test, test.wall.beside(test.pulse.accel_mps2)) for test in campaign.tests if test.wall is not None]
-    return pd.DataFrame(
-        {
-            "Test": test.id,
-            "Impulse of the barrier (kN s)": number(witness.impulse_ns / KN, ".2f"),
-            "Mass × ΔV (kN s)": number(test.condition.mass_kg * witness.change_mps / KN, ".2f"),
-            "Ratio": number(witness.share(test.condition.mass_kg), ".3f"),
-            "First loaded (ms)": number(witness.begins_s / MS, ".1f"),
-            "Deceleration later (ms)": number(witness.lag_s / MS, ".1f"),
-        }
-        for test, witness in beside
-    )
+    rows = [
+        (test.id, wall.impulse_ns / KN, kg * wall.change_mps / KN, wall.share(kg), wall.begins_s / MS, wall.lag_s / MS)
+        for test, wall in beside
+        for kg in [test.condition.mass_kg]
+    ]
+    return Table("walls", pd.DataFrame(rows, columns=[column.title for column in _WALLS]), _WALLS)
 
 
 def _about_cells(about: Sequence[About]) -> dict[str, str]:
@@ -264,19 +317,27 @@ _OF = {
 }
 
 
-def quality_table(verdict: QualityVerdict) -> pd.DataFrame:
-    """What the solver says of the CAE runs, one row a quantity, as texts; empty if nothing is recorded."""
-    judged = verdict.limits is not None
-    return pd.DataFrame(
+def quality_table(verdict: QualityVerdict) -> Table:
+    """What the solver says of the CAE runs, one row a quantity; empty if nothing is recorded."""
+    frame = frame_of(
         {
-            "Quantity": f"{row['quantity'].capitalize()}, largest",
-            "In % of": of,
-            "Limit (%)": "none" if pd.isna(row["limit"]) else f"{sign} {100 * row['limit']:g}",
-            **({"Pass": f"{row['passed']:,}", "Fail": f"{row['failed']:,}"} if judged else {}),
-            "Not recorded": f"{row['not_recorded']:,}",
-            "At worst (%)": "–" if pd.isna(row["worst"]) else number(100 * row["worst"], ".3g"),
-            "In run": row["worst_run"] or "–",
+            **row,
+            "label": f"{row['quantity'].capitalize()}, largest",
+            "of": of,
+            "limit": None if pd.isna(limit) else Sentence(f"{sign} {{}}", Quantity((100 * limit,), "", "g")),
+            "worst_run": row["worst_run"] or None,
         }
         for row in verdict.table.to_dict("records")
-        for of, sign in [_OF[row["quantity"]]]
+        for (of, sign), limit in [(_OF[row["quantity"]], row["limit"])]
     )
+    counts = {"Pass": "passed", "Fail": "failed", "Not recorded": "not_recorded"}
+    columns = (
+        Column("Quantity", source="label"),
+        Column("In % of", source="of"),
+        Column("Limit (%)", source="limit", missing="none"),
+        *(Column(title, "number", form=",.0f", source=name) for title, name in counts.items()),
+        Column("At worst", "share", "%", ".3g", source="worst"),
+        Column("In run", source="worst_run"),
+    )
+    table = Table("quality", frame, columns)
+    return table if verdict.limits is not None else table.without("Pass", "Fail")

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Unpack
 
-import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.campaign import Campaign
@@ -22,6 +21,7 @@ from crashfuse.reporting.certification_facts import new_together, unused_at
 from crashfuse.reporting.notebook import card, facts_words
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import Display, DisplayOptions
+from crashfuse.reporting.table import CONDITION, Table, of_condition
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import Sentence, joined, read_out
@@ -43,8 +43,8 @@ def certification_figure(certification: Certification, figure: str, **display: U
 def certification_html(certification: Certification) -> str:
     """A certification in a notebook."""
     display = Display(system=certification.campaign.units)
-    table = tables.SHOWN["verdicts"](certification, display).drop(columns="Reason")
-    return card(repr(certification)[1:-1], table, facts_words(certification.campaign, display))
+    table = tables.SHOWN["verdicts"](certification, display).without("Reason")
+    return card(repr(certification)[1:-1], table, facts_words(certification.campaign, display), display)
 
 
 def certify(
@@ -130,18 +130,13 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
     return tuple(rows)
 
 
-def planned_table(certification: Certification, display: Display) -> pd.DataFrame:
+def planned_table(certification: Certification, _: Display) -> Table:
     """The same as a table for readers."""
-    return pd.DataFrame(
-        {
-            "Planned test": row.id,
-            **display.columns(row.condition),
-            **dict(row.condition.factors),
-            "Answer": row.word,
-            "Why": display.words(row.why),
-        }
-        for row in planned(certification)
+    rows = (
+        {"Planned test": own.id, **of_condition(own.condition), "Answer": own.word, "Why": own.why}
+        for own in planned(certification)
     )
+    return Table.of("planned tests", rows, *CONDITION)
 
 
 def _why(certification: Certification, i: str) -> str:

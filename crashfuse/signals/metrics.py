@@ -16,7 +16,7 @@ from crashfuse.errors import require_a
 from crashfuse.signals import pulse_shape
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel, occupant_load_criterion, vehicle_pulse_index
 from crashfuse.signals.pulse import DT_S, TAIL, FloatArray, Kinematics, checked_pulse, kinematics, with_late_stops
-from crashfuse.units import KPH, MS, G, Sentence, joined
+from crashfuse.units import KPH, MS, G, Sentence, interval_texts, joined
 
 _WINDOW_S = 0.025  # of SM25
 
@@ -45,6 +45,14 @@ class Metric:
         return (self.lower is None or self.lower <= value) and (self.upper is None or value <= self.upper)
 
     @property
+    def interval(self) -> tuple[float | None, float | None, float | None]:
+        """The value and both ends, infinite where open."""
+        ends = (self.lower, -math.inf), (self.upper, math.inf)
+        is_open = self.drawn or self.lower is not None or self.upper is not None
+        lower, upper = (far if end is None and is_open else end for end, far in ends)
+        return self.value, lower, upper
+
+    @property
     def digits(self) -> int:
         """Decimals as displayed: ratios have two."""
         return 1 if self.unit else 2
@@ -60,15 +68,12 @@ class Metric:
         return self._text(f" {self.unit}" if self.unit else "")
 
     def _text(self, unit: str) -> str:
-        value, lower, upper = (
-            None if number is None else f"{number:.{self.digits}f}" for number in (self.value, self.lower, self.upper)
-        )
-        if lower is None and upper is None:
-            return "–" if value is None else f"{value}{' [open]' if self.drawn else ''}{unit}"
-        known = f"≤ {upper}" if lower is None else f"≥ {lower}" if upper is None else None
-        if value is None:
-            return f"{known or f'{lower}–{upper}'}{unit} (95 %, record too short)"
-        return f"{value} [{known or f'{lower}, {upper}'}]{unit}"
+        numbers = self.value, self.lower, self.upper
+        texts = [None if number is None else f"{number:.{self.digits}f}" for number in numbers]
+        value, detail = interval_texts(texts[0], texts[1], texts[2], is_open=self.drawn)
+        if self.value is None:
+            return f"{value}{unit} {detail}" if detail else value
+        return f"{value} {detail}{unit}" if detail else f"{value}{unit}"
 
 
 def _sm25(motion: Kinematics) -> FloatArray:
@@ -171,12 +176,10 @@ MAIN_METRICS = tuple(name for name, reading in _READINGS.items() if not reading.
 
 
 def metric_headings(filter_class: str = "", occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, str]:
-    """Labels of the metrics with their units; those of the occupant with their bases."""
+    """Labels of the metrics; those of the occupant with their bases."""
     bases = metric_bases(filter_class, occupant)
     return {
-        name: reading.label
-        + (f", {bases[name]}" if reading.occupant and bases[name] else "")
-        + (f" ({reading.unit})" if reading.unit else "")
+        name: f"{reading.label}, {bases[name]}" if reading.occupant and bases[name] else reading.label
         for name, reading in _READINGS.items()
     }
 

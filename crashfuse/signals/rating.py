@@ -74,9 +74,13 @@ def grade(overall: float) -> str:
 
 
 def graded(overall: float) -> str:
-    """Rating and grade: ``0.871 Good``; with a digit more beside a limit."""
-    digits = 3 if grade(round(overall, 3)) == grade(overall) else 4
-    return f"{overall:.{digits}f} {grade(overall)}"
+    """Rating and grade: ``0.871 Good``."""
+    return f"{rating_text(overall)} {grade(overall)}"
+
+
+def rating_text(overall: float) -> str:
+    """A rating to three digits, or four beside a limit of its grade."""
+    return f"{overall:.{3 if grade(round(overall, 3)) == grade(overall) else 4}f}"
 
 
 def rate_iso18571(

@@ -185,9 +185,9 @@ def _show_why(comparison: _Comparison) -> None:
     curves, name = partial(draw, "rating", approaches=[approach]), f"rating of {LABELS[approach]}"
     show_cached_figure(curves, alt, "rated curves", approach, comparison.key, name=name)
     with st.expander("Humps, and stretches outside the corridor", icon=":material/table:"):
-        show_table(humps_table(explanation, display), "humps")
+        show_table(humps_table(explanation), "humps")
         st.caption(HUMPS)
-        show_table(excursions_table(explanation, display), "excursions")
+        show_table(excursions_table(explanation), "excursions")
 
 
 @st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")

@@ -144,7 +144,7 @@ def _show_conditions(view: View) -> None:
     alt, key = "Speed against front and rear weight of CAE runs and tests", (view.held_out.id, view.display.system)
     show_cached_figure(draw, alt, "conditions", campaign.fingerprint, key, name="conditions")
     st.markdown(f"**The tests, and the ratings of their paired CAE runs** ({campaign.rating_basis})")
-    show_table(results.conditions_table(campaign, view.display), "conditions")
+    show_table(results.conditions_table(campaign), "conditions")
     if not (about := about_table(campaign)).empty:
         st.markdown("**Where tests and CAE runs come from**")
         show_table(about, "about")

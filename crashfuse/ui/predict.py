@@ -35,6 +35,7 @@ from crashfuse.reporting.predicted import (
     side_by_side,
 )
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
+from crashfuse.reporting.result_tables import next_tests_table
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import condition_facts
@@ -319,7 +320,7 @@ def _show_next_test(answer: _Answer) -> None:
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
     usual_kind = "" if answer.prediction.condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
-    show_table(results.next_tests_styled(candidates.ranked[:BEST], display), "next tests")
+    show_table(next_tests_table(candidates.ranked[:BEST]), "next tests")
     report = partial(next_test_report, candidates, display)
     offer(campaign.name, {"next_tests.csv": lambda: candidates.table, "next_test.html": report})
 

@@ -111,7 +111,7 @@ def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
         worst = worst_test(study, outcome.view.display.window_ms)
         results.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
-    show_table(results.coloured(rating_tables.mean_ratings(study)), "means")
+    show_table(rating_tables.ratings_shown(rating_tables.mean_values(study)), "means")
     st.caption(" ".join(map(plain, reasons)))
     st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
     for test in campaign.tests:

@@ -210,7 +210,7 @@ def _show_events(others: Campaign, view: View) -> None:
     draw = partial(missing_force, events, view.display)
     show_cached_figure(draw, alt, _MEND, others.fingerprint, view.display, name="what to mend")
     if events.events:
-        show_table(events_table(events), "cae events")
+        show_table(events_table(events))
 
 
 @st.cache_resource(max_entries=4, show_spinner="Rating the mended CAE model …", hash_funcs=HASHED)

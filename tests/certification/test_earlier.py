@@ -287,7 +287,7 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(today: Certification
     assert [(own.about, own.values["criterion"], own.values["said"]) for own in told] == [
         ((fastest.id,), "peak", "met")
     ] * wrong
-    assert SHOWN["since"](beside, DEFAULT)["The test"].tolist()[1] == "missed it" + ", wrong" * wrong
+    assert SHOWN["since"](beside, DEFAULT).frame["The test"].tolist()[1] == "missed it" + ", wrong" * wrong
     record, report = json.loads(certification_json(beside)), certification_report(beside)
     assert (record["since"]["decided"]["wrong"], record["since"]["decided"]["tests"]) == share
     assert record["since"]["sentences"] == [str(one) for one in sentences(beside, "since")]
@@ -355,7 +355,7 @@ def test_what_a_test_off_its_condition_measured_is_moved_there_as_the_cae_model_
         assert (crush.wrong, peak.shift) == (False, 0)
         assert peak.measured == pytest.approx(raw["peak"])
         words = f"{limit.shown(raw['max_crush'])} ({limit.shown(crush.measured)} at its condition, by the CAE model)"
-        assert words in [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in SHOWN["since"](own, DEFAULT)["Measured"]]
+        assert words in SHOWN["since"](own, DEFAULT).texts()["Measured"].tolist()
 
 
 def test_what_does_not_count(today: Certification) -> None:

@@ -255,7 +255,7 @@ def test_a_verdict_counts_as_decided_by_its_probability(curve: LearningCurve) ->
     found = with_decided(curve, Criteria((CRUSH, PEAK, RATING)))
     assert found.table["decided"].tolist() == [0.5, 0.5, 1.0, 0.5]
     assert summary(found)["decided"].tolist() == [0.5, 0.75]
-    assert curve_table(found)["Decided (%)"].tolist() == ["50", "75"]
+    assert curve_table(found).texts()["Decided (%)"].tolist() == ["50", "75"]
     assert "It decides 75 % of the verdicts on metrics, counted over these tests." in sentences(found)[0]
 
 

@@ -535,7 +535,7 @@ def test_the_next_test_is_ranked_over_a_range_or_list(campaign_on_disk: Path, tm
     header = "id,speed_mph,front_weight_lb,rear_weight_lb"
     candidates.write_text(f"{header}\nA,25.5,2060,1525\nB,34,2000,1650\n")
     command = ["next-test", campaign_on_disk, "--out", out, "--speed-mph", 20, 35, "--factor", "drive=FWD"]
-    assert "gain (%)" in shell.prints(*command, "--candidates", candidates)
+    assert "Gain (%)" in shell.prints(*command, "--candidates", candidates)
     assert pd.read_csv(out / "next_tests.csv")["speed (mph)"].tolist() == [34.0, 25.5]
     assert run(*command) == cli.DONE
     assert pd.read_csv(out / "next_tests.csv")["speed (mph)"].between(20, 35).all()

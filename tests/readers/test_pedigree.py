@@ -84,6 +84,6 @@ def test_a_run_that_did_not_end_normally_is_named_with_what_rests_on_it(campaign
     assert [test.condition for test in again.tests] == [test.condition for test in campaign.tests]
     (fact,) = (fact for fact in campaign_facts(again) if fact.code == "cae.ended_otherwise")
     assert fact.values == {"runs": {campaign.cae.ids[run]: "error"}, "paired_tests": [campaign.tests[0].id]}
-    table = about_table(again)
+    table = about_table(again).texts()
     assert table["Laboratory"].tolist() == ["Lab", "–"]
     assert table["Termination"].iloc[1] == f"normal ({len(campaign.cae) - 1}), error (1)"

@@ -254,7 +254,7 @@ def test_what_stands_apart_is_named_beside_the_answer(certification: Certificati
     found = near(certification)
     beside = verdict_matrix(found).layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
     assert list(beside) == ["run", "run", "run; T1 stands apart"]
-    assert planned_table(found, DEFAULT)["Answer"].tolist() == ["run"] * 3
+    assert planned_table(found, DEFAULT).frame["Answer"].tolist() == ["run"] * 3
     *_, last = planned(found)
     assert (last.id, last.word, last.why) == ("M70", "run", "open: crush, OLC, rating; T1 stands apart there")
 
@@ -358,7 +358,7 @@ def test_a_single_test_makes_a_dossier_that_says_so(alone: Certification) -> Non
     assert [fact.code for fact in facts(alone) if fact.code.startswith("record")] == ["record.none"]
     assert not re.findall("<h2>(How well tests repeat)</h2>", text)
     assert "Each test was left out in turn" not in text
-    assert set(planned_table(alone, DEFAULT)["Why"]) == {"outside what the tests check"}
+    assert set(planned_table(alone, DEFAULT).texts()["Why"]) == {"outside what the tests check"}
 
 
 def test_limits_stand_as_declared_beside_the_readers_units(certification: Certification) -> None:
@@ -367,9 +367,9 @@ def test_limits_stand_as_declared_beside_the_readers_units(certification: Certif
     criteria = replace(certification.criteria, items=(*certification.criteria.items[:2], limit))
     rows = tuple((*row[:2], replace(row[0], criterion=limit)) for row in certification.verdicts)
     found = replace(certification, criteria=criteria, verdicts=rows)
-    row = SHOWN["criteria"](found, DEFAULT).iloc[-1]
+    row = SHOWN["criteria"](found, DEFAULT).texts().iloc[-1]
     assert (row["Limit"], row["As declared"]) == ("at most 29.83 mph", "at most 48 km/h")
-    assert "As declared" not in SHOWN["criteria"](found, Display(system=KPH_KG))
+    assert "As declared" not in SHOWN["criteria"](found, Display(system=KPH_KG)).texts()
 
 
 def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certification) -> None:

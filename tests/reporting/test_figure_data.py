@@ -1,7 +1,9 @@
 """What a figure shows comes out as numbers: exactly the visible curves and bands, in the figure's units."""
 
+import copy
 import io
 import json
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,9 +15,11 @@ from hypothesis import strategies as st
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
+from crashfuse.errors import UsageError
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
 from crashfuse.reporting.figure_files import FiguresOfReport, ReportFigure, embedded, figures_of
+from crashfuse.reporting.plots.canvas import new_drawing
 from crashfuse.reporting.plots.curves import WHOLE
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
@@ -63,11 +67,8 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
     drawn = np.random.default_rng(seed).normal(-150.0, 80.0, (draws, N_SAMPLES))
     prediction = Prediction(test.condition, drawn.mean(axis=0), drawn)
     figure = motion(test.pulse, {"fused": prediction}, test.condition.speed_mps)
-    if in_a_report:
-        content = ReportFigure("Tiny", json.loads(figure.to_json()))
-        shown = figure_table(figures_of(embedded(FiguresOfReport("Tiny", (), (), (content,)))).figures[0].drawn)
-    else:
-        shown = figure_table(figure)
+    report = FiguresOfReport("Tiny", (), (), (ReportFigure("Tiny", json.loads(figure.to_json())),))
+    shown = figure_table(figures_of(embedded(report)).figures[0].drawn if in_a_report else figure)
     names = [f"Fused: Acceleration{end} (g)" for end in ("", ", lower", ", upper")]
     whole = [f"Fused, {WHOLE}: Acceleration, {end} (g)" for end in ("lower", "upper")]
     written = pulses_table([Estimate("fused", prediction, {}, 0.0)])
@@ -130,7 +131,18 @@ def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
     np.testing.assert_allclose(cells["Fused"], [0.9, 0.8, 0.85], rtol=1e-6)
 
 
+def test_a_copy_has_the_numbers_and_a_figure_from_elsewhere_has_none(test: CrashTest) -> None:
+    """Nor has a report whose figures lack them."""
+    figure = overlay(test.pulse, {})
+    pd.testing.assert_frame_equal(figure_table(copy.deepcopy(figure)), figure_table(figure))
+    others: list[Any] = [go.Figure(figure), {"data": [{"x": [0, 1]}], "layout": {}}, {"data": []}]
+    for other in others:
+        with pytest.raises(UsageError, match=r"was not drawn by|write its report again|lacks one of them"):
+            figure_table(other)
+
+
 def test_a_name_is_no_formula() -> None:
-    figure = go.Figure(go.Scatter(x=[0.0, 1.0], y=[2.0, 3.0], name="=cmd|x"))
-    figure.update_layout(xaxis_title="Time (ms)", yaxis_title="Acceleration (g)")
-    assert csv_bytes(figure_table(figure)).startswith(b"Time (ms),'=cmd|x: Acceleration (g)\n")
+    drawing = new_drawing(300)
+    drawing.line([0.0, 1.0], [2.0, 3.0], name="=cmd|x")
+    drawing.axis("y", "Acceleration", "g")
+    assert csv_bytes(figure_table(drawing.figure())).startswith(b"Time (ms),'=cmd|x: Acceleration (g)\n")

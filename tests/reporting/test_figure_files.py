@@ -143,12 +143,11 @@ def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    report = REPORT
     with pytest.raises(UsageError, match="svg, png, csv, pptx, not as pdf"):
-        figure_files(report, ("pdf",))  # type: ignore[arg-type]
+        figure_files(REPORT, ("pdf",))  # type: ignore[arg-type]
     monkeypatch.setattr(module, "_browser", lambda: None)
     with pytest.raises(UsageError, match="Chrome, Chromium or Edge, and none was found"):
-        figure_files(report, ("svg",))
+        figure_files(REPORT, ("svg",))
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "pptx" else object())
     with pytest.raises(UsageError, match=re.escape('python -m pip install "crashfuse[pptx]"')):
-        figure_files(report, ("pptx",))
+        figure_files(REPORT, ("pptx",))

@@ -49,19 +49,19 @@ def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -
 
 def test_the_table_of_coverage_says_percent_and_counts() -> None:
     never = Coverage(1.0, 1.0, float("nan"), crush=False, peak=True)
-    row = coverage_table({"displacement_domain": Calibration(1.0, (INSIDE, never))}).iloc[0]
+    row = coverage_table({"displacement_domain": Calibration(1.0, (INSIDE, never))}).texts().iloc[0]
     assert row["a(t) up to TTZV"] == "100 %"
     assert row["v(t) up to TTZV"] == "95 %"
     assert row["a(t) after TTZV"] == "80 %"
     assert row["Maximum crush"] == "1 of 2"
-    assert coverage_table({"displacement_domain": Calibration(1.0, (never,))}).iloc[0]["a(t) after TTZV"] == "–"
+    assert coverage_table({"displacement_domain": Calibration(1.0, (never,))}).texts()["a(t) after TTZV"][0] == "–"
 
 
 def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
-    table = fit_table(STATE).set_index("Hyperparameter")
+    table = fit_table("displacement_domain", STATE).texts().set_index("Hyperparameter")
     assert table.loc["shared, standard deviation"].tolist() == ["0.712", "1.50", "no"]
     assert table.loc["noise, standard deviation", "At its bound"] == "yes"
-    assert fit_table({}).empty
+    assert fit_table("cae", {}).empty
 
 
 def test_what_is_said_of_fits() -> None:

@@ -52,7 +52,7 @@ def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyC
 
 
 def test_studies_stand_beside_each_other(compared: StudyComparison) -> None:
-    table = studies_table(compared.first, compared.second).set_index("Study")
+    table = studies_table(compared.first, compared.second).texts().set_index("Study")
     assert table.loc["Settings"].tolist() == ["fast, seed 0", "fast, seed 7"]
     assert table.loc["What"].tolist() == ["study of 4 tests, each both ways", "study of 3 tests, each both ways"]
     assert table.loc["Id"].tolist() == [compared.first.id, compared.second.id]
@@ -69,5 +69,5 @@ def test_a_result_is_told_from_the_same_tests_left_out_otherwise() -> None:
 def test_a_single_test_has_ratings_and_no_mean() -> None:
     """Neither an error nor a count would say anything."""
     compared = StudyComparison(study({"T1": 0.6}), study({"T1": 0.8}))
-    table = comparison_means(compared, 60.0, "test").set_index("Approach")
+    table = comparison_means(compared, 60.0, "test").texts().set_index("Approach")
     assert table.loc["Fused"].to_dict() == {"First": "0.600", "Second": "0.800", "Difference": "+0.200"}

@@ -130,12 +130,12 @@ def test_each_column_is_followed_by_its_differences_from_the_first(campaign: Cam
     """Rounded as the values are; unknown where one of both is."""
     base = moved(campaign, 20, peak=20.0, max_crush=500.0, t0=None)
     other = moved(campaign, 21, peak=23.25, max_crush=499.99, t0=70.0)
-    table = side_by_side([base, other]).set_index("Pulse metric")
+    table = side_by_side([base, other]).texts().set_index("Pulse metric")
     assert list(table) == ["20.0 mph", "21.0 mph", "21.0 mph − 20.0 mph"]
     assert table.loc["Peak deceleration (g)", "21.0 mph − 20.0 mph"] == "+3.2"
     assert table.loc["Maximum dynamic crush (mm)", "21.0 mph − 20.0 mph"] == "0.0"
     assert table.loc["Time of zero velocity (TTZV) (ms)", "21.0 mph − 20.0 mph"] == "–"
-    in_si = side_by_side([base, other], Display(unit="m/s²"))
+    in_si = side_by_side([base, other]).texts(Display(unit="m/s²"))
     peak = in_si.set_index("Pulse metric").loc["Peak deceleration (m/s²)"]
     assert float(peak["21.0 mph − 20.0 mph"]) == pytest.approx(3.25 * G, abs=0.05)
 
@@ -151,7 +151,7 @@ def test_a_column_beside_says_where_it_is_an_extrapolation(campaign: Campaign) -
 def test_another_seed_is_told_by_it(campaign: Campaign) -> None:
     """At the same condition and at others; what the first column says of it, its extrapolation, is not said again."""
     first, *others = (moved(campaign, mph, seed) for mph, seed in ((60, 0), (60, 1), (61, 0), (61, 1)))
-    columns = list(side_by_side([first, *others]))[1:]
+    columns = [column.title for column in side_by_side([first, *others]).columns[1:]]
     names = [name for name in columns if " − " not in name]
     assert names == ["60.0 mph", "60.0 mph, seed 1", "61.0 mph", "61.0 mph, seed 1"]
     assert all("seed 1" not in sentence for sentence in cautions([first, others[0]]))

@@ -28,12 +28,17 @@ from tests.conftest import not_none
 from tests.signals.test_rating_explanation import TEST, bump, pulse
 
 
+def texts(comparison: Pulse) -> pd.DataFrame:
+    """The humps of the test beside those of another pulse, as shown."""
+    return tables.humps_table(explain_rating(pulse(TEST), comparison, 70.0)).texts()
+
+
 def test_humps_have_their_times_in_both_curves() -> None:
     """The third comes 4 ms late; one that is missing is named as missing."""
-    late = tables.humps_table(explain_rating(pulse(TEST), pulse(bump(15, 200) + bump(33, 250) + bump(54, 220)), 70.0))
+    late = texts(pulse(bump(15, 200) + bump(33, 250) + bump(54, 220)))
     assert list(late["Hump"]) == ["1", "2", "3"]
     assert late["Late (ms)"].iloc[2] in ("+3.9", "+4.0", "+4.1")
-    missing = tables.humps_table(explain_rating(pulse(TEST), pulse(bump(15, 200) + bump(33, 250)), 70.0))
+    missing = texts(pulse(bump(15, 200) + bump(33, 250)))
     assert list(missing["Peak, prediction (ms)"])[2] == "none"
     assert list(missing["Late (ms)"])[2] == "–"
 
@@ -43,8 +48,8 @@ def test_stretches_outside_the_corridor_are_in_the_readers_unit_and_sign() -> No
     explanation = explain_rating(pulse(TEST), pulse(1.2 * TEST), 70.0)
     table = tables.excursions_table(explanation)
     assert len(table) == len(explanation.excursions) > 0
-    assert all(value.startswith("−") for value in table["Prediction minus test, largest (g)"])
-    flipped = tables.excursions_table(explanation, Display(unit="m/s²", deceleration=True))
+    assert all(value.startswith("−") for value in table.texts()["Prediction minus test, largest (g)"])
+    flipped = table.texts(Display(unit="m/s²", deceleration=True))
     assert all(value.startswith("+") for value in flipped["Prediction minus test, largest (m/s²)"])
     assert tables.excursions_table(explain_rating(pulse(TEST), pulse(TEST), 70.0)).empty
 
@@ -102,7 +107,8 @@ def test_measures_beside_the_rating_are_columns_where_they_are_asked_for(campaig
     assert asked.scores.drop(columns=columns).equals(usual.scores)
     cae = asked.scores.set_index("approach").loc["cae", columns[:2]].to_numpy()
     np.testing.assert_allclose(cae, np.tile([-0.3, 0.0], (4, 1)), atol=1e-6)
-    assert list(tables.further_table(asked, asked.folds[0], 60.0)["Sprague–Geers magnitude"]) == ["−0.300", "0.000"]
+    shown = tables.further_table(asked, asked.folds[0], 60.0).texts()
+    assert list(shown["Sprague–Geers magnitude"]) == ["−0.300", "0.000"]
     assert tables.further_table(usual, usual.folds[0], 60.0).empty
     assert PastResult.of_study(asked).id == PastResult.of_study(usual).id
 

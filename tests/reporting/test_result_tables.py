@@ -162,7 +162,7 @@ def test_candidates_are_told_in_mph_lb_and_g_rounded() -> None:
     condition = Condition.of_vector([50.04 * MPH, 2060.4 * LB, 1525 * LB])
     slower = replace(condition, speed_mps=12 * MPH, factors=(("drive", "AWD"),))
     ranked = [NextTest(slower, 4 * G, 3 * G), NextTest(condition, 4.001 * G, 3.5 * G, ("Extrapolation: speed",))]
-    table = tables.next_tests_table(ranked)
+    table = tables.next_tests_file(ranked)
     numbers = {"rank": 2, "speed (mph)": 50.0, "front weight (lb)": 2060, "rear weight (lb)": 1525}
     bands = {"band now (± g)": 4.0, "band then (± g)": 3.5, "gain (%)": 12.5, "extrapolation": "yes"}
     assert table.drop(columns="drive").iloc[1].to_dict() == numbers | bands
@@ -185,10 +185,10 @@ def test_a_learning_curve_is_told_in_the_readers_unit(campaign: Campaign) -> Non
         for name, half_g in names.items() for i in range(3)
     ]  # fmt: skip
     curve = LearningCurve(campaign, StudyConfig(approaches=tuple(names)), 1, pd.DataFrame(rows), (), 0.0)
-    table = tables.curve_table(curve, Display(unit="m/s²"))
+    table = tables.curve_table(curve).texts(Display(unit="m/s²"))
     assert table["Approach"].tolist() == ["Fused", "Displacement domain"]
     assert table.columns[-2:].tolist() == ["a(t) in band (%)", "Band (± m/s²)"]
-    rated = [3, "evenly", 3, "0.800 ± 0.058", "0.72–0.88"]
+    rated = ["3", "evenly", "3", "0.800 ± 0.058", "0.72–0.88"]
     assert table.iloc[:, 1:].to_numpy().tolist() == [[*rated, "90", "19.6"], [*rated, "–", "–"]]
 
 
@@ -197,7 +197,7 @@ def test_the_quality_of_runs_is_told_with_limits_and_worst_runs(campaign: Campai
     quality = [RunQuality(-0.02, 0.01, 0.0)] * len(campaign.cae)
     quality[3], quality[5] = RunQuality(0.01, 0.123, 0.0), RunQuality(0.02, None, 0.01)
     judged = judge_quality(replace(campaign.cae, quality=tuple(quality)), NAMED_LIMITS["euro-ncap-vt-2025"])
-    assert tables.quality_table(judged).to_numpy().tolist() == [
+    assert tables.quality_table(judged).texts().to_numpy().tolist() == [
         ["Energy change, largest", "energy at the start", "none", "0", "0", "0", "−2", "C00"],
         ["Hourglass energy, largest", "largest internal energy", "< 10", "22", "1", "1", "12.3", "C03"],
         ["Added mass, largest", "mass at the start", "< 5", "24", "0", "0", "1", "C05"],

@@ -71,7 +71,7 @@ def test_it_is_kept_with_its_test_and_told_by_the_check(campaign: Campaign, tmp_
     write_campaign(replace(campaign, tests=tests), tmp_path / "c")
     again = load_campaign(tmp_path / "c")
     assert any(test.id in warning and "1.20 times mass" in warning for warning in again.warnings)
-    assert wall_table(again)["Ratio"].tolist() == ["1.200"]
+    assert wall_table(again).texts()["Ratio"].tolist() == ["1.200"]
     assert len(again.plot("wall").data) == 2
     impulse = replace(tests[0], wall=Wall(TIME_S, np.cumsum(force)))
     write_campaign(replace(campaign, tests=(impulse, *campaign.tests[1:])), tmp_path / "d")

@@ -134,7 +134,7 @@ def test_the_summary_counts_every_test_once(lawful: LearningCurve) -> None:
 
 def test_the_steps_show_a_price_only_where_there_is_a_gain(campaign: Campaign) -> None:
     curve = curve_of(campaign, lambda s, t: min(s, 2) * 0.1 + (0.001 * (t % 2) if s > 2 else 0) - 0.001 * s, (1, 2, 3))
-    table = gains_table(curve, Cost(1000.0))
+    table = gains_table(curve, Cost(1000.0)).texts()
     assert table["Tests"].tolist() == ["1 → 2", "2 → 3"]
     assert table["Cost of 0.01"].tolist() == ["100", "–"]
-    assert "Cost of 0.01" not in gains_table(curve)
+    assert "Cost of 0.01" not in gains_table(curve).texts()

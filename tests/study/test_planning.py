@@ -15,7 +15,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled, NotFittedError, UsageError
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.reporting.plots.conditions import next_tests
-from crashfuse.reporting.result_tables import next_tests_table
+from crashfuse.reporting.result_tables import next_tests_file
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.estimate import Fit
@@ -250,7 +250,7 @@ def test_a_factor_that_tells_tests_apart_must_be_given(campaign: Campaign) -> No
     over = ConditionRange.of(tests)
     assert over.low == tests[0].condition
     assert over.high == tests[-1].condition
-    assert next_tests_table(rank_next_tests(domain, over, over.grid(3, 1)))["powertrain"].tolist() == ["A"] * 3
+    assert next_tests_file(rank_next_tests(domain, over, over.grid(3, 1)))["powertrain"].tolist() == ["A"] * 3
     with pytest.raises(UsageError, match="powertrain"):
         rank_next_tests(domain, RANGE)
 

@@ -12,7 +12,8 @@ import crashfuse
 from crashfuse import Campaign, Condition, Display, StudyConfig, load_campaign
 from crashfuse.files.archive import zipped
 from crashfuse.reporting.figures import Further
-from crashfuse.reporting.plots.canvas import add_band, new_figure
+from crashfuse.reporting.plots.canvas import new_drawing
+from crashfuse.reporting.plots.drawing import Drawing, drawing_of
 from crashfuse.ui.kit.figures import SentFigure
 from crashfuse.ui.predict import _ends
 from crashfuse.units import KPH_KG
@@ -26,16 +27,16 @@ OPTIONS = {"unit": "m/s²", "system": "kph-kg", "sign": "Deceleration", "window"
 SHOWN = Display(40.0, "m/s²", deceleration=True, system=KPH_KG)
 
 
-def sent(figure: go.Figure) -> dict[str, Any]:
+def sent(drawing: Drawing) -> dict[str, Any]:
     """What the browser gets."""
-    drawn: dict[str, Any] = json.loads(SentFigure(figure).to_json())
+    drawn: dict[str, Any] = json.loads(SentFigure(drawing).to_json())
     return drawn
 
 
 def test_curves_are_those_of_the_figure_to_a_twenty_thousandth_of_their_largest_value(campaign: Campaign) -> None:
     """Plain numbers, the same titles of axes and names."""
     figure = campaign.plot()
-    drawn = sent(figure)
+    drawn = sent(drawing_of(figure))
     assert "bdata" not in json.dumps(drawn)
     for curve, own in zip(figure.data, drawn["data"], strict=True):
         np.testing.assert_allclose(own["x"], curve.x, atol=1e-2)
@@ -46,29 +47,29 @@ def test_curves_are_those_of_the_figure_to_a_twenty_thousandth_of_their_largest_
 
 def test_a_gap_in_a_band_stays_a_gap() -> None:
     """What is unknown is no number, and the positions of an outline are kept as they are."""
-    figure, at = new_figure(400), np.arange(5.0)
-    add_band(figure, at, np.array([0, 1, np.nan, 1, 0]), at + 3, colour="#000000")
-    (band,) = sent(figure)["data"]
+    drawing, at = new_drawing(400), np.arange(5.0)
+    drawing.band(at, np.array([0, 1, np.nan, 1, 0]), at + 3, colour="#000000")
+    (band,) = sent(drawing)["data"]
     assert band["x"] == [0, 1, 1, 0, None, 3, 4, 4, 3]
     assert band["y"] == [0, 1, 4, 3, None, 1, 0, 7, 6]
 
 
 def test_a_revision_stands_for_the_data(campaign: Campaign) -> None:
     """The same data, the same revision; one value changed, another."""
-    other = campaign.plot()
-    other.data[0].y = other.data[0].y + 0.5
-    revisions = [sent(figure)["layout"]["datarevision"] for figure in (campaign.plot(), campaign.plot(), other)]
+    one, same, other = (drawing_of(campaign.plot()) for _ in range(3))
+    other.marks[0].look["y"] = other.marks[0].look["y"] + 0.5
+    revisions = [sent(drawing)["layout"]["datarevision"] for drawing in (one, same, other)]
     assert revisions[0] == revisions[1] != revisions[2]
 
 
 def test_many_names_have_room_above_the_figure() -> None:
     """Two rows where one does not suffice; a figure that needs more keeps what it has."""
-    few, many, roomy = (new_figure(400) for _ in range(3))
-    for figure, count in ((few, 3), (many, 12), (roomy, 3)):
+    few, many, roomy = (new_drawing(400) for _ in range(3))
+    for drawing, count in ((few, 3), (many, 12), (roomy, 3)):
         for number in range(count):
-            figure.add_scatter(x=[0, 1], y=[0, 1], name=f"T{number} · 35.2 mph")
-    roomy.update_layout(margin_t=96)
-    few_px, many_px, roomy_px = (sent(figure)["layout"]["margin"]["t"] for figure in (few, many, roomy))
+            drawing.line([0, 1], [0, 1], name=f"T{number} · 35.2 mph")
+    roomy.update(margin={"t": 96})
+    few_px, many_px, roomy_px = (sent(drawing)["layout"]["margin"]["t"] for drawing in (few, many, roomy))
     assert (few_px, many_px, roomy_px) == (44, 65, 96)
 
 
@@ -79,7 +80,7 @@ def drawn(session: Session) -> list[list[dict[str, Any]]]:
 
 def traces(*figures: go.Figure) -> list[list[dict[str, Any]]]:
     """The same of figures of the library, in the form in which pages send them."""
-    return [sent(figure)["data"] for figure in figures]
+    return [sent(drawing_of(figure))["data"] for figure in figures]
 
 
 def opened(visit: "Visit", page: str, press: str, **parameters: object) -> Session:

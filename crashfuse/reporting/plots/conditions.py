@@ -3,17 +3,17 @@
 from collections.abc import Sequence
 
 import numpy as np
-import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import marks_of_runs, points_figure
+from crashfuse.reporting.plots.canvas import drawing_of_points, marks_of_runs, stack
 from crashfuse.reporting.plots.curves import Curve, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, Look
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
-from crashfuse.signals.metrics import Metric
+from crashfuse.signals.metrics import METRIC_UNITS, Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.planning import NextTest, Sweep, uncovered_speeds
 from crashfuse.units import MPH
@@ -31,14 +31,10 @@ _WEIGHTS = ("front weight", "rear weight")
 
 def condition_space(
     library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None, display: Display = DEFAULT
-) -> go.Figure:
+) -> DrawnFigure:
     """Draw front and rear weight over speed: CAE runs, their range, and the tests, open where that is extrapolation."""
-    figure = points_figure(640)
-    style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
-    figure.set_subplots(2, 1, shared_xaxes=True, vertical_spacing=0.06)
-    figure.update_xaxes(style)
-    figure.update_xaxes(title=display.title("Impact speed", "mph"), row=2)
-    figure.update_yaxes(other_style)
+    drawing = drawing_of_points(640)
+    stack(drawing, 2, 0.06)
     runs = display.vectors(library.vectors)
     some = runs[:: -(-len(runs) // _MAX_RUNS)]
     low, high = map(display.vectors, library.range)
@@ -46,15 +42,20 @@ def condition_space(
     everything = np.vstack([runs, points])
     bottom, top = everything.min(axis=0), everything.max(axis=0)
     margin = 0.09 * (top - bottom) + 1e-6
-    figure.update_xaxes(range=[max(bottom[0] - margin[0], 0), top[0] + margin[0]])
+    speeds = [max(bottom[0] - margin[0], 0), top[0] + margin[0]]
+    listed = set[str]()  # names in the legend
     for row, weight in enumerate(_WEIGHTS, start=1):  # the row is also the weight's index in a condition's vector
-        place: dict[str, object] = {"row": row, "col": 1, "showlegend": row == 1}
-        figure.add_scatter(
-            x=some[:, 0], y=some[:, row], mode="markers", name=f"{len(runs):,} CAE runs", legendgroup="runs",
-            hoverinfo="skip", marker=marks_of_runs(len(some)), **place,
+        x, y = ("x", "y") if row == 1 else ("x2", "y2")
+        drawing.axis(x, *display.axis("Impact speed", "mph"), title="" if row == 1 else None, range=speeds)
+        weights = [bottom[row] - margin[row], top[row] + margin[row]]
+        drawing.axis(y, *display.axis(weight.capitalize(), "lb"), title_standoff=8, range=weights)
+        place = Look(xaxis=x, yaxis=y, showlegend=row == 1)
+        drawing.points(
+            some[:, 0], some[:, row], name=f"{len(runs):,} CAE runs", legendgroup="runs", hoverinfo="skip",
+            marker=marks_of_runs(len(some)), **place,
         )  # fmt: skip
-        figure.add_scatter(
-            x=[low[0], high[0], high[0], low[0], low[0]], y=[low[row], low[row], high[row], high[row], low[row]],
+        drawing.points(
+            [low[0], high[0], high[0], low[0], low[0]], [low[row], low[row], high[row], high[row], low[row]],
             mode="lines", name="Their range", legendgroup="range", hoverinfo="skip", line_color=CURSOR, line_width=1.5,
             line_dash="dash", **place,
         )  # fmt: skip
@@ -67,27 +68,23 @@ def condition_space(
             ("Tests outside it: extrapolation", "circle-open", [i for i, is_out in enumerate(outside) if is_out]),
         ):
             if chosen:
-                figure.add_scatter(
-                    x=points[chosen, 0], y=points[chosen, row], mode="markers+text", cliponaxis=False,
-                    text=[tests[i].id for i in chosen], textposition=[sides[i] for i in chosen], name=name,
+                drawing.points(
+                    points[chosen, 0], points[chosen, row], name=name, mode="markers+text", cliponaxis=False,
+                    text=[tests[i].id for i in chosen], textposition=[sides[i] for i in chosen],
                     marker_color=MEASURED_COLOUR, marker_symbol=symbol, marker_size=10, marker_line_width=2,
                     customdata=[["<br>".join(map(display.words, (tests[i].condition, *notes[i])))] for i in chosen],
                     hovertemplate="<b>Test %{text}</b><br>%{customdata[0]}<extra></extra>", legendgroup=name,
-                    **{**place, "showlegend": name not in {trace.name for trace in figure.data}},
+                    **{**place, "showlegend": name not in listed},
                 )  # fmt: skip
+                listed.add(name)
         for i in [i for i, test in enumerate(tests) if test.id == held_out]:
-            figure.add_scatter(
-                x=points[[i], 0], y=points[[i], row], mode="markers", name=f"{held_out}: held out",
-                legendgroup="held out", hoverinfo="skip", marker_color=MEASURED_COLOUR, marker_symbol="circle-open",
-                marker_size=17, marker_line_width=1.5, **place,
+            drawing.points(
+                points[[i], 0], points[[i], row], name=f"{held_out}: held out", legendgroup="held out",
+                hoverinfo="skip", marker_color=MEASURED_COLOUR, marker_symbol="circle-open", marker_size=17,
+                marker_line_width=1.5, **place,
             )  # fmt: skip
-        figure.update_yaxes(
-            title={"text": display.title(weight.capitalize(), "lb"), "standoff": 8},
-            range=[bottom[row] - margin[row], top[row] + margin[row]],
-            row=row,
-        )
-    figure.update_layout(margin_l=72)
-    return figure
+    drawing.update(margin_l=72)
+    return drawing.figure()
 
 
 def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
@@ -103,27 +100,27 @@ def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
     return chosen
 
 
-def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, display: Display = DEFAULT) -> go.Figure:
+def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, display: Display = DEFAULT) -> DrawnFigure:
     """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points."""
-    figure = points_figure(460, display.title("Impact speed", "mph"))
+    drawing = drawing_of_points(460, *display.axis("Impact speed", "mph"))
     readings = {sweep.approach: list(map(display.metric, sweep.over_speed(metric))) for sweep in sweeps}
     speeds = sweeps[0].speeds_mps
     curves = {name: _curve(display.speeds(speeds), metrics) for name, metrics in readings.items()}
-    draw_curves(figure, curves, mode="lines+markers", marker={"size": 4}, connectgaps=False)
-    for name, metrics in readings.items():
-        figure.update_traces(
-            customdata=[[display.speed(v0), m.text_with_unit] for v0, m in zip(speeds.tolist(), metrics, strict=True)],
-            hovertemplate=f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>",
-            selector={"legendgroup": name, "mode": "lines+markers"},
-        )
-    _points(figure, campaign, metric, display)
+    draw_curves(drawing, curves, mode="lines+markers", marker_size=4, connectgaps=False)
+    for look in [mark.look for mark in drawing.marks if mark.look["mode"] == "lines+markers"]:
+        name = look["legendgroup"]
+        texts = zip(speeds.tolist(), readings[name], strict=True)
+        look["customdata"] = [[display.speed(v0), own.text_with_unit] for v0, own in texts]
+        look["hovertemplate"] = f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>"
+    _points(drawing, campaign, metric, display)
     speeds = np.concatenate([speeds, [test.condition.speed_mps for test in campaign.tests]])
     margin = 0.02 * np.ptp(speeds) + 0.1 * MPH
     low, high = float(speeds.min() - margin), float(speeds.max() + margin)
-    _mark_speeds(figure, campaign, low, high, display)
-    figure.update_xaxes(range=[display.speeds(low), display.speeds(high)])
-    figure.update_yaxes(title=display.heading(campaign.metric_headings[metric]))
-    return figure
+    _mark_speeds(drawing, campaign, low, high, display)
+    drawing.axis("x", range=[display.speeds(low), display.speeds(high)])
+    unit, label = METRIC_UNITS[metric], campaign.metric_headings[metric]
+    drawing.axis("y", *(display.axis(label, unit) if unit else (label,)))
+    return drawing.figure()
 
 
 def _curve(speeds: FloatArray, metrics: Sequence[Metric]) -> Curve:
@@ -131,49 +128,45 @@ def _curve(speeds: FloatArray, metrics: Sequence[Metric]) -> Curve:
     return Curve(speeds, value, (speeds, lower, upper) if np.isfinite(lower).any() else None)
 
 
-def _points(figure: go.Figure, campaign: Campaign, metric: str, display: Display) -> None:
+def _points(drawing: Drawing, campaign: Campaign, metric: str, display: Display) -> None:
     measured = ((test, own) for test in campaign.tests for own in campaign.metrics_of(test) if own.name == metric)
     found = [(test, display.metric(own)) for test, own in measured]
-    figure.add_scatter(
-        x=[display.speeds(test.condition.speed_mps) for test, _ in found],
-        y=[own.value for _, own in found],
+    drawing.points(
+        [display.speeds(test.condition.speed_mps) for test, _ in found],
+        [own.value for _, own in found],
         name="Tests (each with its own weights)",
-        mode="markers",
-        marker={"color": MEASURED_COLOUR, "size": 9},
+        marker_color=MEASURED_COLOUR,
+        marker_size=9,
         customdata=[[test.id, display.condition(test.condition), own.text_with_unit] for test, own in found],
         hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}<br>%{customdata[2]}<extra></extra>",
     )
 
 
-def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps: float, display: Display) -> None:
+def _mark_speeds(drawing: Drawing, campaign: Campaign, low_mps: float, high_mps: float, display: Display) -> None:
     for number, (start, end) in enumerate(uncovered_speeds(campaign.cae, low_mps, high_mps)):
-        figure.add_shape(
-            type="rect", xref="x", yref="y domain", x0=display.speeds(start), x1=display.speeds(end), y0=0, y1=1,
-            layer="below", fillcolor="#EEF0F3", line_width=0, name="No CAE runs: extrapolation", showlegend=number == 0,
-            legendgroup="extrapolation",
+        drawing.shade(
+            display.speeds(start), display.speeds(end), fillcolor="#EEF0F3", name="No CAE runs: extrapolation",
+            showlegend=number == 0, legendgroup="extrapolation",
         )  # fmt: skip
     for test in campaign.tests:
-        speed = display.speeds(test.condition.speed_mps)
-        figure.add_shape(
-            type="line", xref="x", yref="y domain", x0=speed, x1=speed, y0=0, y1=0.03,
-            line_color=MEASURED_COLOUR, line_width=1.5,
-        )  # fmt: skip
+        v0 = display.speeds(test.condition.speed_mps)
+        drawing.shade(v0, v0, type="line", y1=0.03, layer=None, line_color=MEASURED_COLOUR, line_width=1.5)
 
 
 BEST = 5
 
 
-def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
+def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> DrawnFigure:
     """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run."""
-    figure, colour = points_figure(420, display.title("Impact speed", "mph")), COLOURS["displacement_domain"]
+    drawing = drawing_of_points(420, *display.axis("Impact speed", "mph"))
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
     weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
-    wide, units = 1 / display.units.in_si("g"), display.units
+    wide, units, colour = 1 / display.units.in_si("g"), display.units, COLOURS["displacement_domain"]
     sizes = [11 if rank <= BEST else 7 for rank, _ in by_speed]
     symbols = ["circle-open" if c.extrapolation else "circle" for _, c in by_speed]
-    figure.add_scatter(
-        x=[display.speeds(c.condition.speed_mps) for _, c in by_speed],
-        y=[100 * c.gain for _, c in by_speed],
+    drawing.points(
+        [display.speeds(c.condition.speed_mps) for _, c in by_speed],
+        [100 * c.gain for _, c in by_speed],
         text=[f"{rank}" if rank <= BEST else "" for rank, _ in by_speed],
         customdata=[
             [*w, c.before_mps2 * wide, c.after_mps2 * wide] for w, (_, c) in zip(weights, by_speed, strict=True)
@@ -186,16 +179,16 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
         f"rear %{{customdata[1]:.0f}} {units.weight}<br>band ± %{{customdata[2]:.2f}} {units.acceleration} now, "
         f"± %{{customdata[3]:.2f}} {units.acceleration} with this test (− %{{y:.1f}} %)<extra></extra>",
     )  # fmt: skip
-    figure.add_scatter(
-        x=[display.speeds(test.condition.speed_mps) for test in tests], y=[0.0] * len(tests),
-        text=[test.id for test in tests], name="Tests that were run", mode="markers",
+    drawing.points(
+        [display.speeds(test.condition.speed_mps) for test in tests], [0.0] * len(tests),
+        text=[test.id for test in tests], name="Tests that were run",
         marker_color=MEASURED_COLOUR, marker_symbol="line-ns-open", marker_size=16, marker_line_width=2,
         hovertemplate=f"%{{text}}, %{{x:.1f}} {units.speed}<extra></extra>",
     )  # fmt: skip
     if any(test.extrapolation for test in ranked):
-        figure.add_scatter(
-            x=[None], y=[None], name="Outside the CAE runs", mode="markers",
-            marker_color=colour, marker_symbol="circle-open", marker_size=9, marker_line_width=1.5,
+        drawing.entry(
+            "Outside the CAE runs", marker_color=colour, marker_symbol="circle-open", marker_size=9,
+            marker_line_width=1.5,
         )  # fmt: skip
-    figure.update_yaxes(title="Band shrinks by (%)", rangemode="tozero")
-    return figure
+    drawing.axis("y", "Band shrinks by", "%", rangemode="tozero")
+    return drawing.figure()

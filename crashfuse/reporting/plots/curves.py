@@ -7,14 +7,13 @@ from textwrap import shorten, wrap
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import CLASSES, by_preference, label_of
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import add_band, add_line
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES, MEASURED_COLOUR, further_line, speed_lines
+from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, Look, Sheer, drawing_of
+from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES, MEASURED_COLOUR, PAPER, further_line, speed_lines
 from crashfuse.signals.pulse import FloatArray
 
 TEST = "test"  # key of the measured curve among those of the approaches
@@ -48,14 +47,14 @@ class Curve:
 
 
 def draw_curves(
-    figure: go.Figure, curves: Mapping[str, Curve], yaxis: str = "y", filled: str | None = None, **style: object
+    drawing: Drawing, curves: Mapping[str, Curve], yaxis: str = "y", filled: str | None = None, **style: object
 ) -> None:
     """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else; the last is on top.
 
     Filled are one band, by default the preferred approach's, and that of a single curve beside the approaches; of the
     others the edges are drawn.
     """
-    lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
+    lines, labels = curve_lines(curves), {name: f"{label(name)}{curve.remark}" for name, curve in curves.items()}
     filled = with_filled_band(curves, filled)
     beside = [
         name for name, curve in curves.items() if curve.band is not None and name != filled and name not in COLOURS
@@ -66,19 +65,18 @@ def draw_curves(
         key: dict[str, Any] = {"name": labels[name], "legendgroup": name, "showlegend": False}
         listed = {"legendrank": 2000, "showlegend": style.get("showlegend", True)}  # behind all curves
         if name == filled:
-            key = {"name": POINTWISE, "legendgroup": f"band of {name}", "whose": labels[name], **listed}
+            key |= {"legend": POINTWISE, "legendgroup": f"band of {name}", **listed}
         if curve.band is not None:
-            add_band(figure, *curve.band, colour=colour, filled=name in alike, yaxis=yaxis, **key)
+            drawing.band(*curve.band, colour=colour, filled=name in alike, yaxis=yaxis, **key)
         if curve.whole is not None:
-            key = {"name": WHOLE, "legendgroup": f"whole of {name}", "whose": f"{labels[name]}, {WHOLE}", **listed}
-            dashed = {"width": 1.5, "dash": "dash", "color": colour}
-            add_band(figure, *curve.whole, colour=colour, filled=False, line=dashed, yaxis=yaxis, **key)
+            key = {"name": f"{labels[name]}, {WHOLE}", "legend": WHOLE, "legendgroup": f"whole of {name}", **listed}
+            key |= {"line_width": 1.5, "line_dash": "dash"}
+            drawing.band(*curve.whole, colour=colour, filled=False, yaxis=yaxis, **key)
     ranks = {name: rank for rank, name in enumerate((TEST, *CLASSES.declared))}
     for number, (name, curve) in enumerate(curves.items()):
-        add_line(
-            figure, curve.x, curve.y, line=lines[name], name=labels[name], legendgroup=name,
-            legendrank=1 + ranks.get(name, len(ranks) + number), yaxis=yaxis, **style,
-        )  # fmt: skip
+        rank = 1 + ranks.get(name, len(ranks) + number)
+        key = {"name": labels[name], "legendgroup": name, "legendrank": rank, "line": lines[name]}
+        drawing.line(curve.x, curve.y, yaxis=yaxis, **key, **style)
 
 
 def with_filled_band(curves: Mapping[str, Curve], asked: str | None = None) -> str | None:
@@ -123,43 +121,41 @@ def by_speed(
         )
 
 
-def _label(name: str, curve: Curve) -> str:
-    label = "Test" if name == TEST else label_of(name)
-    return f"{label}{curve.remark}"
+def label(name: str) -> str:
+    """Name of a curve in legends: of an approach, of the :data:`TEST`, or as it is."""
+    return "Test" if name == TEST else label_of(name)
 
 
 _WIDTH, _LINES = 36, 2  # characters and lines of a mark's text; all of it is in the list of notes
 _STEPS, _STEP_PX = 3, 32  # texts of marks near each other stand at different heights
-_BEHIND = "rgba(255, 255, 255, 0.7)"
+_BEHIND = Sheer(PAPER, 0.7)
 
 
-def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
-    """Draw the notes that have a time into every row of a figure over time; returns the same figure."""
+def add_marks(figure: DrawnFigure, notes: Sequence[Note]) -> DrawnFigure:
+    """The figure over time with the notes that have a time in every row."""
+    drawing = drawing_of(figure)
     marks = sorted((note for note in notes if note.start_ms is not None), key=lambda note: note.start_ms or 0.0)
-    rows = sorted({trace.yaxis or "y" for trace in figure.data})
+    rows = sorted({mark.look.get("yaxis", "y") for mark in drawing.marks})
     if not (marks and rows):
         return figure
-    middle = sum(figure.layout.xaxis.range) / 2  # beyond it a text stands before its mark, inside the figure
-    last = np.concatenate([trace.y for trace in figure.data if (trace.yaxis or "y") == rows[-1]])
+    middle = sum(drawing.axes["x"].look["range"]) / 2  # beyond it a text stands before its mark, inside the figure
+    last = np.concatenate([mark.look["y"] for mark in drawing.marks if mark.look.get("yaxis", "y") == rows[-1]])
     zero_is_below = bool(np.nanmax(last) > -np.nanmin(last))
     for number, mark in enumerate(marks):
         start, end, step = mark.start_ms or 0.0, mark.end_ms, number % _STEPS
         late = start > middle
         on_top = zero_is_below and not late
-        inside_px = _STEP_PX * (-step if on_top else step + zero_is_below)
         for row in rows:
-            place = {"xref": "x", "yref": f"{row} domain", "x0": start, "y0": 0, "y1": 1}
             if end is None:
-                figure.add_shape(type="line", **place, x1=start, line_color=CURSOR, line_width=1.5, line_dash="dot")
+                dotted = Look(type="line", line_color=CURSOR, line_width=1.5, line_dash="dot", layer=None)
+                drawing.shade(start, start, row, **dotted)
             else:
-                figure.add_shape(
-                    type="rect", **place, x1=end, fillcolor=CURSOR, opacity=0.15, line_width=0, layer="below"
-                )
+                drawing.shade(start, end, row, fillcolor=CURSOR, opacity=0.15)
         lines = wrap(shorten(mark.text, _WIDTH * _LINES, placeholder=" …"), _WIDTH, max_lines=_LINES, placeholder=" …")
-        figure.add_annotation(
-            x=start, xref="x", y=int(on_top), yref=f"{rows[-1]} domain", yshift=inside_px,
-            xanchor="right" if late else "left", align="left",
-            yanchor="top" if on_top else "bottom", showarrow=False, font_size=12, font_color=CURSOR,
-            bgcolor=_BEHIND, borderpad=1, text="<br>".join(escape(line, quote=False) for line in lines),
+        drawing.note(
+            "<br>".join(escape(line, quote=False) for line in lines), start, int(on_top), f"{rows[-1]} domain",
+            yshift=_STEP_PX * (-step if on_top else step + zero_is_below), xanchor="right" if late else "left",
+            yanchor="top" if on_top else "bottom", align="left", font_size=12, font_color=CURSOR, bgcolor=_BEHIND,
+            borderpad=1,
         )  # fmt: skip
-    return figure
+    return drawing.figure()

@@ -1,19 +1,18 @@
 """Figures over displacement, to the maximum crush: the CAE model's bias, corrected pulses, and their integration."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
 from crashfuse.approaches.displacement_domain.dynamics import replay
 from crashfuse.approaches.displacement_domain.events import CaeEvents
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import add_band, add_line, height_under_names, new_figure, room_for_names
-from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, curve_line, curve_lines, draw_curves
+from crashfuse.reporting.plots.canvas import height_under_names, new_drawing, room_for_names, rows_of_plots
+from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, curve_line, curve_lines, draw_curves, label
 from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, Look
 from crashfuse.reporting.plots.palette import COLOURS
 from crashfuse.signals.loading_phase import LoadingPhase, energy_crush, loading_phase
 from crashfuse.signals.metrics import Metric
@@ -21,7 +20,7 @@ from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import MS
 
 _MM, _KJ, _KN = 1e-3, 1e3, 1e3
-_BIAS = "Bias, test − CAE ({})"
+_BIAS = "Bias, test − CAE"
 _STEP_M = 0.004  # of bands: a quarter of the resolution of a CFC 60 pulse
 _MARK_S = 0.004  # between marks of the integrated motion
 
@@ -34,12 +33,12 @@ def over_displacement(
     *,
     filled: str | None = None,
     crush: Mapping[str, Metric] = {},
-) -> go.Figure:
+) -> DrawnFigure:
     """Draw acceleration over displacement, up to maximum crush with its interval in ``crush`` (Fig. 7).
 
     A band covers the draws that get so far, and ends where half of them have stopped.
     """
-    figure = _new_figure(height=460 + room_for_names(predictions))
+    drawing = _over_displacement(height=460 + room_for_names(predictions))
     scale = display.accel_scale
     phases = _loading_phases(measured, predictions, speed_mps)
     curves: dict[str, Curve] = {}
@@ -52,18 +51,18 @@ def over_displacement(
             lower, upper = np.nanquantile(accel, [0.025, 0.975], axis=0)
             band = at_m / _MM, lower * scale, upper * scale
         curves[name] = Curve(phase.displacement_m / _MM, phase.accel_mps2 * scale, band)
-    draw_curves(figure, curves, filled=filled)
+    draw_curves(drawing, curves, filled=filled)
     lines = curve_lines(curves)
     for name, curve in curves.items():
         if np.isfinite(phases[name].t0_s):
-            _mark_crush(figure, name, curve, lines[name]["color"], crush.get(name))
-    figure.update_yaxes(title=display.accel_title)
-    return _fit_axis(figure)
+            _mark_crush(drawing, name, curve, lines[name]["color"], crush.get(name))
+    drawing.axis("y", *display.accel_axis)
+    return _fitted(drawing)
 
 
-def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> go.Figure:
+def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> DrawnFigure:
     """Compare each pulse's s(t) with that integrated over displacement by Eq. 29, which is drawn as marks (Fig. 15)."""
-    figure = new_figure(height=520)
+    drawing = new_drawing(height=520)
     phases = _loading_phases(measured, predictions, speed_mps)
     again = {name: replay(phase) for name, phase in phases.items()}
     travelled = {name: Curve(phase.time_s / MS, phase.displacement_m / _MM) for name, phase in phases.items()}
@@ -71,24 +70,23 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
         name: Curve(phase.time_s / MS, (again[name] - phase.displacement_m) / _MM, remark=", difference")
         for name, phase in phases.items()
     }
-    draw_curves(figure, travelled, hovertemplate="%{y} mm")
+    draw_curves(drawing, travelled, hovertemplate="%{y} mm")
     lines = curve_lines(phases)
     for name, phase in phases.items():
         marks = np.searchsorted(phase.time_s, np.arange(0.0, phase.end_s, _MARK_S))
-        symbol = {"color": lines[name]["color"], "symbol": "circle-open", "size": 8, "line": {"width": 1.5}}
-        add_line(
-            figure, phase.time_s[marks] / MS, again[name][marks] / _MM, mode="markers", marker=symbol,
-            name="Eq. 29", legendgroup=name, showlegend=False, hoverinfo="skip",
+        x, y = phase.time_s[marks] / MS, again[name][marks] / _MM
+        drawing.points(
+            x, y, name=f"{label(name)}: Eq. 29", legend="Eq. 29", legendgroup=name, showlegend=False, hoverinfo="skip",
+            marker_color=lines[name]["color"], marker_symbol="circle-open", marker_size=8, marker_line_width=1.5,
+            hovertemplate="%{y}", yhoverformat=".1f",
         )  # fmt: skip
-    draw_curves(figure, missed, yaxis="y2", showlegend=False, hovertemplate="%{y} mm", yhoverformat=".3f")
+    draw_curves(drawing, missed, yaxis="y2", showlegend=False, hovertemplate="%{y} mm", yhoverformat=".3f")
     end_ms = max(phase.time_s[-1] for phase in phases.values()) / MS
-    figure.update_layout(
-        hoversubplots="axis",
-        xaxis={"anchor": "y2", "range": [0, 5 * np.ceil(end_ms / 5 + 0.2)]},
-        yaxis={"domain": [0.38, 1.0], "title": "Displacement (mm)"},
-        yaxis2={"domain": [0.0, 0.3], "title": "Difference (mm)", "gridcolor": figure.layout.yaxis.gridcolor},
-    )
-    return figure
+    drawing.update(hoversubplots="axis")
+    drawing.axis("x", anchor="y2", range=[0, 5 * np.ceil(end_ms / 5 + 0.2)])
+    drawing.axis("y", "Displacement", "mm", domain=[0.38, 1.0])
+    drawing.axis("y2", "Difference", "mm", domain=[0.0, 0.3])
+    return drawing.figure()
 
 
 def energy_over_crush(
@@ -98,9 +96,9 @@ def energy_over_crush(
     mass_kg: float,
     *,
     filled: str | None = None,
-) -> go.Figure:
+) -> DrawnFigure:
     """Draw the energy absorbed by the vehicle over its crush: the test, of this speed and mass, and predictions."""
-    figure = _new_figure(height=460 + room_for_names(predictions))
+    drawing = _over_displacement(height=460 + room_for_names(predictions))
     pulses = {
         name: (energy_crush(own.accel_mps2, own.condition.speed_mps, own.draws_mps2), own.condition.mass_kg)
         for name, own in predictions.items()
@@ -113,22 +111,21 @@ def energy_over_crush(
         if found.lower_jpkg is not None and found.upper_jpkg is not None:
             band = found.crush_m / _MM, found.lower_jpkg * scale, found.upper_jpkg * scale
         curves[name] = Curve(found.crush_m / _MM, found.energy_jpkg * scale, band)
-    draw_curves(figure, curves, filled=filled)
-    figure.update_yaxes(title="Absorbed energy (kJ)", rangemode="tozero")
-    return _fit_axis(figure)
+    draw_curves(drawing, curves, filled=filled)
+    drawing.axis("y", "Absorbed energy", "kJ", rangemode="tozero")
+    return _fitted(drawing)
 
 
-def _new_figure(height: int) -> go.Figure:
-    figure = new_figure(height)
-    figure.update_xaxes(title="Displacement (mm)", unifiedhovertitle={"text": "%{x:.0f} mm"})
-    return figure
+def _over_displacement(height: int) -> Drawing:
+    return new_drawing(height, "Displacement", "mm", unifiedhovertitle_text="%{x:.0f} mm")
 
 
-def _fit_axis(figure: go.Figure) -> go.Figure:
-    ends = [(float(np.max(trace.x)), trace.error_x.array) for trace in figure.data]
-    longest = max(end + max((length or 0.0 for length in error or ()), default=0.0) for end, error in ends)
-    figure.update_xaxes(range=[0, 1.02 * longest])
-    return figure
+def _fitted(drawing: Drawing) -> DrawnFigure:
+    ends = (end for mark in drawing.marks for end in (*mark.look["x"], *mark.numbers.get("x_upper", ())))
+    longest = max(float(end) for end in ends if end is not None and np.isfinite(end))
+    for axis in [name for name in drawing.axes if name.startswith("x")]:
+        drawing.axis(axis, range=[0, 1.02 * longest])
+    return drawing.figure()
 
 
 def _loading_phases(
@@ -140,17 +137,16 @@ def _loading_phases(
     return {name: loading_phase(*pulse) for name, pulse in pulses.items()}
 
 
-def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, crush: Metric | None) -> None:
-    end, error = float(curve.x[-1]), None
+def _mark_crush(drawing: Drawing, name: str, curve: Curve, colour: str, crush: Metric | None) -> None:
+    end, interval = float(curve.x[-1]), Look()
     if crush is not None and (crush.lower is not None or crush.upper is not None):
-        error = {
-            "array": [None if crush.upper is None else crush.upper - end],
-            "arrayminus": [None if crush.lower is None else end - crush.lower],
-        }
-    told = f"{end:.1f}" if crush is None else crush.text
-    add_line(
-        figure, curve.x[-1:], curve.y[-1:], mode="markers", error_x=error, marker={"color": colour, "size": 8},
-        name=f"Maximum crush {told} mm", legendgroup=name, showlegend=False, hovertemplate=" ",
+        interval["error_x_array"] = [None if crush.upper is None else crush.upper - end]
+        interval["error_x_arrayminus"] = [None if crush.lower is None else end - crush.lower]
+        interval["numbers"] = {"x_lower": [crush.lower], "x_upper": [crush.upper]}
+    legend = f"Maximum crush {f'{end:.1f}' if crush is None else crush.text} mm"
+    drawing.line(
+        curve.x[-1:], curve.y[-1:], name=f"{label(name)}: {legend}", legend=legend, legendgroup=name, showlegend=False,
+        mode="markers", marker_color=colour, marker_size=8, hovertemplate=" ", **interval,
     )  # fmt: skip
 
 
@@ -173,31 +169,32 @@ def bias_by_speed(
     speeds_mps: Mapping[str, float] | None = None,
     highlight: str | None = None,
     display: Display = DEFAULT,
-) -> go.Figure:
+) -> DrawnFigure:
     """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16)."""
-    figure = _new_figure(height_under_names(len(tests)))
+    drawing = _over_displacement(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
     for test, style in by_speed(tests, highlight, display, speeds_mps):
         bias = of_test[test.id]
-        add_line(figure, bias.displacement_m / _MM, bias.bias_mps2 * display.accel_scale, **style)
-    figure.update_yaxes(title=_BIAS.format(display.unit))
-    return _fit_axis(figure)
+        drawing.line(bias.displacement_m / _MM, bias.bias_mps2 * display.accel_scale, **style)
+    drawing.axis("y", _BIAS, display.unit)
+    return _fitted(drawing)
 
 
-def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str | None = None) -> go.Figure:
+def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str | None = None) -> DrawnFigure:
     """Draw the force that the CAE model lacks in each test, coloured by speed, and its events with their ranks."""
-    figure, colour = _new_figure(height_under_names(len(found.tests))), COLOURS["displacement_domain"]
+    drawing, colour = _over_displacement(height_under_names(len(found.tests))), COLOURS["displacement_domain"]
     for rank, event in enumerate(found.events, start=1):
         ends_mm, force_kn = np.array([event.from_m, event.to_m]) / _MM, np.full(2, event.force_n / _KN)
-        key: dict[str, Any] = {"name": "Events by rank", "legendgroup": "events", "whose": f"Event {rank}"}
-        add_band(figure, ends_mm, 0 * force_kn, force_kn, colour=colour, showlegend=rank == 1, **key)
-        mark = {"text": f"<b>{rank}</b>", "showarrow": False, "yshift": 10 * np.sign(event.force_n)}
-        figure.add_annotation(x=ends_mm.mean(), y=force_kn[0], **mark)
+        drawing.band(
+            ends_mm, 0 * force_kn, force_kn, name=f"Event {rank}", legend="Events by rank", legendgroup="events",
+            showlegend=rank == 1, colour=colour,
+        )  # fmt: skip
+        drawing.note(f"<b>{rank}</b>", ends_mm.mean(), force_kn[0], "y", yshift=10 * np.sign(event.force_n))
     forces = dict(zip(found.tests, found.force_n / _KN, strict=True))
     for test, style in by_speed(found.tests, highlight, display):
-        add_line(figure, found.displacement_m / _MM, forces[test], **style)
-    figure.update_yaxes(title="Force, test − CAE (kN)")
-    return _fit_axis(figure)
+        drawing.line(found.displacement_m / _MM, forces[test], **style)
+    drawing.axis("y", "Force, test − CAE", "kN")
+    return _fitted(drawing)
 
 
 def bias_parts(
@@ -205,50 +202,43 @@ def bias_parts(
     displacement_m: FloatArray,
     measured: BiasPoints | None = None,
     display: Display = DEFAULT,
-) -> go.Figure:
+) -> DrawnFigure:
     """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band."""
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)
-    figure = _new_figure(height=400 + 200 * rows)
-    x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
-    places = [{"row": 1, "col": 1}]
-    places += [{"row": 2 + number // _IN_A_ROW, "col": 1 + number % _IN_A_ROW} for number in range(len(some))]
-    specs: list[list[dict[str, int] | None]] = [[None] * _IN_A_ROW for _ in range(1 + rows)]
-    for place in places:
-        specs[place["row"] - 1][place["col"] - 1] = {"colspan": _IN_A_ROW if place["row"] == 1 else 1}
-    figure.set_subplots(
-        1 + rows, _IN_A_ROW, specs=specs, row_heights=[1.7, *[1.0] * rows], horizontal_spacing=0.05,
-        vertical_spacing=0.24 / (1 + rows),
-        subplot_titles=[_PARTS.get(part.name, part.name[:1].upper() + part.name[1:]) for part in (total, *some)],
-    )  # fmt: skip
-    figure.update_annotations(font_size=14)
-    figure.update_xaxes(x_style)
-    figure.update_yaxes(y_style)
-    at_mm = displacement_m / _MM
-    scale, colour = display.accel_scale, COLOURS["displacement_domain"]
-    for part, place in zip((total, *some), places, strict=True):
-        style: dict[str, Any] = {"showlegend": part is total, **place}
-        ends = part.lower_mps2 * scale, part.upper_mps2 * scale
-        add_band(figure, at_mm, *ends, colour=colour, name="95 % band", legendgroup="band", **style)
-        line = {"color": colour, "width": 2}
-        add_line(figure, at_mm, part.mean_mps2 * scale, name="Expected", line=line, legendgroup="mean", **style)
-    if measured is not None:
-        add_line(
-            figure, measured.displacement_m / _MM, measured.bias_mps2 * scale, name="Measured in this test",
-            line=curve_line(TEST), **places[0],
-        )  # fmt: skip
-    figure.update_layout(margin_t=64)
-    figure.update_xaxes(title=None, nticks=4)
-    figure.update_xaxes(title="Displacement (mm)", row=1 + rows, col=min(2, len(some) - _IN_A_ROW * (rows - 1)))
+    drawing = _over_displacement(height=400 + 200 * rows)
+    at_mm, scale, colour = displacement_m / _MM, display.accel_scale, COLOURS["displacement_domain"]
     before = np.full(displacement_m.size, True) if measured is None else displacement_m <= measured.displacement_m.max()
-    bounds = scale * np.array([[part.lower_mps2[before], part.upper_mps2[before]] for part in some])
-    figure.update_yaxes(range=_with_margin(bounds), showticklabels=False)  # so that the parts can be compared
-    figure.update_yaxes(title=f"Bias ({display.unit})", showticklabels=True, col=1)
+    bounds = np.array([[part.lower_mps2[before], part.upper_mps2[before]] for part in some])
     shown = [total.lower_mps2[before], total.upper_mps2[before]] + ([measured.bias_mps2] if measured else [])
-    figure.update_yaxes(
-        title=_BIAS.format(display.unit), range=_with_margin(scale * np.concatenate(shown)), row=1, col=1
-    )
-    return _fit_axis(figure)
+    ranges = {True: _with_margin(scale * np.concatenate(shown)), False: _with_margin(scale * bounds)}
+    domains = rows_of_plots(0.24 / (1 + rows), [1.7, *[1.0] * rows])
+    above = _IN_A_ROW * (rows - 1)
+    lowest = above + min(2, len(some) - above)  # the middle one, if any
+    for number, part in enumerate((total, *some)):
+        is_total, (row, column) = part is total, divmod(number - 1, _IN_A_ROW)
+        x, y = (name if is_total else f"{name}{number + 1}" for name in "xy")
+        left, right = (0.0, 1.0) if is_total else (0.35 * column, 0.35 * column + 0.3)
+        heading = _PARTS.get(part.name, part.name[:1].upper() + part.name[1:])
+        bottom, top = domains[row + 1]
+        drawing.note(heading, (left + right) / 2, top, xanchor="center", yanchor="bottom", font_size=14)
+        title = None if number == lowest else ""
+        drawing.axis(x, "Displacement", "mm", title=title, anchor=y, domain=[left, right], nticks=4)
+        first = is_total or column == 0
+        title = None if is_total else f"Bias ({display.unit})" if first else ""
+        drawing.axis(y, _BIAS, display.unit, title=title, anchor=x, domain=[bottom, top])
+        drawing.axis(y, range=ranges[is_total], showticklabels=first)  # so that the parts can be compared
+        drawing.axes[y].plot = heading
+        style = Look(showlegend=is_total, xaxis=x, yaxis=y)
+        ends = part.lower_mps2 * scale, part.upper_mps2 * scale
+        drawing.band(at_mm, *ends, name="95 % band", legendgroup="band", colour=colour, **style)
+        style |= Look(name="Expected", legendgroup="mean", line_color=colour, line_width=2)
+        drawing.line(at_mm, part.mean_mps2 * scale, **style)
+    if measured is not None:
+        at_mm, bias = measured.displacement_m / _MM, measured.bias_mps2 * scale
+        drawing.line(at_mm, bias, name="Measured in this test", line=curve_line(TEST), xaxis="x", yaxis="y")
+    drawing.update(margin_t=64)
+    return _fitted(drawing)
 
 
 def _with_margin(values: FloatArray) -> list[float]:

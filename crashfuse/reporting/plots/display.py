@@ -1,6 +1,5 @@
 """Display settings of all figures, tables and reports: units, the rated window, the sign of accelerations."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self, TypedDict, TypeVar, Unpack, cast
@@ -17,7 +16,6 @@ from crashfuse.units import MPH_LB, SYSTEMS, AccelerationUnit, G, UnitSystem, sa
 Number = TypeVar("Number", float, FloatArray)
 
 _UNITS: dict[str, AccelerationUnit] = {"g": "g", "m/s²": "m/s²", "m/s2": "m/s²"}
-_LAST_UNIT = re.compile(r"\(([^()]+)\)$")
 
 
 class DisplayOptions(TypedDict, total=False):
@@ -93,7 +91,16 @@ class Display:
     @property
     def accel_title(self) -> str:
         """Title of an acceleration axis, with its unit."""
-        return f"{'Deceleration' if self.deceleration else 'Acceleration'} ({self.unit})"
+        return "{} ({})".format(*self.accel_axis)
+
+    @property
+    def accel_axis(self) -> tuple[str, str]:
+        """Quantity and unit of an acceleration axis."""
+        return "Deceleration" if self.deceleration else "Acceleration", self.unit
+
+    def axis(self, label: str, unit: str) -> tuple[str, str]:
+        """Quantity and unit of an axis for a quantity in this unit: the reader's."""
+        return label, self.units.unit(unit)
 
     def speeds(self, values_mps: Number) -> Number:
         """Speeds in the reader's unit, as numbers."""
@@ -148,12 +155,8 @@ class Display:
         return {self.title(label, unit): cell for label, unit, cell in cells}
 
     def title(self, label: str, unit: str) -> str:
-        """A label with the reader's unit for quantities in this unit: an axis, a column or a field."""
-        return f"{label} ({self.units.unit(unit)})"
-
-    def heading(self, text: str) -> str:
-        """A label that ends in its unit in parentheses, with the reader's instead."""
-        return _LAST_UNIT.sub(lambda found: f"({self.units.unit(found[1])})", text)
+        """A label with the reader's unit for quantities in this unit, if any: an axis, a column or a field."""
+        return f"{label} ({self.units.unit(unit)})" if unit else label
 
     def metric(self, metric: Metric) -> Metric:
         """A metric in the reader's unit."""

@@ -15,6 +15,7 @@ from crashfuse.reporting.plots.certification import record_figure, reliability, 
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render, repeats_table
+from crashfuse.reporting.table import Table
 from crashfuse.reporting.verdicts import planned_table
 from crashfuse.study.repeatability import repeatability
 
@@ -51,7 +52,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         said={place: sentences(certification, place) for place in PLACES},
         exceptions=exceptions(certification),
         table_of=tables,
-        credibility=credibility_table(certification, display).set_axis(_SHEET, axis=1),
+        credibility=Table.of("credibility", credibility_table(certification, display).set_axis(_SHEET, axis=1)),
         n_conditions=len(certification.matrix.ids),
         quantities=list(dict.fromkeys(criterion.label for criterion in criteria.items)),
         notes=[(note.test, note.when, note.text) for note in notes],

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Literal, get_args
 
 import pandas as pd
@@ -24,8 +24,14 @@ from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
-from crashfuse.reporting.result_tables import about_table, archive_table, metric_texts, quality_table, wall_table
-from crashfuse.signals.metrics import MAIN_METRICS
+from crashfuse.reporting.result_tables import (
+    about_table,
+    archive_table,
+    metrics_shown,
+    quality_table,
+    wall_table,
+)
+from crashfuse.reporting.table import CONDITION, PARTS, Column, Table, of_condition
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import Fact, campaign_facts
@@ -44,8 +50,18 @@ def _templates(display: Display) -> Environment:
         lstrip_blocks=True,
         finalize=lambda value: display.words(value) if hasattr(value, "in_units") else value,
     )
-    templates.filters["tabbed"] = spreadsheet_text
+    templates.filters["tabbed"] = partial(spreadsheet_text, display=display)
+    templates.filters["shown"] = partial(_shown, display=display)
     return templates
+
+
+def _shown(table: Table, display: Display) -> pd.DataFrame:
+    """A table's headings and cells: what stands out in bold, no line broken within an interval."""
+    shown = {
+        heading: [Markup("<b>{}</b>").format(cell.unbroken) if cell.is_marked else cell.unbroken for cell in cells]
+        for heading, (_, cells) in table.cells(display).items()
+    }
+    return pd.DataFrame(shown, dtype=object)
 
 
 def render(
@@ -73,7 +89,7 @@ def render(
         answers=answers,
         campaign=campaign,
         config=config,
-        tests=tests_table(campaign, display),
+        tests=tests_table(campaign),
         pedigree=about_table(campaign),
         past_vehicles="" if past.empty else record_sentence(past),
         past_record=archive_table(past),
@@ -135,21 +151,20 @@ def render_in_frame(
     return _templates(display).get_template(f"{template}.html.j2").render(own | common)
 
 
-def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
+def tests_table(campaign: Campaign) -> Table:
     """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
-    table = pd.DataFrame(
+    rows = (
         {
             "Test": test.id,
-            **display.columns(test.condition),
-            **dict(test.condition.factors),
+            **of_condition(test.condition),
             "CAE pulse": campaign.cae.ids[run] if run is not None else "emulator",
-            "Inside the CAE runs' range": "no" if campaign.cae.extrapolation(test.condition) else "yes",
+            "Inside the CAE runs' range": not campaign.cae.extrapolation(test.condition),
             **{"CAE tuned to it" if n == "cae_tuned" else n[6:].replace("_", " "): v for n, v in test.statements if v},
         }
         for test in campaign.tests
         for run in [campaign.cae.paired_run(test.condition)]
     )
-    return table.fillna("–")
+    return Table.of("tests", rows, *CONDITION)
 
 
 def _listed(value: object) -> str:
@@ -161,7 +176,6 @@ def _listed(value: object) -> str:
 def details(
     campaign: Campaign,
     estimates: Sequence[Estimate],
-    display: Display,
     test: CrashTest | None = None,
     *,
     said: Sequence[str] = (),
@@ -170,19 +184,18 @@ def details(
     columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
-    metrics = metric_texts(columns, campaign, display, f"Pulse metric{of_test}")
-    main = metrics.index.isin(MAIN_METRICS)
+    metrics, more_metrics = metrics_shown(columns, campaign, f"Pulse metric{of_test}")
     missing, more_missing = fit_explanations.metric_remarks(columns)
     makers = fit_explanations.notes_by_makers(estimates).items()
     remarks = [joined([", ".join(who), note], ": ") for note, who in makers if note not in said]
     return {
         "whole": fit_explanations.whole_sentences(estimates),
-        "metrics": metrics[main],
-        "more_metrics": metrics[~main],
+        "metrics": metrics,
+        "more_metrics": more_metrics,
         "more_missing": more_missing,
         "remarks": [*missing, *remarks],
         "fits": [
-            (LABELS[estimate.approach], sentences, fit_explanations.fit_table(estimate.state, display.units))
+            (LABELS[estimate.approach], sentences, fit_explanations.fit_table(estimate.approach, estimate.state))
             for estimate in estimates
             if (sentences := fit_explanations.fit_sentences(estimate.state))
         ],
@@ -191,17 +204,21 @@ def details(
 
 def repeats_table(
     found: Mapping[str, Mapping[float, Repeatability]], tests: Sequence[str], windows_ms: Sequence[float]
-) -> pd.DataFrame | None:
+) -> Table | None:
     """What a repeat of each of these tests would rate, by window, with its interval; None if nothing is known."""
     known = {test: found.get(test, {}) for test in tests}
     if not any(window in own for own in known.values() for window in windows_ms):
         return None
     rows = []
     for test, own in known.items():
-        row = {"Test": test, **{f"0–{w:g} ms": own[w].text if w in own else "–" for w in windows_ms}}
+        row: dict[str, object] = {"Test": test}
+        for window in windows_ms:
+            values = (own[window].value, own[window].lower, own[window].upper) if window in own else [None] * 3
+            row |= {f"0–{window:g} ms{end}": value for end, value in zip(PARTS["interval"], values, strict=True)}
         repeats = next(iter(own.values())).repeats if own else ()
-        rows.append({**row, "Repeats among the tests": ", ".join(repeats) or "none"})
-    return pd.DataFrame(rows)
+        rows.append(row | {"Repeats among the tests": ", ".join(repeats) or "none"})
+    windows = (Column(f"0–{window:g} ms", "interval", form=".3f", ends_form=".2f") for window in windows_ms)
+    return Table.of("repeats", rows, *windows)
 
 
 ReportForm = Literal["short", "whole"]

@@ -57,7 +57,7 @@ def prediction_report(
         motion=prediction.plot(display=display),
         over_displacement=prediction.plot("displacement", display=display),
         beside=beside and _beside([prediction, *beside], advice.approach, display),
-        about=details(campaign, estimates, display, said=advice.sentences),
+        about=details(campaign, estimates, said=advice.sentences),
         **({"bias": campaign.plot("bias", display=display)} if whole else {}),
     )
 
@@ -97,7 +97,7 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
         over=over,
         meaning=NEXT_TEST_MEANING,
         drawn=ranking.plot(display=display),
-        best=next_tests_table(ranking.ranked[:_SHOWN], display.units),
+        best=next_tests_table(ranking.ranked[:_SHOWN]),
         ranked=len(ranking.ranked),
     )
 
@@ -119,5 +119,5 @@ def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, displa
         law=ONE_MORE_MEANING,
         drawn=curve.plot(display=display),
         steps=gains_table(curve, cost),
-        means=curve_table(curve, display),
+        means=curve_table(curve),
     )

@@ -4,9 +4,7 @@ import platform
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
 import pandas as pd
-from markupsafe import Markup
 
 from crashfuse.approaches.registry import LABELS, label_of
 from crashfuse.crash_test import SPEED_STEP_MPS
@@ -84,7 +82,9 @@ def _whole(study: Study, display: Display) -> dict[str, object]:
         "speed_groups": study.speed_groups and _result(study.speed_groups, display),
         "speed_step": speed(SPEED_STEP_MPS, form=".2g"),
         "repeats": repeats_table(study.repeatability, held_out, study.config.windows_ms),
-        "paper_tables": [(caption, _shown(table)) for caption, table in tables if len(table)],
+        "paper_tables": [
+            (caption, rating_tables.ratings_shown(table, "number")) for caption, table in tables if len(table)
+        ],
         "spread": study.plot(figure="draws", display=display) if study.coverage else None,
         "band": study.coverage
         and {
@@ -104,22 +104,7 @@ def _whole(study: Study, display: Display) -> dict[str, object]:
 
 def _result(study: Study, display: Display) -> dict[str, object]:
     heatmap = study.plot(display=display) if len(study.folds) > 1 else None
-    return {"means": _by_approach(rating_tables.mean_values(study)), "heatmap": heatmap}
-
-
-def _by_approach(ratings: pd.DataFrame) -> pd.DataFrame:
-    return _shown(ratings.rename(index=label_of).rename_axis("Approach"))
-
-
-def _shown(ratings: pd.DataFrame) -> pd.DataFrame:
-    cells = [
-        [
-            Markup("<b>%.3f</b>") % value if is_best else "–" if np.isnan(value) else f"{value:.3f}"
-            for value, is_best in zip(*row, strict=True)
-        ]
-        for row in zip(ratings.to_numpy(), rating_tables.best(ratings).to_numpy(), strict=True)
-    ]
-    return pd.DataFrame(cells, ratings.index, ratings.columns, dtype=object).reset_index()
+    return {"means": rating_tables.ratings_shown(rating_tables.mean_values(study), "number"), "heatmap": heatmap}
 
 
 def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) -> Mapping[str, object]:
@@ -134,7 +119,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         "beyond": [fact.sentence for fact in window_facts(test, window)],
         "repeat": repeat and repeat.sentence(rating.overall, LABELS[advice.approach]),
         "motion": study.plot(test.id, notes=notes, display=display),
-        "details": details(study.campaign, fold.estimates, display, test, said=advice.sentences),
+        "details": details(study.campaign, fold.estimates, test, said=advice.sentences),
     }
     if options.form == "short":
         return shown
@@ -145,7 +130,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
     }
     return shown | {
         "notes": [(note.when, note.text) for note in notes],
-        "ratings": _by_approach(pd.DataFrame.from_dict(overall, orient="index")),
+        "ratings": rating_tables.ratings_shown(pd.DataFrame.from_dict(overall, orient="index"), "number"),
         "further": rating_tables.further_table(study, fold, window),
         "over_displacement": study.plot(test.id, "displacement", display=display),
         "why": _why(study, fold, advice, display),

@@ -64,7 +64,7 @@ def choose_criteria(view: View) -> Criteria | None:
         criteria, wrong = criteria_asked(view), None
     except DataError as error:
         criteria, wrong = None, error
-    labels = {name: view.display.heading(label) for name, label in _METRICS.items()}  # with the unit of limits
+    labels = {name: view.display.title(label, METRIC_UNITS.get(name, "")) for name, label in _METRICS.items()}
 
     def fields(parts: list[str]) -> list[Field | None]:
         factor = units.factor(METRIC_UNITS.get(parts[0], ""))

@@ -4,7 +4,6 @@ from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import partial
 
-import pandas as pd
 import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES
@@ -22,6 +21,7 @@ from crashfuse.reporting.certification_tables import SHOWN, changed_text, csv_as
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report.certification import certification_report
+from crashfuse.reporting.table import Table
 from crashfuse.reporting.verdicts import Planned, certify, planned
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify.criteria import criteria_asked
@@ -353,7 +353,7 @@ def _show_variants(certification: Certification) -> None:
         else:
             show_end(job)
     if table:
-        show_table(pd.DataFrame(table), key="what if")
+        show_table(Table.of("what if", table))
 
 
 def show_files(judgement: Judgement) -> None:

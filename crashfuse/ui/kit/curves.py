@@ -3,7 +3,6 @@
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.neighbours import nearest_tests
@@ -13,6 +12,7 @@ from crashfuse.condition import Condition
 from crashfuse.reporting import figures
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.drawing import DrawnFigure, drawing_of
 from crashfuse.reporting.predicted import PredictedPulse, by_one
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures_near
@@ -86,9 +86,10 @@ def choose_curves(view: View, condition: Condition, approach: str, known: Sequen
     return Shown(approach, tuple(name for name in offered if name in chosen), (*added, *at_pins))
 
 
-def without_clicks(figure: go.Figure) -> go.Figure:
+def without_clicks(figure: DrawnFigure) -> DrawnFigure:
     """The same, with a legend that takes no clicks: what they hide would come back."""
-    return figure.update_layout(legend={"itemclick": False, "itemdoubleclick": False})
+    drawing_of(figure).update(legend={"itemclick": False, "itemdoubleclick": False})
+    return figure
 
 
 def _label(curve: str) -> str:

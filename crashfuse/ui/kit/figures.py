@@ -11,8 +11,9 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.figure_data import figure_table, unpacked
-from crashfuse.reporting.plots.canvas import AXIS_TITLE, darkened, room_above, without_links
+from crashfuse.reporting.figure_data import figure_table
+from crashfuse.reporting.plots.canvas import room_above, without_links
+from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, drawing_of
 from crashfuse.reporting.plots.palette import in_the_dark
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.kit import address
@@ -26,19 +27,15 @@ T = TypeVar("T")
 
 
 class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
-    """A figure for ``st.plotly_chart`` with numbers of few digits, copied once and not whenever it is shown."""
+    """A drawing for ``st.plotly_chart`` with numbers of few digits, copied once and not whenever it is shown."""
 
-    def __init__(self, figure: go.Figure) -> None:
+    def __init__(self, drawing: Drawing, *, dark: bool = False, **more: object) -> None:
         super().__init__()
-        parts = figure.layout.to_plotly_json()
-        data = [{k: _plain(v) for k, v in trace.to_plotly_json().items() if k != "meta"} for trace in figure.data]
-        layout = {name: _plain(part) for name, part in parts.items() if name != "template"}
-        for name, axis in layout.items():
-            if name[1:5] == "axis" and "title" in axis:
-                axis["title"] = {**AXIS_TITLE, **axis["title"]}
+        traces, parts = drawing.parts(dark=dark)
+        data = [_plain(trace) for trace in traces]
+        layout = _plain({**parts, **more})
         layout["datarevision"] = hashlib.sha256(repr(data).encode()).hexdigest()[:16]
-        if "margin" in layout:
-            layout["margin"] = {**layout["margin"], "t": max(layout["margin"]["t"], room_above(figure))}
+        layout["margin"]["t"] = max(layout["margin"]["t"], room_above(drawing))
         self._sent = {"data": data, "layout": layout}
 
     def to_dict(self) -> dict[str, Any]:
@@ -46,9 +43,7 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
         return dict(self._sent)
 
 
-def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a figure
-    if isinstance(part, Mapping) and "bdata" in part:
-        part = unpacked(part)
+def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a drawing
     if isinstance(part, np.ndarray) and part.dtype.kind == "f" and part.size:
         rounded = np.round(part.astype(np.float64), _decimals(part)).astype(object)
         rounded[~np.isfinite(part)] = None
@@ -68,7 +63,7 @@ def _decimals(values: FloatArray) -> int:
 
 
 @st.fragment
-def offer_files(figure: go.Figure, caption: Caption, key: str) -> None:
+def offer_files(figure: DrawnFigure, caption: Caption, key: str) -> None:
     """Show the buttons of the figure just above."""
     key = f"files {key}"
     asked = st.session_state.get(key, {}).get("csv")
@@ -91,14 +86,14 @@ def choose(label: str, options: Sequence[str], key: str, label_of: Callable[[str
     return choice
 
 
-def show_figure(figure: go.Figure, alt: str, key: str | None = None, name: str = "") -> None:
+def show_figure(figure: DrawnFigure, alt: str, key: str | None = None, name: str = "") -> None:
     """Show a figure; its files have the ``name``, else the alternative text."""
-    sent = SentFigure(darkened(figure) if _is_dark() else figure)
+    sent = SentFigure(drawing_of(figure), dark=_is_dark())
     st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_TOOLS)
     offer_files(figure, caption(alt, name), key or alt)
 
 
-def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "") -> None:
+def show_cached_figure(draw: Callable[[], DrawnFigure], alt: str, *key: Hashable, name: str = "") -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
     figure, sent = _cached(key, _is_dark(), draw)
     st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS)
@@ -106,7 +101,7 @@ def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, 
 
 
 def show_clickable(
-    draw: Callable[[], go.Figure],
+    draw: Callable[[], DrawnFigure],
     alt: str,
     on_click: Callable[[str], None],
     widget: str,
@@ -119,10 +114,8 @@ def show_clickable(
         for point in _points(st.session_state[widget]):
             on_click(point)
 
-    def clickable() -> go.Figure:  # as Streamlit would set it once the figure is drawn, to be drawn again
-        return draw().update_layout(clickmode="event+select")
-
-    figure, sent = _cached((widget, *key), _is_dark(), clickable)
+    # as Streamlit would set it once the figure is drawn, to be drawn again
+    figure, sent = _cached((widget, *key), _is_dark(), draw, clickmode="event+select")
     event = st.plotly_chart(
         sent, alt=alt, key=widget, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
     )
@@ -139,9 +132,11 @@ def _is_dark() -> bool:
 
 
 @st.cache_resource(max_entries=_CACHED, show_spinner=False)
-def _cached(key: Hashable, dark: bool, _draw: Callable[[], go.Figure]) -> tuple[go.Figure, SentFigure]:  # noqa: ARG001
+def _cached(
+    key: Hashable, dark: bool, _draw: Callable[[], DrawnFigure], **layout: str  # noqa: ARG001 - part of the key
+) -> tuple[DrawnFigure, SentFigure]:  # fmt: skip
     figure = _draw()
-    return figure, SentFigure(darkened(figure) if dark else figure)
+    return figure, SentFigure(drawing_of(figure), dark=dark, **layout)
 
 
 def show_tabs(

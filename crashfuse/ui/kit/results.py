@@ -1,6 +1,5 @@
 """What pages show of results: tables, problems in data, recommendation, notes."""
 
-import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -19,54 +18,55 @@ from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metri
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
 from crashfuse.reporting.rating_tables import REPEAT, TTZV_COLUMN
-from crashfuse.reporting.result_tables import metric_texts, next_tests_table
+from crashfuse.reporting.result_tables import metrics_shown
+from crashfuse.reporting.table import CONDITION, Cell, Column, Table, of_condition
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows
+from crashfuse.signals.rating import WEIGHTS, Rating, rate_windows
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.planning import NextTest
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.navigation import component
-from crashfuse.ui.kit.text import METRICS, PULSE_SHAPE, advice_on_page, as_read, chosen_units, plain
-from crashfuse.units import UnitSystem, joined
+from crashfuse.ui.kit.text import METRICS, PULSE_SHAPE, advice_on_page, chosen_units, plain
 
-_NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| %| of \d+)?|–|)( \[.*\]| \(.*\))?")
-"""A cell with a number, perhaps with its interval or a remark, or without one."""
-_GRADED = re.compile(rf"\d\.\d+ ({'|'.join(GRADE_COLOURS)})")
 _MOST_ROWS = 50  # shown; the downloaded file has all
 TEST_COLUMN = "Test"  # heading of what was measured, beside the approaches
 
 
-def show_table(table: Styler | pd.DataFrame, key: str, remark: str = "", meanings: Sequence[str] = ()) -> None:
+def show_table(table: Table, key: str = "", remark: str = "", meanings: Sequence[str] = ()) -> None:
     """Show a table with a button that copies it, a remark, and what its rows mean as tooltips."""
-    styler = aligned(table if isinstance(table, Styler) else literal(table))
-    st.table(styler, border="horizontal")
+    units, flipped = chosen_units(), st.session_state.get("sign") == "Deceleration"
+    display = Display(unit=units.acceleration, deceleration=flipped, system=units)
+    st.table(styled(table, display), border="horizontal")
     copy = component("copy_table", css="buttons.css")
-    text = spreadsheet_text(styler.data.rename(columns=as_read))
+    text = spreadsheet_text(table, display)
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        copy(data={"text": text, "meanings": list(meanings)}, key=f"copy {key}", width="content")
+        copy(data={"text": text, "meanings": list(meanings)}, key=f"copy {key or table.name}", width="content")
         st.caption(remark)
 
 
-def literal(table: pd.DataFrame) -> Styler:
-    """A table without its index, whose headings are shown literally: they may be a laboratory's."""
-    return table.rename(columns=plain).style.hide(axis="index")
+def styled(table: Table, display: Display) -> Styler:
+    """A table on a page: numbers at the right, intervals lighter, grades and what stands out in colours."""
+    columns, shown = table.cells(display), table.texts(display).rename(columns=plain)
+    styler, right = shown.style.hide(axis="index"), "right !important"
+    for place, (name, (column, cells)) in enumerate(zip(shown, columns.values(), strict=True)):
+        styler.format({cell.text: _markdown(column, cell) for cell in cells}.__getitem__, subset=[name])
+        colours = [GRADE_COLOURS["Fair"] if cell.is_marked else "" for cell in cells]
+        if column.kind == "grade":
+            colours = [GRADE_COLOURS.get(cell.detail, "") for cell in cells]
+        styler.apply(lambda _, css: css, css=[colour and fill(colour) for colour in colours], subset=[name])
+        if column.is_numeric:
+            styler.set_properties(subset=[name], **{"text-align": right})
+            styler.set_table_styles([{"selector": f"th.col{place}", "props": f"text-align: {right}"}], overwrite=False)
+    return styler
 
 
-def aligned(styler: Styler) -> Styler:
-    """A :func:`literal` table with numbers at the right, and their intervals lighter."""
-    right: list[int] = []
-    for place in range(len(styler.columns)):
-        matches = [_NUMBER.fullmatch(str(cell)) for cell in styler.data.iloc[:, place]]
-        if all(matches) and any(match and match[1] for match in matches):
-            right.append(place)
-    numbers = {styler.columns[place] for place in right}
-    styler.format({name: _with_light_interval if name in numbers else _literally for name in styler.columns})
-    styler.set_properties(subset=styler.columns[right], **{"text-align": "right !important"})
-    heads = [{"selector": f"th.col{place}", "props": "text-align: right !important"} for place in right]
-    return styler.set_table_styles(heads, overwrite=False)
+def _markdown(column: Column, cell: Cell) -> str:
+    if not cell.detail:
+        return plain(cell.text)
+    detail = f":gray[{plain(cell.detail)}]" if column.kind == "interval" else plain(cell.detail)
+    return f"{plain(cell.value)} {detail}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def fill(colour: str) -> str:
@@ -75,18 +75,6 @@ def fill(colour: str) -> str:
     if st.context.theme.type == "dark":
         ground, ink = IN_THE_DARK[colour], IN_THE_DARK[MEASURED_COLOUR]
     return f"background-color: {ground}; color: {ink}"
-
-
-def _with_light_interval(cell: object) -> str:
-    number, interval = (str(part) for part in _NUMBER.findall(str(cell))[0])
-    escaped = interval.strip().replace(" ", "\N{NO-BREAK SPACE}").replace("[", "\\[").replace("]", "\\]")
-    return f"{number}\N{NO-BREAK SPACE}:gray[{escaped}]" if escaped else number
-
-
-def _literally(cell: object) -> object:
-    if not isinstance(cell, str):
-        return cell
-    return plain(cell).replace(" ", "\N{NO-BREAK SPACE}") if _GRADED.fullmatch(cell) else plain(cell)
 
 
 def problem_table(problems: Sequence[Problem], *, merged: bool = False) -> pd.DataFrame:
@@ -113,7 +101,7 @@ def show_problems(
     n = len(problems)
     st.error(f"**{what}: {n} problem{'s' * (n != 1)}.** {result}", icon=":material/error:")
     key = f"problems {place} {hash((what, *problems))}"
-    table = problem_table(problems, merged=True)
+    table = Table.of("problems", problem_table(problems, merged=True))
     with st.container(border=True, height=420 if len(table) > 8 else "content"):
         show_table(table.head(_MOST_ROWS), f"table of {key}")
     if len(table) > _MOST_ROWS:
@@ -143,32 +131,26 @@ def window_label(window_ms: float) -> str:
     return f"0–{window_ms:g} ms"
 
 
-def conditions_table(campaign: Campaign, display: Display) -> Styler:
-    """Every test with its condition, and the rating of its paired CAE run over each window."""
-    return coloured(_conditions(campaign, display.system))
-
-
 @st.cache_data(show_spinner=False, max_entries=4, hash_funcs=HASHED)
-def _conditions(campaign: Campaign, system: UnitSystem) -> pd.DataFrame:
-    cae, rows = campaign.cae, []
+def conditions_table(campaign: Campaign) -> Table:
+    """Every test with its condition, and the rating of its paired CAE run over each window."""
+    cae, rows, (speed, *weights) = campaign.cae, [], CONDITION
     for test in campaign.tests:
-        condition, run = test.condition, cae.paired_run(test.condition)
-        (of_speed, speed), *weights = Display(system=system).columns(condition).items()
-        rated: dict[float, Rating] = {}
-        if run is not None:
-            rated = rate_windows(test.pulse, Pulse(GRID_S, cae.accel_mps2[run]), WINDOWS_MS)
+        run = cae.paired_run(test.condition)
+        rated = {} if run is None else rate_windows(test.pulse, Pulse(GRID_S, cae.accel_mps2[run]), WINDOWS_MS)
+        at = of_condition(test.condition)
         rows.append(  # the most important first: the rest may be cut off on a narrow page
             {
                 "Test": test.id,
-                of_speed: speed,
-                **{window_label(w): graded(rated[w].overall) if w in rated else "–" for w in WINDOWS_MS},
-                "In CAE range": "no" if cae.extrapolation(condition) else "yes",
-                **dict(weights),
-                **{name.capitalize(): value for name, value in condition.factors},
+                speed.source: at.pop(speed.source),
+                **{window_label(w): rated[w].overall if w in rated else None for w in WINDOWS_MS},
+                "In CAE range": not cae.extrapolation(test.condition),
+                **{own.source: at.pop(own.source) for own in weights},
+                **{name.capitalize(): value for name, value in at.items()},
                 "Paired run": "none" if run is None else cae.ids[run],
             }
         )
-    return pd.DataFrame(rows).fillna("–")
+    return Table.of("conditions", rows, *CONDITION, *(Column(window_label(w), "grade") for w in WINDOWS_MS))
 
 
 def ratings_table(
@@ -177,72 +159,31 @@ def ratings_table(
     repeats: Mapping[float, Repeatability],
     draws: Mapping[str, tuple[float, float]],
     to_ttzv: Mapping[str, float],
-) -> Styler:
+) -> Table:
     """Ratings by prediction and window, parts and draws over one window; last, a repeat."""
-    table = pd.DataFrame(
+    rows: list[dict[str, object]] = [
         {
             "Approach": label_of(name),
-            **{window_label(w): graded(rating.overall) for w, rating in by_window.items()},
-            **({TTZV_COLUMN: graded(to_ttzv[name])} if name in to_ttzv else {}),
-            **{part.capitalize(): f"{getattr(by_window[window_ms], part):.3f}" for part in WEIGHTS},
-            "Single draws": "–".join(f"{end:.3f}" for end in draws.get(name, ())) or "–",
+            **{window_label(w): rating.overall for w, rating in by_window.items()},
+            **({TTZV_COLUMN: to_ttzv[name]} if name in to_ttzv else {}),
+            **{part.capitalize(): getattr(by_window[window_ms], part) for part in WEIGHTS},
+            "Single draws": None,
+            **dict(zip(("Single draws lower", "Single draws upper"), draws.get(name, ()), strict=False)),
         }
         for name, by_window in by_approach.items()
-    )
-    if repeats:
-        repeat = {window_label(w): graded(own.value) for w, own in repeats.items()}
-        table = pd.concat([table, pd.DataFrame([{"Approach": REPEAT, **repeat}])], ignore_index=True).fillna("–")
-    return coloured(table)
-
-
-def metrics_tables(
-    columns: Sequence[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display
-) -> tuple[Styler, Styler]:
-    """Pulse metrics, the main ones and the others; coloured where an interval misses the test."""
-    table = metric_texts(columns, campaign, display)
-    css = pd.DataFrame("", table.index, table.columns)
-    for heading, names in missed_by(columns).items():
-        css.loc[list(names), heading] = fill(GRADE_COLOURS["Fair"])
-    main = table.index.isin(MAIN_METRICS)
-    table, css = table.reset_index(drop=True), css.reset_index(drop=True)
-    first, second = (
-        literal(table[part]).apply(lambda _, part=part: css[part].to_numpy(), axis=None) for part in (main, ~main)
-    )
-    return first, second
-
-
-def missed_by(columns: Sequence[tuple[str, Sequence[Metric]]]) -> dict[str, set[str]]:
-    """Metrics whose interval does not hold what the test measured, by heading."""
-    measured = {metric.name: metric.value for metric in dict(columns).get(TEST_COLUMN, ())}
-    missed = {heading: {m.name for m in row if m.holds(measured.get(m.name)) is False} for heading, row in columns}
-    return {heading: names for heading, names in missed.items() if names}
-
-
-def next_tests_styled(ranked: Sequence[NextTest], display: Display) -> Styler:
-    """Ranked tests, with the ranking criterion first."""
-    table = next_tests_table(ranked, display.units)
-    first = ["rank", display.title("speed", "mph"), "gain (%)", "extrapolation"]
-    table = table[[*first, *table.columns.drop(first)]].rename(columns=str.capitalize)
-    digits = {"Gain": 1, "Speed": 1, "Band": 2}
-    forms = {name: f"{{:.{digits[name.split()[0]]}f}}" for name in table.columns if name.split()[0] in digits}
-    return literal(table.assign(**{name: table[name].map(form.format) for name, form in forms.items()}).astype(str))
-
-
-def coloured(table: pd.DataFrame) -> Styler:
-    """A table with its grades in their colours."""
-
-    def style(cell: object) -> str:
-        colour = GRADE_COLOURS.get(str(cell).rpartition(" ")[2])
-        return fill(colour) if colour else ""
-
-    return literal(table).map(style)
+    ]
+    rows += [{"Approach": REPEAT, **{window_label(w): own.value for w, own in repeats.items()}}] if repeats else []
+    windows = {window_label(w) for by_window in by_approach.values() for w in by_window}
+    grades = (Column(name, "grade") for name in (*windows, TTZV_COLUMN))
+    parts = (Column(part.capitalize(), "number", form=".3f") for part in WEIGHTS)
+    return Table.of("ratings", rows, *grades, *parts, Column("Single draws", "range", form=".3f"))
 
 
 def show_recommendation(headline: Sequence[str], reasons: Sequence[str] = (), icon: str = "lightbulb") -> None:
     """Show the recommendation in a line; reasons unfold."""
     with st.container(horizontal=True, wrap=False, vertical_alignment="center", key="recommendation"):
-        use, *details = re.split(r"(?<=\\[.:]) ", plain(joined(headline)), maxsplit=1)  # escaped by then
-        st.markdown(f":material/{icon}: **{use}** {''.join(details)}", width="content")
+        use, *details = map(plain, headline)
+        st.markdown(f":material/{icon}: **{use}** {' '.join(details)}", width="content")
         if reasons:
             with st.popover("More", type="tertiary"):
                 st.markdown("\n\n".join(map(plain, reasons)))
@@ -256,10 +197,10 @@ def show_account(sentences: Sequence[str], *, missed: bool) -> None:
 
 def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) -> None:
     """Show the main pulse metrics of the test and of approaches."""
-    missed = " Coloured: the test lies outside." if missed_by(columns) else ""
+    main, _ = metrics_shown(columns, view.campaign, test=TEST_COLUMN)
+    missed = " Coloured: the test lies outside." if main.is_marked else ""
     remark = f"Values: the middle of what tests show. Brackets: 95 of 100 lie inside.{missed}"
-    main, _ = metrics_tables(columns, view.campaign, view.display)
-    show_table(main, "metrics", remark, [METRICS[name] for name in MAIN_METRICS])
+    show_table(main, remark=remark, meanings=[METRICS[name] for name in MAIN_METRICS])
 
 
 def show_details(
@@ -271,7 +212,7 @@ def show_details(
 ) -> None:
     """Show, folded, what few readers need; notes already ``said`` on the page are left out."""
     with st.expander("More: equivalent pulses, loading, rebound; notes; fits", icon=":material/notes:"):
-        show_table(metrics_tables(columns, view.campaign, view.display)[1], "more metrics")
+        show_table(metrics_shown(columns, view.campaign, test=TEST_COLUMN)[1])
         st.caption(PULSE_SHAPE)
         main, more = metric_remarks(columns)
         st.caption("  \n".join(map(plain, [*main, *more, *remarks])))
@@ -280,5 +221,5 @@ def show_details(
         for estimate in estimates:
             if sentences := fit_sentences(estimate.state):
                 st.markdown("\n\n".join([f"**{LABELS[estimate.approach]}**", *map(plain, sentences)]))
-                if not (table := fit_table(estimate.state, chosen_units())).empty:
-                    show_table(table, f"fit of {estimate.approach}")
+                if not (table := fit_table(estimate.approach, estimate.state)).empty:
+                    show_table(table)

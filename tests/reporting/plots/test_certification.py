@@ -16,8 +16,8 @@ from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial, sh
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.figure_data import figure_table
-from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
+from crashfuse.reporting.plots.drawing import darkened
 from crashfuse.reporting.plots.palette import IN_THE_DARK, VERDICT_COLOURS
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
@@ -63,11 +63,8 @@ def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(th
     heat, marks, *_ = verdict_matrix(three).data
     assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
     assert list(heat.x) == ["<b>crush</b><br>at most 500\N{NO-BREAK SPACE}mm", "<b>rating</b><br>at least 0.80"]
-    assert [list(row) for row in heat.text] == [
-        ["met<br>0.998", "met<br>0.998"],
-        ["not met<br>0.031", "open<br>0.500"],
-        ["outside", "outside"],
-    ]
+    told = [["met<br>0.998", "met<br>0.998"], ["not met<br>0.031", "open<br>0.500"], ["outside", "outside"]]
+    assert [list(row) for row in heat.text] == told
     words = [WORDS[name] for name in ("slow", "fast", "far")]
     assert [[colour_of(heat, z) for z in row] for row in heat.z] == [[VERDICT_COLOURS[w] for w in row] for row in words]
     assert list(marks.customdata) == [f"{i} | {name}" for i in ("slow", "fast", "far") for name in ("crush", "rating")]

@@ -4,7 +4,7 @@ import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.canvas import new_drawing
 from crashfuse.reporting.plots.curves import POINTWISE, TEST, Curve, add_marks, by_speed, draw_curves
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
 from crashfuse.reporting.plots.pulses import motion
@@ -14,24 +14,25 @@ X = np.array([0.0, 1.0])
 
 def test_bands_are_drawn_before_all_lines_and_the_test_last() -> None:
     """Else the band of one approach would cover the line of another."""
-    figure = new_figure(300)
+    drawing = new_drawing(300)
+    drawing.axis("y2")
     curves = {"cae": Curve(X, X), "fused": Curve(X, X, (X, X - 1, X + 1), remark=", RMS 1.0 g"), TEST: Curve(X, 2 * X)}
-    draw_curves(figure, curves, yaxis="y2", showlegend=False)
-    band, cae, fused, test = figure.data
+    draw_curves(drawing, curves, yaxis="y2", showlegend=False)
+    band, cae, fused, test = drawing.figure().data
     assert band.fill == "toself"
     assert not band.showlegend
     assert [trace.name for trace in (cae, fused, test)] == ["CAE", "Fused, RMS 1.0 g", "Test"]
     assert [trace.line.color for trace in (cae, fused, test)] == [COLOURS["cae"], COLOURS["fused"], MEASURED_COLOUR]
-    assert {trace.yaxis for trace in figure.data} == {"y2"}
+    assert {trace.yaxis for trace in (band, cae, fused, test)} == {"y2"}
     assert test.legendrank < cae.legendrank < fused.legendrank
 
 
 def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
     curves = {name: Curve(X, X, (X, X - 1, X + 1)) for name in ("displacement_domain", "fused", "time_domain")}
     for asked, filled in ((None, "fused"), ("time_domain",) * 2, ("cae", "fused")):
-        figure = new_figure(300)
-        draw_curves(figure, curves, filled=asked)
-        bands = {trace.legendgroup: trace for trace in figure.data[:3]}
+        drawing = new_drawing(300)
+        draw_curves(drawing, curves, filled=asked)
+        bands = {trace.legendgroup: trace for trace in drawing.figure().data[:3]}
         assert [(name, band.name) for name, band in bands.items() if band.fill] == [(f"band of {filled}", POINTWISE)]
         assert bands[f"band of {filled}"].line.width == 0
         (edges, _) = [band for name, band in bands.items() if not band.fill]
@@ -39,15 +40,15 @@ def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
         assert edges.line.width == 1
     names = ("displacement_domain", "Displacement domain at 25.0 mph", "Displacement domain at 35.0 mph")
     for some, count in ((names[:2], 2), (names, 1)):
-        figure = new_figure(300)
-        draw_curves(figure, {name: Curve(X, X, (X, X - 1, X + 1)) for name in some})
-        assert [bool(trace.fill) for trace in figure.data[: len(some)]].count(True) == count
+        drawing = new_drawing(300)
+        draw_curves(drawing, {name: Curve(X, X, (X, X - 1, X + 1)) for name in some})
+        assert [bool(trace.fill) for trace in drawing.figure().data[: len(some)]].count(True) == count
 
 
 def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the_legend() -> None:
-    figure = new_figure(300)
-    draw_curves(figure, {"T08 · 35.1 mph": Curve(X, X), "cae": Curve(X, X), "Run C7": Curve(X, X), TEST: Curve(X, X)})
-    eighth, cae, run, test = figure.data
+    drawing = new_drawing(300)
+    draw_curves(drawing, {"T08 · 35.1 mph": Curve(X, X), "cae": Curve(X, X), "Run C7": Curve(X, X), TEST: Curve(X, X)})
+    eighth, cae, run, test = drawing.figure().data
     assert (eighth.name, run.name) == ("T08 · 35.1 mph", "Run C7")
     assert test.legendrank < cae.legendrank < eighth.legendrank < run.legendrank
     assert cae.line.color == COLOURS["cae"]
@@ -89,8 +90,7 @@ def test_without_marks_or_curves_nothing_is_drawn(campaign: Campaign) -> None:
 
 
 def test_titles_of_axes_are_no_larger_than_text() -> None:
-    figure = new_figure(300)
-    figure.update_yaxes(title="Velocity (km/h)")
-    assert figure.layout.yaxis.title.font.size is None
-    axes = figure.layout.template.layout
-    assert axes.xaxis.title.font.size == axes.yaxis.title.font.size == figure.layout.font.size
+    drawing = new_drawing(300)
+    drawing.axis("y", "Velocity", "km/h")
+    layout = drawing.figure().layout
+    assert layout.xaxis.title.font.size == layout.yaxis.title.font.size == layout.font.size

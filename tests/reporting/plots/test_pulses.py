@@ -12,9 +12,10 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.importing import settle
 from crashfuse.reporting.plots import pulses as plots
-from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.canvas import new_drawing
 from crashfuse.reporting.plots.curves import WHOLE
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.drawing import drawing_of
 from crashfuse.reporting.plots.pulses import imported_pulse
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, motion
@@ -70,7 +71,7 @@ def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predic
 def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     for curve in plots.motion(test.pulse, predictions, test.condition.speed_mps).data:
         assert curve.x.size == curve.y.size
-        assert curve.x.size < N_SAMPLES if curve.meta else curve.x.size == N_SAMPLES
+        assert curve.x.size < N_SAMPLES if curve.hoverinfo == "skip" else curve.x.size == N_SAMPLES
         end = pytest.approx(60 if curve.name == WHOLE else 100, abs=0.1)
         assert (np.nanmin(curve.x), np.nanmax(curve.x)) == (0, end)
 
@@ -168,24 +169,25 @@ def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -
 
 def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaign: Campaign) -> None:
     pulse = campaign.tests[1].pulse
-    outer, inner = plots.add_corridors(new_figure(400), pulse, Display(window_ms=40.0)).data
+    figure = plots.add_corridors(new_drawing(400).figure(), pulse, Display(window_ms=40.0))
+    outer, inner = (mark.numbers for mark in drawing_of(figure).marks)
     largest = np.abs(pulse.accel_mps2[GRID_S < 0.04]).max() / G
     for corridor, share in ((outer, 0.5), (inner, 0.05)):
-        lower, upper = corridor.meta["lower"], corridor.meta["upper"]
+        lower, upper = corridor["lower"], corridor["upper"]
         np.testing.assert_allclose(upper - lower, 2 * share * largest, rtol=1e-4)
         np.testing.assert_allclose((upper + lower) / 2, pulse.accel_mps2[GRID_S < 0.04] / G, atol=1e-4)
-        assert corridor.x.max() == pytest.approx(39.92)
+        assert corridor["x"].max() == pytest.approx(39.92)
 
 
 def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(test: CrashTest) -> None:
     """Each draw integrated over all of its samples, then the central 95 % at each point of the band."""
     draws, speed = np.random.default_rng(0).normal(-150, 80, (40, N_SAMPLES)), test.condition.speed_mps
     figure = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)}, speed)
-    _, _, *bands = [own for own in figure.data if own.meta]
+    _, _, *bands = [own.numbers for own in drawing_of(figure).marks if "lower" in own.numbers]
     for band, drawn, unit in zip(bands, motion(draws, speed, DT_S), (MPH, 1e-3), strict=True):
         lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0) / unit
-        np.testing.assert_allclose(band.meta["lower"], lower)
-        np.testing.assert_allclose(band.meta["upper"], upper)
+        np.testing.assert_allclose(band["lower"], lower)
+        np.testing.assert_allclose(band["upper"], upper)
 
 
 def test_the_recording_lies_under_its_pulse() -> None:

@@ -18,11 +18,8 @@ def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
     """Grades and their colours hold above 0.94, 0.80 and 0.58 (ISO/TS 18571), not at them."""
     scores = {"A": {"cae": 0.58, "lf_tcn": 0.81}, "B": {"cae": 0.80, "lf_tcn": 0.95}}
     heat, _ = plots.rating_heatmap(scores).data
-    assert [list(row) for row in heat.text] == [
-        ["0.580 Poor", "0.810 Good"],
-        ["0.800 Fair", "0.950 Excellent"],
-        ["0.690 Fair", "0.880 Good"],
-    ]
+    graded = [["0.580 Poor", "0.810 Good"], ["0.800 Fair", "0.950 Excellent"], ["0.690 Fair", "0.880 Good"]]
+    assert [list(row) for row in heat.text] == graded
     np.testing.assert_allclose(heat.z[-1], [0.69, 0.88], rtol=1e-6)
     heat, _ = plots.rating_heatmap({"A": {"cae": 0.5}}).data
     spans = {colour: [limit for limit, c in heat.colorscale if c == colour] for _, colour in heat.colorscale}
@@ -55,9 +52,8 @@ def test_repeats_are_the_last_column_of_the_heat_map_and_bars_behind_the_spread(
 
 
 def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> None:
-    figure = plots.rating_spread(
-        {"A": {"fused": (0.9, 0.7, 0.95)}, "B": {"fused": (0.8, 0.6, 0.8), "lf_tcn": (0.5, 0.4, 0.6)}}
-    )
+    ratings = {"A": {"fused": (0.9, 0.7, 0.95)}, "B": {"fused": (0.8, 0.6, 0.8), "lf_tcn": (0.5, 0.4, 0.6)}}
+    figure = plots.rating_spread(ratings)
     network, fused = figure.data
     assert (network.name, fused.name) == ("LF TCN", "Fused")
     assert len(network.x) == 1
@@ -94,16 +90,9 @@ def test_the_bars_are_the_four_scores_of_each_approach() -> None:
 
 def test_each_row_draws_what_its_score_compares(explanation: RatingExplanation) -> None:
     figure = rated_curves(explanation, "fused")
-    rows = {
-        axis: [trace for trace in figure.data if trace.yaxis == axis and trace.name in ("Test", "Fused")]
-        for axis in ("y2", "y3", "y4")
-    }
-    for axis, curves, scale in (
-        ("y2", explanation.shifted, 1 / G),
-        ("y3", explanation.warped, 1 / G),
-        ("y4", explanation.slopes, 1e-3 / G),
-    ):
-        test, fused = rows[axis]
+    rows = {"y2": (explanation.shifted, 1 / G), "y3": (explanation.warped, 1 / G), "y4": (explanation.slopes, 1e-3 / G)}
+    for axis, (curves, scale) in rows.items():
+        test, fused = (trace for trace in figure.data if trace.yaxis == axis and trace.name in ("Test", "Fused"))
         np.testing.assert_allclose(test.y, curves.reference * scale, rtol=1e-5, atol=1e-5)
         np.testing.assert_allclose(fused.y, curves.comparison * scale, rtol=1e-5, atol=1e-5)
         np.testing.assert_allclose(test.x, curves.time_s * 1e3, rtol=1e-5, atol=1e-4)
