@@ -192,6 +192,11 @@ class Campaign:
         names = ", ".join(f"{test_id} ({self.reason_of(test_id)})" for test_id, _ in self.unused)
         return (f"Left out of use, neither learned from nor rated: {names}.", *self.warnings)
 
+    @property
+    def notice_label(self) -> str:
+        """What stands before the colon of the notice, for a badge: ``Synthetic``."""
+        return self.notice.partition(":")[0]
+
     def reason_of(self, test_id: str) -> str:
         """Why a test is left out of use, in words."""
         return self.why_unused.get(test_id) or "no reason given"

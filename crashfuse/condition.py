@@ -147,9 +147,17 @@ class Condition:
     @property
     def stated(self) -> str:
         """The same in words: ``56 km/h, front 950 kg, rear 700 kg``."""
-        pairs = zip(self.columns.values(), self.units, strict=True)
-        v0, front, rear = (f"{value:.6g} {_PRINTED.get(unit, unit)}" for value, unit in pairs)
+        v0, front, rear = self._stated
         return f"{v0}, front {front}, rear {rear}"
+
+    @property
+    def stated_speed(self) -> str:
+        """The speed in words: ``56 km/h``."""
+        return self._stated[0]
+
+    @property
+    def _stated(self) -> list[str]:
+        return [f"{v:.6g} {_PRINTED.get(u, u)}" for v, u in zip(self.columns.values(), self.units, strict=True)]
 
     @property
     def text(self) -> str:

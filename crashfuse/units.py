@@ -1,9 +1,10 @@
 """Units at the edges, to and from SI, and sentences whose quantities can be said in those that a reader wants."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import asdict, dataclass
 from itertools import islice
+from string import Formatter
 from typing import Any, Literal, Self
 
 G = 9.80665  # standard gravity, m/s² (exact, CGPM 1901)
@@ -13,8 +14,8 @@ LB = 0.45359237  # kg (exact)
 MS = 1e-3  # s
 KN = 1e3  # N
 
-SPEED: Mapping[str, float] = {"mph": MPH, "kph": KPH, "mps": 1.0}
-MASS: Mapping[str, float] = {"lb": LB, "kg": 1.0}
+SPEED: dict[str, float] = {"mph": MPH, "kph": KPH, "mps": 1.0}
+MASS: dict[str, float] = {"lb": LB, "kg": 1.0}
 TIME: Mapping[str, float] = {"ms": MS, "s": 1.0}
 ACCELERATION: Mapping[str, float] = {"g": G, "mps2": 1.0}
 """Factors to SI by the ending of a column name (``speed_mph``: ``SPEED["mph"]``)."""
@@ -55,7 +56,7 @@ class UnitSystem:
     @property
     def endings(self) -> tuple[str, str, str]:
         """Endings of columns of speed, front and rear weight in these units."""
-        return self.speed.replace("km/h", "kph"), self.weight, self.weight
+        return "kph" if self.speed == "km/h" else self.speed, self.weight, self.weight
 
     def factor(self, unit: str) -> float:
         """Factor from a unit to the reader's."""
@@ -182,12 +183,41 @@ class Sentence(str):
         sentence.template, sentence.values = template, values
         return sentence
 
+    @classmethod
+    def of(cls, template: str, values: Mapping[str, object]) -> Self:
+        """The text whose places name values, ``{speed_mps}``; names that end in a unit are of quantities."""
+        places = [(text, name, form) for text, name, form, _ in Formatter().parse(template)]
+        filled = [_stated(name, values[name], form or "") for _, name, form in places if name is not None]
+        return cls("".join(text + "{}" * (name is not None) for text, name, _ in places), *filled)
+
     def __getnewargs__(self) -> tuple[Any, ...]:
         return self.template, *self.values
 
     def in_units(self, system: UnitSystem) -> str:
         """The text in the reader's units."""
         return _filled(self.template, (said(value, system) for value in self.values))
+
+
+def _stated(name: str, value: object, form: str) -> object:
+    if isinstance(value, int | float):
+        if name.endswith("_mps"):
+            return speed(value)
+        if name.endswith("_g"):
+            return Quantity((value,), "g")
+        return f"{100 * value:{form[:-1]}f} %" if form.endswith("%") else format(value, form)
+    if isinstance(value, Mapping):
+        value = [f"{key} ({text})" for key, text in value.items()]
+    return read_out(value) if isinstance(value, list | tuple) else value
+
+
+def statements(templates: Iterable[str], values: Mapping[str, object]) -> Sentence:
+    """The sentences of these templates whose values are all known: neither missing nor empty."""
+    missing = {
+        name for name, value in values.items() if value is None or (isinstance(value, Sized) and len(value) == 0)
+    }
+    places = {template: {name for _, name, _, _ in Formatter().parse(template) if name} for template in templates}
+    known = [template for template, names in places.items() if names <= values.keys() - missing]
+    return joined([Sentence.of(template, values) for template in known])
 
 
 def _filled(template: str, values: Iterable[str]) -> str:
@@ -220,6 +250,9 @@ def unpacked(value: Any) -> str:  # noqa: ANN401 - anything that a file may hold
     return Sentence(template, *parts)
 
 
+_MOST_NAMES = 20  # that are read out
+
+
 def counted(n: int, noun: str) -> str:
     """A number with its noun: ``3 criteria``."""
     plural = "criteria" if noun == "criterion" else f"{noun}s"
@@ -227,9 +260,11 @@ def counted(n: int, noun: str) -> str:
 
 
 def read_out(names: Sequence[str]) -> str:
-    """Names as one reads them out: "A, B and C"."""
+    """Names as one reads them out: "A, B and C"; of many the first, and how many more there are."""
+    if len(names) > _MOST_NAMES:
+        names = [*names[:_MOST_NAMES], f"{len(names) - _MOST_NAMES:,} more"]
     *first, last = names or [""]
-    return " and ".join([", ".join(first), last] if first else [last])
+    return joined([joined(first, ", "), last], " and ") if first else last
 
 
 def joined(sentences: Sequence[str], separator: str = " ") -> Sentence:

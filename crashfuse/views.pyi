@@ -1,7 +1,6 @@
 from .campaign_folder.writer import campaign_of_frames as campaign_of_frames
 from .campaign_folder.writer import conditions_frame as conditions_frame
 from .campaign_folder.writer import pulses_frame as pulses_frame
-from .reporting.cae_events import campaign_events as campaign_events
 from .reporting.certification_tables import certification_table as certification_table
 from .reporting.certification_tables import counts_frame as counts_frame
 from .reporting.certification_tables import track_record_table as track_record_table
@@ -10,6 +9,7 @@ from .reporting.figures import Further as Further
 from .reporting.figures import campaign_figure as campaign_figure
 from .reporting.figures import figure_of_test as figure_of_test
 from .reporting.figures import overview as overview
+from .reporting.fit_explanations import campaign_events as campaign_events
 from .reporting.notebook import campaign_html as campaign_html
 from .reporting.notebook import card as card
 from .reporting.notebook import study_html as study_html

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from crashfuse import units
 from crashfuse.condition import Condition
-from crashfuse.units import KPH, MPH
+from crashfuse.units import KPH, KPH_KG, MPH
 
 METRIC = units.KPH_KG
 
@@ -108,3 +108,13 @@ def test_a_probability_has_as_few_digits_as_will_do() -> None:
 def test_a_difference_has_a_sign_unless_there_is_none() -> None:
     assert [units.signed(value, 3) for value in (0.0, 4e-4, -4e-4, 0.1, -0.1)] == ["0.000"] * 3 + ["+0.100", "−0.100"]
     assert f"{units.speed(0.0, form='+.1f')}, {units.speed(10 * MPH, form='+.1f')}" == "0.0 mph, +10.0 mph"
+
+
+def test_sentences_of_values_are_in_the_readers_units_and_lack_what_is_not_known() -> None:
+    """A name's ending is the unit; lists are read out, and braces in a value are somebody's words."""
+    templates = ("{who} at {v_mps}: {share:.0%}, {n:,} of {a_g}.", "{none}", "{empty}", "{absent}", "Always.")
+    values = {"who": ["A", "{B}"], "v_mps": 10 * MPH, "share": 0.5, "n": 1200, "a_g": 2.0, "none": None, "empty": []}
+    sentence = units.statements(templates, values)
+    assert sentence == "A and {B} at 10.0 mph: 50 %, 1,200 of 2.0 g. Always."
+    assert sentence.in_units(KPH_KG) == "A and {B} at 16.1 km/h: 50 %, 1,200 of 2.0 g. Always."
+    assert units.read_out([f"T{i}" for i in range(25)]).endswith("T19 and 5 more")

@@ -7,7 +7,7 @@ import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.crash_test import SPEED_STEP_MPS
+from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MPH, Sentence, joined, speed, weight
 
@@ -54,16 +54,12 @@ def nearest_sentences(campaign: Campaign, condition: Condition) -> tuple[str, st
     return Sentence("Nearest tests by speed and weights: {}.", tests), Sentence("Nearest CAE run: {}.", run)
 
 
-def doubtful_tests(campaign: Campaign, condition: Condition) -> tuple[Sentence, ...]:
-    """Sentences on tests whose sensor failed and that decide a prediction."""
+def doubtful_tests(campaign: Campaign, condition: Condition) -> tuple[CrashTest, ...]:
+    """Tests whose sensor failed and that decide a prediction."""
     doubtful = [test for test in campaign.tests if test.faults]
     nearest = [near.id for near in nearest_tests(campaign, condition)] if doubtful else []
     return tuple(
-        Sentence(
-            "{} is near this condition and decides the prediction, but {}. Leave it out of use, or mend its record.",
-            test.id,
-            joined([fault.text for fault in test.faults], "; "),
-        )
+        test
         for test in doubtful
         if test.id in nearest or abs(test.condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS
     )

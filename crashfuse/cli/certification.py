@@ -14,12 +14,13 @@ from crashfuse.certification.earlier import FILE, read_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
-from crashfuse.cli.output import opened, replacing, say_facts, say_written, writing
+from crashfuse.cli.output import opened, say_facts, say_written, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
 from crashfuse.reporting import verdicts
-from crashfuse.reporting.certification_facts import planned, sentences
+from crashfuse.reporting.certification_facts import sentences
 from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.results import replaced
 from crashfuse.reporting.training_progress import watching
 
 _MOST = 40  # planned tests that are printed
@@ -51,7 +52,7 @@ def certify(arguments: argparse.Namespace) -> None:
         certification = replace(certification, key=seal.key_name(key.public_key()))
     latest = next(iter(file_store.certifications(campaign).values()), None) if earlier is None else earlier
     before = None if latest is None else latest.digest
-    with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
+    with writing(arguments.out), replaced("certification", arguments.out) as folder:
         certification.write(folder, notes=notes, display=display)
         if key is not None:
             seal.seal(folder, key, inputs, before)
@@ -70,7 +71,7 @@ def certify(arguments: argparse.Namespace) -> None:
 
 
 def _print_planned(certification: Certification, display: Display) -> None:
-    rows = planned(certification)
+    rows = verdicts.planned(certification)
     width = max(len(row.id) for row in rows[:_MOST])
     for row in rows[:_MOST]:
         speed, why = display.speed(row.condition.speed_mps), display.words(row.why)

@@ -16,7 +16,7 @@ from crashfuse.reporting import predicted
 from crashfuse.reporting.planning import SpeedSweep, next_test
 from crashfuse.reporting.plots.conditions import BEST
 from crashfuse.reporting.result_tables import next_tests_table
-from crashfuse.reporting.results import write_pulses
+from crashfuse.reporting.results import replaced, write_files, write_pulses
 from crashfuse.reporting.training_progress import watching
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study import archive_learning
@@ -63,8 +63,7 @@ def predict(arguments: argparse.Namespace) -> None:
     campaign, display = output.opened(arguments, "prediction")
     condition = condition_of(arguments, campaign, arguments.speed_mps)
     prediction = predicted.predict(campaign, condition, _fits(arguments, campaign))
-    with output.replacing(arguments.out, "prediction"):
-        prediction.write(arguments.out, export=export, report=arguments.report, display=display)
+    prediction.write(arguments.out, export=export, report=arguments.report, display=display)
     keep(PastResult.of_prediction(campaign, prediction.estimates, prediction.config))
     metrics = prediction.metrics
     shown = metrics[metrics["metric"].isin(MAIN_METRICS)].drop(columns=["held_out", "basis"])
@@ -87,12 +86,12 @@ def sweep(arguments: argparse.Namespace) -> None:
     condition = condition_of(arguments, campaign, speeds[0])
     condition = replace(condition, units=("mph", *condition.units[1:]))  # of its steps
     fits = _fits(arguments, campaign)
-    with output.replacing(arguments.out, "sweep"), output.writing(arguments.out, last="sweep.csv") as folder:
+    with output.writing(arguments.out), replaced("sweep", arguments.out) as folder:
         with watching() as watch:
             sweeps = sweep_speed(
                 fits, condition, speeds, watch, each=lambda estimates: write_pulses(campaign, estimates, folder, export)
             )
-        SpeedSweep(campaign, sweeps, fits[0].config).write(folder, display=display)
+        write_files("sweep", folder, SpeedSweep(campaign, sweeps, fits[0].config), display)
     output.say_facts(campaign, display)
     print(f"{len(speeds)} speeds from {display.words(speed(speeds[0], speeds[-1], between=' to '))}.")
     print(display.words(weights_sentence(condition, campaign.tests)))

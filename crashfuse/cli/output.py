@@ -59,27 +59,10 @@ def require_writable(out: Path, option: str = "--out") -> None:
 
 
 @contextmanager
-def replacing(out: Path, kind: str) -> Iterator[None]:
-    """Context for writing results of this kind; on exit, older results that were not overwritten are removed."""
-    *others, mark = (out / name for name in RESULT_FILES[kind])
-    places = [place for other in others for place in (other, *other.rglob("*"))] if mark.is_file() else []
-    older = [place for place in places if place.is_file()]
-    stamps = {path: path.stat() for path in older}
-    yield
-    for path, stamp in stamps.items():
-        if path.exists() and (path.stat().st_ino, path.stat().st_mtime_ns) == (stamp.st_ino, stamp.st_mtime_ns):
-            path.unlink()
-    for folder in sorted((path for path in places if path.is_dir()), reverse=True):  # the inner ones first
-        with suppress(OSError):  # it still holds something
-            folder.rmdir()
-
-
-@contextmanager
-def writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
-    """Temporary folder for a set of results, which reach their own folder all together or not at all."""
+def writing(folder: Path) -> Iterator[None]:
+    """Context for writing results, which reach their folder all together or not at all: what prevents it is said."""
     try:
-        with written_together(folder, last=last) as staging:
-            yield staging
+        yield
     except OSError as error:
         cause, advice = error.strerror or error, resume("the same command continues there")
         raise CrashfuseError(f"Nothing was written to {folder}: {cause}. {advice}.") from error
@@ -97,7 +80,7 @@ def display_of(arguments: argparse.Namespace, campaign: Campaign) -> Display:
 
 def say_facts(campaign: Campaign, display: Display) -> list[str]:
     """Print what has to be known of a campaign, before its results; returns the sentences, not to be said again."""
-    sentences = [fact.sentence for fact in campaign_facts(campaign)]
+    sentences: list[str] = [fact.sentence for fact in campaign_facts(campaign)]
     print(*map(display.words, sentences), sep="\n", end="\n" * bool(sentences))
     return sentences
 
@@ -131,7 +114,7 @@ def figures(arguments: argparse.Namespace) -> None:
         raise UsageError(missing)
     require_writable(arguments.out)
     files = figure_files.figure_files(figure_files.read_figures(arguments.report), arguments.format)
-    with writing(arguments.out, last=next(reversed(files))) as folder:
+    with writing(arguments.out), written_together(arguments.out, last=next(reversed(files))) as folder:
         for name, content in files.items():
             (folder / name).write_bytes(content)
     print(f"Written to {arguments.out}: {', '.join(files)}")

@@ -18,7 +18,7 @@ from crashfuse.certification.criteria import read_criteria
 from crashfuse.certification.verdict import with_decided
 from crashfuse.cli import output
 from crashfuse.cli.models import given_settings, settings
-from crashfuse.cli.output import claim, opened, replacing, require_output, say_facts, say_written, writing
+from crashfuse.cli.output import claim, opened, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes, read_csv_table
@@ -124,14 +124,14 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 
 def _finish(run: _Run, arguments: argparse.Namespace) -> pd.DataFrame:
     plan = run.plan
-    with writing(run.out) as folder:
-        begin_study(folder, plan)
+    with writing(run.out):
+        begin_study(run.out, plan)
     with watching() as watch:
         where = {"workers": arguments.workers, "scheduler": arguments.scheduler}
         study = run_study(plan.campaign, plan.config, held_out=plan.held_out, watch=watch, **where)
     display = output.display_of(arguments, plan.campaign)
-    with replacing(run.out, "study"), writing(run.out) as folder:
-        study.write(folder, report=run.report, display=display)
+    with writing(run.out):
+        study.write(run.out, report=run.report, display=display)
     keep(PastResult.of_study(study))
     facts = say_facts(plan.campaign, display)
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
@@ -151,8 +151,8 @@ def _write_series(folder: Path, tables: Sequence[pd.DataFrame]) -> None:
     with suppress(OSError, ValueError, KeyError):  # there is none, or it can't be read
         older = read_csv_table(path, fresh.select_dtypes("number").columns)
         kept = older[~pd.MultiIndex.from_frame(older[study]).isin(pd.MultiIndex.from_frame(fresh[study]))]
-    with writing(folder, last="studies.csv") as staging:
-        (staging / "studies.csv").write_bytes(csv_bytes(pd.concat([kept, fresh] if len(kept) else [fresh])))
+    with writing(folder):
+        write_atomically(path, csv_bytes(pd.concat([kept, fresh] if len(kept) else [fresh])))
 
 
 def _summary(tables: Sequence[pd.DataFrame]) -> str:
@@ -182,8 +182,8 @@ def learning_curve(arguments: argparse.Namespace) -> None:
         )
     if criteria is not None:
         curve = with_decided(curve, criteria)
-    with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
-        curve.write(folder, cost=arguments.cost_per_test, display=display)
+    with writing(arguments.out):
+        curve.write(arguments.out, cost=arguments.cost_per_test, display=display)
     say_facts(campaign, display)
     if not (table := gains_table(curve, cost)).empty:
         print(table.to_string())

@@ -1,267 +1,372 @@
 """What is said of a certification: every fact once, with its code and values, and where each of them is shown."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
 from itertools import chain, groupby
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal
 
-from crashfuse.certification.certify import Answer, Certification
-from crashfuse.certification.verdict import Verdict, all_met
-from crashfuse.condition import Condition
+from crashfuse.approaches.base import WHOLE_SHARE
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.earlier import LaterTests
+from crashfuse.certification.track_record import (
+    TrackRecord,
+    Trial,
+    WrongShare,
+    at_most,
+    counted_wrong,
+    largest_share,
+    strictest_per_metric,
+    trial_bounds,
+)
+from crashfuse.certification.verdict import all_met
 from crashfuse.execution.cache import remembered
-from crashfuse.reporting import evidence_facts
-from crashfuse.reporting.certification_tables import at_once_text
-from crashfuse.reporting.evidence_facts import fact, listed
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.table import CONDITION, Table, of_condition
-from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
-from crashfuse.study.outliers import departures_near
-from crashfuse.units import Sentence, counted, joined, number, read_out
+from crashfuse.reporting.figures import how_left_out
+from crashfuse.reporting.fit_explanations import whole_sentence
+from crashfuse.study.facts import Fact, campaign_facts, tuning_fact
+from crashfuse.units import Quantity, Sentence, counted, joined, probability_text, speed, weight
 
-Place = Literal["answer", "costs", "summary", "matrix", "record", "domain", "since"]
-SUBJECTS = {
-    "test.stands_apart": "Tests that stand apart",
-    "since.wrong": "Verdicts that tests run since contradict",
-    "record.none": "No record",
-    "criterion.unsupported": "Criteria whose record does not support the confidence",
-    "record.wrong": "Wrong verdicts on left-out tests",
-    "test.extrapolated": "Tests outside the range of the CAE runs",
-    "cae.runs_fail": "CAE runs in doubt",
-    "tests.left_out_of_use": "Tests left out of use",
-    "test.not_used": "Tests that are not used",
-    "tests.cae_tuned": "What the CAE model has seen",
-    "campaign.archive": "What past vehicles teach",
-    "condition.no_factor": "Conditions without a factor that the tests have",
-    "condition.new_together": "Factors that no test has together",
-    "campaign.warning": "Warnings about the campaign",
-    "condition.outside": "Conditions outside the validated domain",
-    "condition.too_short": "Open, as recordings end too early",
-    "criterion.occupant": "Criteria by another occupant model",
-    "record.too_narrow": "Intervals that left-out tests contradict",
-    "record.bin": "Probabilities that left-out tests contradict",
-    "record.no_gain": "Probabilities no better than those of the raw CAE",
-    "criterion.untouched": "Criteria whose limit no left-out test came near",
-    "criterion.few": "Criteria with too few verdicts of their own",
+_INTERVALS = (
+    "{inside} of {n} intervals, made to hold 95 %, held what left-out tests measured.",
+    "Outside the validated domain: {inside_outside} of {n_outside}.",
+    "Missed: {missed}.",
+)
+_WRONG = (
+    "{about}, {how}: {criterion} ({limits}) at {condition} was said to be {said} (probability {probability}); measured "
+    "{measured}."
+)
+_BOUNDS = "{bound}, exact one-sided 95 % bound; {bound_by_test} if verdicts on one test count as one"
+CATALOGUE: Mapping[str, tuple[str, ...]] = {
+    "matrix.saved": ("", "{n:,} of {planned} need not be run to know these pulse criteria."),
+    "matrix.skipping_loses": ("", "Skipping does not pay on this record: none of {planned} is skipped."),
+    "matrix.counted_once": ("", "Counted once, within 1 km/h and 2 % of each weight: {alike}."),
+    "costs.confidence": (
+        "",
+        "At {test:,.10g} a test and {wrong_answer:,.10g} a wrong answer skipping pays from a confidence of "
+        "{pays_from:g}; {confidence:g} is asked for.",
+    ),
+    "costs.saving": (
+        "",
+        "Skipping {tests} that would meet all criteria {expected_text} on average.",
+        "If as many answers are wrong as the record cannot rule out ({wrong_at_most:.0%}), it {cautious_text}.",
+    ),
+    "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Tested, and learned from: {run}."),
+    "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, and certify again."),
+    "test.stands_apart": ("Tests that stand apart",),
+    "since.wrong": ("Verdicts contradicted since", _WRONG),
+    "record.none": ("No record", "There is no record: {why}."),
+    "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
+    "record.waived": (
+        "",
+        "Each of {tests} was left out, alone and with its speed group, and judged like a planned one: {n} would have "
+        "been skipped.",
+        "Of these {wrong} missed a criterion ({bound}, exact one-sided 95 % bound).",
+    ),
+    "record.decided": (
+        "",
+        "Near the limits, where it matters: {near} verdicts on left-out tests, {near_wrong} wrong ({near_bound}).",
+        f"In all {{n:,}} verdicts on left-out tests, {{wrong}} wrong ({_BOUNDS}).",
+        "No bound holds for another vehicle.",
+    ),
+    "since.beside": (
+        "",
+        "Beside the earlier certification of {conditions} from {tests}, made {date} by its own account (SHA-256 "
+        "{digest}…).",
+        "Tests that it did not know: {new}.",
+        "Repeats, which do not count: {repeats}.",
+    ),
+    "since.outcomes": (
+        "",
+        f"Tests run since, ratings aside: verdicts on {{metrics}} of {{tests}}, {{wrong}} wrong ({_BOUNDS}).",
+    ),
+    "record.wrong": ("Wrong verdicts on left-out tests", _WRONG),
+    "test.extrapolated": ("Tests outside the CAE runs", "{about}: {notes}"),
+    "cae.runs_fail": ("CAE runs in doubt",),
+    "tests.left_out_of_use": ("Tests left out of use",),
+    "test.not_used": (
+        "Tests that are not used",
+        "{about} was run at {condition}, but is not used ({reason}).",
+    ),
+    "tests.cae_tuned": ("What the CAE model has seen",),
+    "campaign.archive": ("What past vehicles teach",),
+    "condition.no_factor": (
+        "Factors not given",
+        "{about}: no {factor} given, so verdicts cover every {factor}.",
+    ),
+    "condition.new_together": (
+        "Factors never tested together",
+        "{about}: no test has {factors}.",
+    ),
+    "campaign.warning": ("Warnings",),
+    "condition.outside": ("Outside the validated domain", "{about}: {why}"),
+    "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
+    "criterion.occupant": (
+        "Another occupant model",
+        "{about}: by {model} (campaign.toml).",
+    ),
+    "record.too_narrow": ("Intervals too narrow", *_INTERVALS),
+    "record.intervals": ("", *_INTERVALS),
+    "record.whole": ("", "{sentence}", "No verdict rests on this band."),
+    "record.bin": (
+        "Probabilities contradicted",
+        "{low:g} to {high:g}, {probability:.3f} on average: {met:.0%} of {n} met it (95 % bounds {lower:.0%} to "
+        "{upper:.0%}).",
+    ),
+    "record.no_gain": (
+        "No better than the raw CAE",
+        "Brier score of the probabilities of metrics (0 is perfect): {brier:.4f}; of the raw CAE {brier_cae:.4f}.",
+    ),
+    "criterion.untouched": ("Limits that no left-out test came near", "{about}: {why}"),
+    "criterion.few": ("Too few verdicts", "{about}: {why}"),
+    "domain.checked": (
+        "",
+        "{sentence}",
+        "Validated domain: {speeds}, {masses} in all, within the range of the CAE runs.",
+        "Factors: {factors}.",
+        "By rule it goes beyond {n_tests} tests at {tested_speeds} and {tested_masses}: up to {reach_mps}.",
+        "Left out with their speed group, inside that of the others: {inside}.",
+    ),
 }
-"""What speaks against the verdicts, by code, the most important first: its heading among the exceptions."""
+"""By code, the most important first: the heading among the exceptions of what speaks against verdicts, and sentences.
+Those without a sentence are of the campaign."""
+SUBJECTS: Mapping[str, str] = {code: heading for code, (heading, *_) in CATALOGUE.items() if heading}
 DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
 """The subjects that stand beside the answer itself: down to factors that no test has together."""
-_ANSWER = ("matrix.saved",)
-_COSTS = ("costs.confidence", "costs.saving")
-_MATRIX = ("matrix.every", "matrix.none_needed", "matrix.run_first")
-_RECORD = ("record.waived", "record.decided", "record.with_runs")
-_CONDITIONS = ("test.not_used", "condition.no_factor", "condition.new_together")
-_CRITERIA = ("criterion.unsupported", "criterion.untouched", "criterion.few")
+
+Place = Literal["answer", "headline", "costs", "summary", "record", "domain", "since"]
+_ANSWER, _COSTS = ("matrix.saved", "matrix.skipping_loses"), ("costs.confidence", "costs.saving")
+_RECORD = (*("record.waived", "record.decided", "record.no_gain", "record.none", "tests.cae_tuned", "since.outcomes"),)
 PLACES: Mapping[Place, tuple[str, ...]] = {
     "answer": _ANSWER,
+    "headline": ("matrix.counts", "record.waived", *_COSTS),
     "costs": _COSTS,
     "summary": (
-        *(*_ANSWER, *_COSTS, "matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", "since.outcomes"),
-        *(*_CONDITIONS, *_CRITERIA, "record.none", "tests.cae_tuned"),
+        *(*_ANSWER, "matrix.counted_once", *_COSTS, "matrix.counts", "matrix.run_first", *_RECORD),
+        *("test.not_used", "condition.no_factor", "condition.new_together"),
+        *("criterion.unsupported", "criterion.untouched", "criterion.few"),
     ),
-    "matrix": (
-        *("test.stands_apart", *_ANSWER, *_COSTS, *_MATRIX, "record.waived", "since.wrong"),
-        *("test.not_used", "criterion.unsupported"),
-    ),
-    "record": (
-        *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.no_gain"),
-        *("record.none", "tests.cae_tuned"),
-    ),
+    "record": (*_RECORD, "record.intervals", "record.too_narrow", "record.whole"),
     "domain": ("domain.checked",),
     "since": ("since.beside", "since.outcomes", "since.wrong"),
 }
-"""The codes that are shown at each place, the most important one first: at the head of terminal, report and slides,
-below the page's answer, and in tabs of the page and sections of the report."""
+"""The codes that are shown at each place: at and below the head of page, terminal, report and slides, in sections."""
+
+
+@dataclass(frozen=True, slots=True)
+class CertificationFact(Fact):
+    """A fact of a certification."""
+
+    catalogue: ClassVar[Mapping[str, tuple[str, ...]]] = CATALOGUE
+
+
+def _fact(code: str, *about: str, **values: object) -> Fact:
+    return CertificationFact(code, values, about)
 
 
 @remembered  # asked for by every place
 def facts(certification: Certification) -> tuple[Fact, ...]:
-    """All facts of a certification."""
-    found = chain(
-        _campaign(certification),
-        _matrix(certification),
-        _costs(certification),
-        evidence_facts.record_facts(certification),
-        evidence_facts.domain_facts(certification.domain),
-        _conditions(certification),
-        _not_used(certification),
-        evidence_facts.criterion_facts(certification),
-        () if certification.since is None else evidence_facts.since_facts(certification.since),
-    )
-    return tuple(replace(own, label=SUBJECTS.get(own.code, "")) for own in found)
+    """All facts of a certification, the most important first."""
+    kinds = _campaign, _matrix, _costs, _record, _domain, _conditions, _not_used, _criteria, _since
+    found = chain.from_iterable(kind(certification) for kind in kinds)
+    return tuple(sorted(found, key=lambda fact: [*CATALOGUE].index(fact.code)))
 
 
-class Planned(NamedTuple):
-    """A planned test: the answer, and what decides it."""
-
-    id: str
-    condition: Condition
-    word: Answer
-    why: str
+def sentences(certification: Certification, place: Place) -> tuple[Sentence, ...]:
+    """The sentences that a place shows."""
+    return tuple(fact.sentence for fact in facts(certification) if fact.code in PLACES[place])
 
 
-@remembered  # asked for by three parts of a page
-def planned(certification: Certification) -> tuple[Planned, ...]:
-    """The answer at every planned test, in the order of speed."""
-    notes, same, found = _notes_at(certification)[1], certification.counted_once, []
-    for i, condition in sorted(certification.matrix.items, key=lambda item: item[1].speed_mps):
-        as_other = f"counts as {same[i]}" if i in same else ""
-        texts = [text for text in (_why(certification, i), notes.get(i, ""), as_other) if text]
-        found.append(Planned(i, condition, certification.answers[i], joined(texts, "; ")))
-    return tuple(found)
-
-
-def planned_table(certification: Certification, _: Display) -> Table:
-    """The same as a table for readers."""
-    rows = (
-        {"Planned test": own.id, **of_condition(own.condition), "Answer": own.word, "Why": own.why}
-        for own in planned(certification)
-    )
-    return Table.of("planned tests", rows, *CONDITION)
-
-
-def shown(certification: Certification, place: Place) -> tuple[Fact, ...]:
-    """The facts that a place shows, in its order."""
-    order = PLACES[place]
-    return by_importance((own for own in facts(certification) if own.code in order), order)
-
-
-def sentences(certification: Certification, place: Place) -> tuple[str, ...]:
-    """The same in words."""
-    return tuple(own.sentence for own in shown(certification, place))
-
-
-def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
+def exceptions(certification: Certification) -> dict[str, tuple[Sentence, ...]]:
     """Everything that a reviewer has to know against the verdicts, by subject; subjects without any are left out."""
-    order = tuple(SUBJECTS)
-    against = by_importance((own for own in facts(certification) if own.code in order), order)
-    return {subject: tuple(own.sentence for own in some) for subject, some in groupby(against, lambda own: own.label)}
+    against = [fact for fact in facts(certification) if fact.code in SUBJECTS]
+    grouped = groupby(against, lambda fact: SUBJECTS[fact.code])
+    return {subject: tuple(fact.sentence for fact in group) for subject, group in grouped}
 
 
 def _campaign(certification: Certification) -> Iterator[Fact]:
     campaign = certification.campaign
-    yield from (own for own in campaign_facts(campaign) if own.code in SUBJECTS and own.code != "tests.cae_tuned")
+    yield from (fact for fact in campaign_facts(campaign) if fact.code in SUBJECTS and fact.code != "tests.cae_tuned")
     if any(test.cae_tuned is not False for test in campaign.tests):
         yield tuning_fact(campaign)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
-            yield fact("test.extrapolated", joined([test.id, joined(notes)], ": "), test=test.id)
+            yield _fact("test.extrapolated", test.id, notes=joined(notes))
 
 
 def _matrix(certification: Certification) -> Iterator[Fact]:
     ids, confidence = certification.matrix.ids, certification.criteria.confidence
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
-    told = ", ".join(f"{n} {word}" for word, n in certification.n_by_word.items())
-    if n := sum(len(certification.rows[i]) for i in certification.run):
-        told += f"; {n} of these at {listed(list(certification.run))}, tested already and learned from"
-    yield fact("matrix.counts", f"{size}, confidence {confidence:g}: {told}.", **certification.counts)
+    counts = ", ".join(f"{n} {word}" for word, n in certification.n_by_word.items())
+    yield _fact("matrix.counts", size=size, counts=counts, confidence=confidence, run=[*certification.run])
     n, of = certification.saved
-    once = [f"{i} as {other}" for i, other in certification.counted_once.items()]
-    alike = f" Counted once, being within 1 km/h and 2 % of each weight: {listed(once)}." if once else ""
-    yield fact("matrix.saved", f"{headline(certification)}.{alike}", n=n, of=of)
-    of_all, _ = _notes_at(certification)
-    if of_all:
-        yield fact("matrix.every", f"Of every condition: {'; '.join(of_all)}.", notes=of_all)
-    if set(certification.answers.values()) <= {"was run", "skip"}:
-        yield fact("matrix.none_needed", "No condition of the matrix needs a test.")
+    code = "matrix.skipping_loses" if certification.sure and certification.skipping_loses else "matrix.saved"
+    yield _fact(code, n=n, of=of, planned=counted(of, "planned test"))
+    if once := [f"{i} as {other}" for i, other in certification.counted_once.items()]:
+        yield _fact("matrix.counted_once", alike=once)
     if first := certification.run_first:
-        told = f"Run {first} first, the fastest that a test can settle, and certify again."
-        yield fact("matrix.run_first", told, condition=first)
+        yield _fact("matrix.run_first", first)
 
 
 def _costs(certification: Certification) -> Iterator[Fact]:
     criteria, costs = certification.criteria, certification.criteria.costs
     if costs is None:
         return
-    pays, confidence = costs.confidence, criteria.confidence
-    asked = f"{'only ' * (confidence < pays)}{confidence:g} was asked for"
-    if criteria.declared is None:
-        nearest = ", the nearest that can be asked for" * (confidence != pays)
-        asked = f"none was declared, so it follows from the costs: {confidence:g}{nearest}"
-    told = f"By the costs ({costs}) skipping pays where an answer is right with {pays:g} or more; {asked}."
-    values = {**asdict(costs), "pays_from": pays, "confidence": confidence, "follows": criteria.declared is None}
-    yield fact("costs.confidence", told, **values)
+    asked = {"confidence": criteria.confidence, "follows": criteria.declared is None}
+    yield _fact("costs.confidence", **asdict(costs), pays_from=costs.confidence, **asked)
     sure = [all_met(certification.rows[i]) for i in certification.sure if i not in certification.counted_once]
     if not sure:
         return
     expected, n = sum(costs.saving(1 - met.probability) for met in sure), len(sure)
     most, each = certification.record.bounds()["tests"].at_most, certification.cautious_saving
-    cautious = None if each is None else n * each
-    told = f"Skipping {counted(n, 'test')} that would meet all criteria {_outcome(expected)} on average."
-    if most is not None and cautious is not None:
-        told += f" If as many answers are wrong as the record cannot rule out ({100 * most:.0f} %), "
-        told += f"it {_outcome(cautious)}{': none is skipped' * (cautious < 0)}."
-    yield fact("costs.saving", told, n=n, expected=expected, cautious=cautious, wrong_at_most=most)
+    savings = {"expected": expected, "cautious": None if each is None else n * each}
+    verbs = {name: "loses" if (v or 0.0) < 0 else "saves" for name, v in savings.items()}
+    texts = {f"{n}_text": v and f"{verbs[n]} {float(f'{abs(v):.3g}'):,.10g}" for n, v in savings.items()}
+    yield _fact("costs.saving", n=n, tests=counted(n, "test"), wrong_at_most=most, **savings, **texts)
 
 
-def headline(certification: Certification) -> str:
-    """How many planned tests need not be run, or that skipping them does not pay."""
-    n, of = certification.saved
-    if certification.sure and certification.skipping_loses:
-        return f"Skipping does not pay on this record: none of {counted(of, 'planned test')} is skipped"
-    return f"{n:,} of {counted(of, 'planned test')} need not be run to know these pulse criteria"
+def _record(certification: Certification) -> Iterator[Fact]:
+    record, criteria = certification.record, certification.criteria
+    if not record.trials:
+        why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
+        yield _fact("record.none", why=why)
+        return
+    (n, wrong), (near_n, missed) = record.decided, record.near_limit.decided
+    near = {"near": near_n or None, "near_wrong": missed, "near_bound": at_most(missed, near_n)}
+    yield _fact("record.decided", n=n, wrong=wrong, **near, **_bounds(record.bounds()))
+    tests, saved, missed = record.waived(criteria)
+    bound = at_most(missed, saved) if saved else None
+    yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)
+    yield from _intervals(record)
+    if whole := record.whole_pulses:
+        narrow = any(largest_share(*counts) < WHOLE_SHARE for counts in whole.values())
+        sentence = whole_sentence({how_left_out(way): counts for way, counts in whole.items()})
+        yield _fact("record.whole", sentence=sentence, narrow=narrow, **whole)
+    if record.brier is not None and record.brier[0] >= record.brier[1]:
+        yield _fact("record.no_gain", brier=record.brier[0], brier_cae=record.brier[1])
+    for trial in record.counted:
+        if trial.wrong:
+            yield _wrong("record.wrong", trial, how_left_out(trial.left_out), criteria.confidence)
+    yield from (_fact("record.bin", **asdict(own)) for own in record.reliability if not own.holds)
 
 
-def _outcome(saving: float) -> str:
-    return f"{'saves' if saving >= 0 else 'loses'} {_amount(abs(saving))}"
+def _bounds(bounds: Mapping[str, WrongShare]) -> dict[str, str]:
+    return {"bound": at_most(*bounds["verdicts"]), "bound_by_test": at_most(*bounds["tests"])}
 
 
-def _amount(value: float) -> str:
-    return number(float(f"{value:.3g}"), ",.10g")
+def _criteria(certification: Certification) -> Iterator[Fact]:
+    record, occupant = certification.record, certification.campaign.occupant
+    confidence = certification.criteria.confidence
+    names: dict[tuple[str, str], list[str]] = {}
+    for criterion in certification.criteria.items:
+        support = record.support(criterion)
+        if shortfall := support.shortfall(confidence):
+            names.setdefault(("criterion.unsupported", shortfall), []).append(criterion.name)
+        if record.trials and (reservation := support.reservation(confidence)) and not (support.near and shortfall):
+            code = "criterion.few" if support.near else "criterion.untouched"
+            names.setdefault((code, reservation), []).append(criterion.name)
+        if model := {"olc": occupant.olc_words, "vpi": occupant.vpi_words}.get(criterion.metric):
+            yield _fact("criterion.occupant", criterion.name, model=model)
+    for (code, why), criteria in names.items():
+        yield _fact(code, *criteria, why=why)
 
 
-def _why(certification: Certification, i: str) -> str:
-    answer, row = certification.answers[i], certification.rows[i]
-    if answer == "was run":
-        return _tests_there(certification, row)
-    if answer == "skip" or i in certification.uncertain:
-        return at_once_text(certification, i)
-    if answer == "cannot say" and any(verdict.word == "outside" for verdict in row):
-        return "outside what the tests check"
-    told = {"would miss": "misses {}", "run": "open: {}", "cannot say": "records too short for {}"}[answer]
-    word, unknown = "not met" if answer == "would miss" else "open", answer == "cannot say"
-    return told.format(
-        ", ".join(v.criterion.name for v in row if v.word == word and (v.probability is None) is unknown)
+def support_text(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
+    """What the record says of a criterion at this confidence."""
+    support = record.support(criterion)
+    return (
+        support.shortfall(confidence)
+        or support.reservation(confidence)
+        or f"It supports the confidence: {counted(support.own_decided, 'verdict')}, one a test, "
+        f"{counted_wrong(support.own_wrong)}."
     )
 
 
-def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
-    tests = []
-    for test_id in row[0].run:
-        test = certification.campaign.test(test_id)
-        parts: list[str] = [f"test {test_id}"]
-        if not test.condition.is_at(row[0].condition):
-            parts.append(Sentence("at {}", test.condition))
-        shown = [(verdict.criterion, verdict.run[test_id]) for verdict in row]
-        if missed := [criterion.name for criterion, v in shown if v is not None and not criterion.is_met_by(v)]:
-            parts.append(f"which missed {', '.join(missed)}")
-        if test.faults:
-            parts.append(Sentence("in doubt as {}", joined([fault.text for fault in test.faults], "; ")))
-        tests.append(joined(parts, ", "))
-    unsettled = ", ".join(verdict.criterion.name for verdict in row if verdict.word == "open")
-    return joined([*tests, *([f"open: {unsettled}"] if unsettled else [])], "; ")
+def _domain(certification: Certification) -> Iterator[Fact]:
+    domain = certification.domain
+    if not domain.speed_ranges_mps:
+        nothing = "No test lies within the speeds of the CAE runs."
+        yield from (_fact("domain.checked", sentence=text) for text in domain.too_few_tests or (nothing,))
+        return
+    yield _fact(
+        "domain.checked",
+        speeds=[speed(*ends, between=" to ") for ends in domain.speed_ranges_mps],
+        masses=weight(*domain.checked_masses_kg, between=" to "),
+        factors=[f"{name} {', '.join(values)}" for name, values in domain.factors.items()],
+        n_tests=domain.n_tests,
+        tested_speeds=speed(domain.speeds_mps[0], domain.speeds_mps[-1], between=" to "),
+        tested_masses=weight(*domain.tested_kg, between=" to "),
+        reach_mps=domain.reach_mps,
+        inside=domain.inside,
+    )
 
 
-def _notes_at(certification: Certification) -> tuple[list[str], dict[str, str]]:
-    """What has to be known of all conditions, if there are several, and what else wherever one is named, by its id."""
-    domain, unused, together = certification.domain, _unused_at(certification), _together(certification)
-    notes: dict[str, list[str]] = {}
-    for i, condition in certification.matrix.items:
-        given = {name for name, value in condition.factors if value}
-        notes[i] = [f"{name} not given" for name in domain.factors if name not in given]
-        if i in together:
-            notes[i].append(f"{together[i]} in no test together")
-        if apart := [departure.test for departure in departures_near(certification.campaign, condition)]:
-            notes[i].append(f"{read_out(apart)} stands apart there")
-        if i in unused:
-            notes[i].append(f"run as {listed(unused[i])}, not used")
-    first, *others = notes.values()
-    of_all = [note for note in first if others and all(note in each for each in others)]
-    rest = {i: "; ".join(note for note in each if note not in of_all) for i, each in notes.items()}
-    return of_all, {i: text for i, text in rest.items() if text}
+def _since(certification: Certification) -> Iterator[Fact]:
+    if (since := certification.since) is None:
+        return
+    earlier = since.earlier
+    yield _fact(
+        "since.beside",
+        conditions=counted(len(earlier.matrix.ids), "condition"),
+        tests=counted(len(earlier.tests), "test"),
+        date=earlier.date,
+        digest=earlier.digest[:12],
+        new=since.new,
+        repeats=[test for test, condition in since.made_for.items() if condition in earlier.run],
+    )
+    bounds = outcomes(since)
+    (wrong, n), (_, n_tests) = bounds["verdicts"], bounds["tests"]
+    if n:
+        of = counted(n, "metric"), counted(n_tests, "test")
+        yield _fact("since.outcomes", metrics=of[0], tests=of[1], wrong=wrong, **_bounds(bounds))
+    for trial in since.trials:
+        if trial.wrong:
+            yield _wrong("since.wrong", trial, "before it was run", earlier.criteria.confidence)
 
 
-def _together(certification: Certification) -> dict[str, str]:
+def outcomes(since: LaterTests) -> dict[str, WrongShare]:
+    """:func:`trial_bounds` of the verdicts on tests run since, each metric once."""
+    return trial_bounds(strictest_per_metric(since.counted))
+
+
+def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
+    verdict, criterion = trial.verdict, trial.verdict.criterion
+    return _fact(
+        code,
+        trial.held_out,
+        how=how,
+        criterion=criterion.name,
+        limits=criterion.limits,
+        condition=verdict.condition,
+        said=verdict.word,
+        probability=probability_text(verdict.probability, confidence),
+        measured=measured_text(criterion, trial.measured, trial.shift),
+    )
+
+
+def _intervals(record: TrackRecord) -> Iterator[Fact]:
+    (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
+    missed = [
+        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured, limit.interval(v.lower, v.upper))
+        for trial in record.missed_intervals
+        for v, limit in [(trial.verdict, trial.verdict.criterion)]
+        for measured in [measured_text(limit, trial.measured, trial.shift)]
+    ]
+    code = "record.too_narrow" if record.too_narrow else "record.intervals"
+    outside = {"inside_outside": inside_outside, "n_outside": n_outside or None}
+    if n:
+        yield _fact(code, inside=inside, n=n, missed=missed, **outside)
+
+
+def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:
+    """What a test measured where it was run and, if that was off its condition, there by the CAE model."""
+    if value is None or not shift:
+        return criterion.shown(value)
+    template = "{} ({} at its condition, by the CAE model)"
+    return Sentence(template, criterion.shown(value + shift), criterion.shown(value))
+
+
+def new_together(certification: Certification) -> dict[str, str]:
+    """Factors of conditions that no test has together, by the condition's id."""
     tested, known = [dict(t.condition.factors) for t in certification.campaign.tests], certification.domain.factors
     found = {}
     for i, condition in certification.matrix.items:
@@ -272,7 +377,8 @@ def _together(certification: Certification) -> dict[str, str]:
     return found
 
 
-def _unused_at(certification: Certification) -> dict[str, list[str]]:
+def unused_at(certification: Certification) -> dict[str, list[str]]:
+    """Tests that were run at a condition and are not used, by its id."""
     matrix = certification.matrix
     unused = matrix.run(certification.campaign.unused)
     return {i: list(tests) for i, tests in zip(matrix.ids, unused, strict=True) if tests}
@@ -280,30 +386,24 @@ def _unused_at(certification: Certification) -> dict[str, list[str]]:
 
 def _conditions(certification: Certification) -> Iterator[Fact]:
     domain, items = certification.domain, certification.matrix.items
-    yield from (fact("condition.outside", sentence) for sentence in domain.too_few_tests)
+    for sentence in domain.too_few_tests:
+        yield _fact("condition.outside", *certification.matrix.ids, why=sentence)
     for i, condition in items:
         if not domain.too_few_tests and (why := domain.exceeded_by(condition)):
-            yield fact("condition.outside", joined([i, joined(why)], ": "), condition=i)
+            yield _fact("condition.outside", i, why=joined(why))
         short = [v.criterion.name for v in certification.rows[i] if v.word == "open" and v.probability is None]
         if short:
-            yield fact("condition.too_short", f"{i}: {', '.join(short)}.", condition=i, criteria=short)
-    groups: dict[tuple[str, str], list[str]] = {}
-    for i, factors in _together(certification).items():
-        told = f"no test has {factors}; each was tested with another."
-        groups.setdefault(("condition.new_together", told), []).append(i)
+            yield _fact("condition.too_short", i, criteria=short)
+    together = new_together(certification)
+    for factors in dict.fromkeys(together.values()):
+        yield _fact("condition.new_together", *(i for i, own in together.items() if own == factors), factors=factors)
     for name in domain.factors:
-        told = f"no {name} is given, so the verdicts cover every {name}; name it."
-        without = [i for i, condition in items if not dict(condition.factors).get(name)]
-        groups |= {("condition.no_factor", told): without} if without else {}
-    for (code, told), ids in groups.items():
-        yield fact(code, f"{listed(ids)}: {told}", conditions=ids)
+        if without := [i for i, condition in items if not dict(condition.factors).get(name)]:
+            yield _fact("condition.no_factor", *without, factor=name)
 
 
 def _not_used(certification: Certification) -> Iterator[Fact]:
-    campaign, planned = certification.campaign, dict(certification.matrix.items)
+    campaign = certification.campaign
     unused = dict(campaign.unused)
-    told = "{}: {} was run there{}; the verdicts do not use it ({})."
-    for i, names in _unused_at(certification).items():
-        for name in names:
-            off = "" if unused[name].is_at(planned[i]) else Sentence(", at {},", unused[name])
-            yield fact("test.not_used", Sentence(told, i, name, off, campaign.reason_of(name)), test=name)
+    for name in dict.fromkeys(chain.from_iterable(unused_at(certification).values())):
+        yield _fact("test.not_used", name, condition=unused[name], reason=campaign.reason_of(name))

@@ -7,9 +7,8 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import WrongShare, trial_bounds
-from crashfuse.reporting.certification_facts import exceptions, sentences, shown
+from crashfuse.reporting.certification_facts import exceptions, facts, outcomes, sentences
 from crashfuse.reporting.certification_tables import counts_frame, matrix_table, record_counts, share_columns
-from crashfuse.reporting.evidence_facts import outcomes
 from crashfuse.reporting.exports import json_bytes
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
 from crashfuse.units import LB, MPH
@@ -68,11 +67,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             **({} if costs is None else {"confidence_by_costs": criteria.declared is None, "costs": asdict(costs)}),
             "criterion": [_criterion(criterion) for criterion in criteria.items],
         },
-        **(
-            {"costs": {own.code.partition(".")[2]: own.values for own in shown(certification, "costs")}}
-            if costs
-            else {}
-        ),
+        **({"costs": _costs(certification)} if costs else {}),
         "matrix": matrix_table(certification.matrix).to_dict("records"),
         "cells": {
             i: {own.criterion.name: (own.word, own.probability, own.lower, own.upper) for own in row}
@@ -134,6 +129,15 @@ def certification_record(certification: Certification) -> dict[str, object]:
         },
         "sentences": sentences(certification, "summary"),
         "exceptions": exceptions(certification),
+    }
+
+
+def _costs(certification: Certification) -> dict[str, object]:
+    by_code = {fact.code: fact.values for fact in facts(certification)}
+    return {
+        name: {key: value for key, value in by_code[code].items() if not isinstance(value, str)}
+        for name, code in (("confidence", "costs.confidence"), ("saving", "costs.saving"))
+        if code in by_code
     }
 
 

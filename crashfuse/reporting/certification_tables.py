@@ -13,7 +13,7 @@ from crashfuse.certification.track_record import TrackRecord, Trial, WrongShare
 from crashfuse.certification.verdict import WORDS, Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.evidence_facts import measured_text, support_text
+from crashfuse.reporting.certification_facts import measured_text, support_text
 from crashfuse.reporting.plots.canvas import tick_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.table import Column, Table, frame_of

@@ -1,6 +1,5 @@
 """The credibility sheet: the factors of ASME V&V 40 (``credibility.toml``), filled with what a certification knows."""
 
-import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -19,11 +18,10 @@ from crashfuse.reporting.certification_tables import changed_text
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.facts import campaign_facts
 from crashfuse.study.repeatability import repeatability, repeats_of
-from crashfuse.units import Sentence, joined, number, read_out, speed, weight
+from crashfuse.units import joined, number, read_out, speed, statements, weight
 from crashfuse.version import __version__
 
 _MOST = 3  # sentences of a code
-_PLACE = re.compile(r"\{(\w+)\}")
 
 
 @cache
@@ -51,15 +49,14 @@ def credibility_table(certification: Certification, display: Display = DEFAULT) 
 def _sentences(
     row: Mapping[str, Any], values: Mapping[str, object], known: Mapping[str, Mapping[str, None]]
 ) -> Iterator[str]:
-    says = [(text, [values[name] for name in _PLACE.findall(text)]) for text in row.get("says", ())]
-    told = [Sentence(_PLACE.sub("{}", text), *filled) for text, filled in says if None not in filled]
-    yield from told
     of_codes = [[*known.get(code, ())] for code in row.get("facts", ())]
+    if stated := statements(row.get("says", ()), values):
+        yield stated
     for sentences in of_codes:
         yield from sentences[:_MOST]
         if len(sentences) > _MOST:
             yield f"({len(sentences) - _MOST} more are in report.html.)"
-    if "otherwise" in row and not any(of_codes or told):
+    if "otherwise" in row and not (stated or any(of_codes)):
         yield row["otherwise"]
     if "unknown" in row:
         yield f"The data do not say: {row['unknown']}."
@@ -96,7 +93,7 @@ def _of_answers(certification: Certification) -> dict[str, object]:
     outside = sum(bool(certification.domain.outside(condition)) for condition in conditions)
     told = ["{} of {} need not be run as asked for".format(*certification.saved)]
     told += [
-        f"{own.name}: {own.saved[0]} of {own.saved[1]} ({changed_text(own).replace('; ', ', ') or 'no change'})"
+        f"{own.name}: {own.saved[0]} of {own.saved[1]} ({changed_text(own) or 'no change'})"
         for own in certification.variants
     ]
     return {

@@ -1,16 +1,22 @@
-"""A fit's quality and the reliability of its band, as sentences and tables."""
+"""What fits have learned: their quality, the reliability of their bands, and what to mend in the CAE model."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from crashfuse.approaches.calibration import Calibration
+from crashfuse.approaches.displacement_domain.events import CaeEvent, CaeEvents, cae_events
 from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.table import Column, Table, frame_of
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
-from crashfuse.units import IN_SI, Quantity, Sentence
+from crashfuse.study.study import Study
+from crashfuse.units import IN_SI, MS, Quantity, Sentence, joined, statements
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration", "whole": "Whole pulse, 0–60 ms"}
@@ -53,32 +59,33 @@ def fit_table(approach: str, state: Mapping[str, Any]) -> Table:
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     """Sentences on the quality of an approach's fit and the reliability of its band; empty without a fit."""
-    sentences: list[str] = []
-    if "hyperparameters" in state:
-        verdict = "no more than noise: treat the result as uncorrected" if state["dead"] else "more than noise"
-        sentences.append(
-            Sentence(
-                f"Fitted to {state['points']} points of a bias of {{}} RMS; log marginal likelihood "
-                f"{_whole(state['log_marginal_likelihood'])}, restarts {state['retries']}. The fit explains {verdict}.",
-                Quantity((state["bias_rms_g"],), "g"),
-            )
-        )
+    check = state.get("band_check")
+    values = {name: state.get(name) for name in ("points", "bias_rms_g", "factors", "members", "weights", "penalty")}
+    values["verdict"] = _VERDICTS[state["dead"]] if "hyperparameters" in state else None
+    values["misfit"] = state.get("left_out_delta_v_misfit")
     if len(densities := state.get("left_out_log_density", {})) > 1:
-        compared = ", ".join(f"{name} {_whole(value)}" for name, value in densities.items())
-        used = " and ".join(state["factors"]) or "none"
-        sentences.append(f"Factors: {used}. Log predictive density of left-out tests (higher is better): {compared}.")
-    if errors := state.get("left_out_rmse"):
-        sentences.append(
-            f"Fine-tuning: {state['members']} networks of {state['weights']:,} weights; {state['penalty']:g} of the "
-            f"increments are a test's own, chosen from {', '.join(errors)} by leaving each test out; ΔV of left-out "
-            f"tests was met to {100 * state['left_out_delta_v_misfit']:.1f} % of impact speed."
-        )
-    if weights := state.get("weights_at_equal_bands"):
-        shares = ", ".join(f"{name} {weight:.2f}" for name, weight in weights.items())
-        sentences.append(f"Weights at equally wide bands: {shares}; from predictions of left-out tests (CRPS).")
-    if check := state.get("band_check"):
-        sentences.append(_band_sentence(check))
-    return sentences
+        values["densities"] = [f"{name} {_whole(value)}" for name, value in densities.items()]
+        values["factors"] = state["factors"] or "none"
+    if equal := state.get("weights_at_equal_bands"):
+        values["equal"] = [f"{name} {weight:.2f}" for name, weight in equal.items()]
+    told = [statements(_OF_FIT, values), *([_band_sentence(check)] if check else [])]
+    return [sentence for sentence in told if sentence]
+
+
+_VERDICTS = {False: "more than noise", True: "no more than noise: treat the result as uncorrected"}
+_OF_FIT = (
+    "Fitted to {points} points of a bias of {bias_rms_g} RMS; it explains {verdict}.",
+    "Factors: {factors}; log predictive density of left-out tests (higher is better): {densities}.",
+    "Fine-tuning: {members} networks of {weights:,} weights; {penalty:g} of the increments are a test's own. ΔV of "
+    "left-out tests was met to {misfit:.1%} of impact speed.",
+    "Weights at equally wide bands, by left-out tests: {equal}.",
+)
+_BAND = (
+    "The band, scaled by {widening:g} for {left_out_tests} left-out tests, holds a(t) {accel_inside:.0%} and v(t) "
+    "{velocity_inside:.0%} of the time up to TTZV; crush in {crush_inside} tests, peak in {peak_inside}.",
+    "After TTZV it is scaled by {late_widening:g}.",
+    "After TTZV it holds a(t) {rebound_inside:.0%} of the time.",
+)
 
 
 def whole_sentences(estimates: Iterable[Estimate]) -> list[str]:
@@ -120,16 +127,8 @@ def _averaged(who: str, metrics: Sequence[Metric]) -> str:
 
 
 def _band_sentence(check: Mapping[str, Any]) -> str:
-    n = check["left_out_tests"]
-    late = f" ({check['late_widening']:g} after TTZV)" if "late_widening" in check else ""
-    after = np.nan if check["rebound_inside"] is None else check["rebound_inside"]
-    verdict = "" if check["holds"] else " That is too little for a 95 % band."
-    return (
-        f"Band: calibrated on {n} tests, each predicted from the others, and scaled by {check['widening']:g}{late}. "
-        f"Up to TTZV it holds a(t) {_percent(check['accel_inside'])} and v(t) {_percent(check['velocity_inside'])} of "
-        f"the time, after it a(t) {_percent(after)}; maximum crush in {check['crush_inside']} of {n} tests, peak "
-        f"deceleration in {check['peak_inside']}.{verdict}"
-    )
+    verdict = "" if check["holds"] else "That is too little for a 95 % band."
+    return joined([statements(_BAND, check), *filter(None, [verdict])])
 
 
 def _percent(share: float) -> str:
@@ -138,3 +137,101 @@ def _percent(share: float) -> str:
 
 def _whole(value: float) -> Quantity:
     return Quantity((value,), "", ".0f")
+
+
+_MM, _KN = 1e-3, 1e3
+_SHOWN = {"_m": ("_mm", _MM), "_s": ("_ms", MS), "_n": ("_kn", _KN)}
+_LEARNS = {"displacement_domain", "fused"}  # approaches that rest on this bias
+_NAMED, _WORTH_NAMING = 3, 0.05  # events in sentences; share of what is lost
+_SUPERLATIVES = {"fast": "fastest", "slow": "slowest", "heavy": "heaviest", "light": "lightest"}
+
+
+def study_events(study: Study) -> CaeEvents | None:
+    """The events of a study's campaign, over its longest window; None if the study has not learned the bias."""
+    learned = _LEARNS.intersection(study.config.approaches)
+    return cae_events(study.campaign, max(study.config.windows_ms)) if learned else None
+
+
+def campaign_events(campaign: Campaign, window_ms: float) -> pd.DataFrame:
+    """See :meth:`Campaign.cae_events`."""
+    return events_frame(cae_events(campaign, float(Display(window_ms).window_ms)))
+
+
+def events_frame(found: CaeEvents) -> pd.DataFrame:
+    """One row an event, the most expensive first, as in ``cae_events.csv`` (see *Read the report*)."""
+    frame = pd.DataFrame(map(asdict, found.events), columns=[field.name for field in fields(CaeEvent)])
+    for ending, (shown, unit) in _SHOWN.items():
+        names = [name for name in frame if name.endswith(ending)]
+        frame[names] = (frame[names] / unit).round(6)
+        frame = frame.rename(columns={name: name.removesuffix(ending) + shown for name in names})
+    frame[["tests", "reached"]] = frame[["tests", "reached"]].map(" ".join)
+    frame.insert(0, "rank", range(1, len(frame) + 1))
+    return frame.assign(rating_cae=found.rating_cae, rating_mended=found.rating_mended, window_ms=found.window_ms)
+
+
+_EVENTS = (
+    Column("Rank", "number", form=".0f", source="rank"),
+    Column("Crush", "range", "mm", ".0f", further=("from_mm", "to_mm")),
+    Column("Time (ms)", source="time"),
+    Column("The CAE model is", source="size"),
+    Column("95 %", "range", "kN", ".0f", further=("least", "most")),
+    Column("Probability", "probability", source="probability"),
+    Column("Tests", source="which"),
+    Column("Rating, this alone mended", "number", form=".3f", source="rating_alone"),
+    Column("Rating, all but this mended", "number", form=".3f", source="rating_but"),
+    Column("Share of what is lost", "share", "%", ".0f", source="share"),
+)
+
+
+def events_table(found: CaeEvents) -> Table:
+    """The events, one row each."""
+    rows = [
+        {
+            "time": Sentence("{} in {}", Quantity((event.from_s / MS, event.to_s / MS), ""), event.timed_in),
+            "size": _size(event),
+            "which": _which(event),
+            **dict(zip(("least", "most"), _ends_kn(event), strict=True)),
+        }
+        for event in found.events
+    ]
+    return Table("CAE events", events_frame(found).join(frame_of(rows)), _EVENTS)
+
+
+def events_sentences(found: CaeEvents) -> list[str]:
+    """What to mend first, and what that is worth."""
+    named = [event for event in found.events[:_NAMED] if event.share >= _WORTH_NAMING]
+    worth = {name: getattr(found, name) for name in ("rating_cae", "window_ms", "n_rated", "rating_all")}
+    worth["mended"] = found.rating_mended if found.events else None
+    return [
+        *(
+            f"{Quantity((e.from_m / _MM, e.to_m / _MM), 'mm', '.0f')}: {_size(e)} ({Quantity(_ends_kn(e), '', '.0f')}) "
+            f"in {_which(e)} tests; {100 * e.share:.0f} % of what is lost."
+            for e in named
+        ),
+        *([] if named else ["In no range of crush do two tests agree and would mending raise the rating."]),
+        statements(_WORTH, worth),
+    ]
+
+
+_WORTH = (
+    "The CAE model rates {rating_cae:.3f} over 0–{window_ms:g} ms (mean of {n_rated} tests).",
+    "With all events mended: {mended:.3f}.",
+    "Without its bias over displacement: {rating_all:.3f}.",
+)
+
+
+def _size(event: CaeEvent) -> str:
+    return f"{abs(event.force_n) / _KN:.0f} kN too {'soft' if event.force_n > 0 else 'stiff'}"
+
+
+def _ends_kn(event: CaeEvent) -> tuple[float, float]:
+    lower, upper = (event.lower_n, event.upper_n) if event.force_n > 0 else (-event.upper_n, -event.lower_n)
+    return lower / _KN, upper / _KN
+
+
+def _which(event: CaeEvent) -> str:
+    shown, reached = len(event.tests), len(event.reached)
+    if shown == reached:
+        return f"all {reached}"
+    extreme = _SUPERLATIVES.get(event.conditions)
+    return f"the {shown} {extreme} of {reached}" if extreme else f"{shown} of {reached}"

@@ -4,10 +4,10 @@ The edges of the band of whole pulses are a sled laboratory's corridor, as ISO-M
 pulse that no vehicle has.
 """
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Integral
+from string import ascii_uppercase, digits
 from typing import Literal, get_args
 
 import numpy as np
@@ -30,15 +30,13 @@ PulseFormat = Literal["isomme", "lsdyna", "radioss"]
 PULSE_FORMATS: tuple[PulseFormat, ...] = get_args(PulseFormat)
 """ISO-MME, and includes for LS-DYNA and Radioss; each is a folder of the results."""
 
+_OF_LOCATIONS = {*digits, *ascii_uppercase}
 PulseFiles = Mapping[PulseFormat, Mapping[str, bytes]]  # content by path below the format's folder
 
 LOCATION = "10VEHC000000"
 """Test object 1, no position, the vehicle, no fine location: the first 12 characters of an ISO-MME channel code."""
 
-_EXPECTED = "The expected pulse, an average: softer than any test."
-_REPRESENTATIVE = "A whole pulse as a test shows it: peak, SM25, OLC and crush are those of a middling test here."
 _REST_G = 0.5  # more at the end of the record is worth a remark
-_LOCATION = re.compile(r"[0-9A-Z]{12}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +71,8 @@ class PulseExport:
             require_a(SolverCurve, self.curve, 'crashfuse.SolverCurve("mm-ms-kg")')
         elif set(self.formats) & set(SOLVERS):
             raise UsageError("A curve for a solver needs the unit system of its model.")
-        if not (isinstance(self.location, str) and _LOCATION.fullmatch(self.location)):
+        letters = {*str(self.location)}
+        if not (isinstance(self.location, str) and len(self.location) == len(LOCATION) and letters <= _OF_LOCATIONS):
             raise UsageError(
                 f"An ISO-MME location has 12 digits and capitals, such as {LOCATION}, not {self.location!r}."
             )
@@ -109,15 +108,12 @@ class OutgoingPulse:
     """A whole pulse of a prediction, or an edge of its corridor, with its name and what has to be said about it."""
 
     approach: str
-    which: str  # ``expected``, ``representative``, ``draw_037``, ``corridor_lower`` or ``corridor_upper``
+    which: str  # for files: ``expected``, ``representative``, ``draw_037``, ``corridor_lower`` or ``corridor_upper``
+    label: str  # for readers
     condition: Condition
     accel_mps2: FloatArray = field(repr=False)
     remarks: tuple[str, ...] = ()
-
-    @property
-    def edge(self) -> bool:
-        """Whether it is an edge, which no vehicle moves by."""
-        return self.which.startswith("corridor")
+    edge: bool = False  # which no vehicle moves by
 
     @property
     def name(self) -> str:
@@ -127,10 +123,7 @@ class OutgoingPulse:
     @property
     def title(self) -> str:
         """Name for a reader."""
-        kind, _, rest = self.which.partition("_")
-        titles = {"draw": f"draw {rest.lstrip('0')}", "corridor": f"{rest} edge of the corridor"}
-        which = titles.get(kind, f"{kind} pulse")
-        return f"{LABELS[self.approach]}, {which}, {self.condition.stated.partition(',')[0]}"
+        return f"{LABELS[self.approach]}, {self.label}, {self.condition.stated_speed}"
 
     @property
     def comments(self) -> tuple[str, ...]:
@@ -146,19 +139,24 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
         raise UsageError(f"There are no draws of {names}: no band.")
     for estimate in estimates:
         prediction = estimate.prediction
-        pulses = {"expected": (prediction.accel_mps2, _EXPECTED)}
+        pulses = {"expected": ("expected pulse", prediction.accel_mps2, "An average: softer than any test.")}
         if prediction.draws_mps2 is not None:
             n = len(prediction.draws_mps2)
             if draws > n:
                 raise UsageError(f"The approach {estimate.approach} has {n} draws; ask for at most these.")
             chosen = np.sort(np.random.default_rng(seed).choice(n, draws, replace=False))
             representative, *drawn = estimate.representative_pulses(chosen.tolist())
-            pulses["representative"] = representative, _REPRESENTATIVE
-            remark = f"One of {n} equally likely whole pulses: peak, SM25, OLC and crush spread as errors do."
-            pulses |= {f"draw_{number + 1:03d}": (pulse, remark) for number, pulse in zip(chosen, drawn, strict=True)}
-        for which, (accel, remark) in pulses.items():
+            pulses["representative"] = (
+                "representative pulse",
+                representative,
+                "As a middling test here shows it.",
+            )
+            for number, pulse in zip(chosen.tolist(), drawn, strict=True):
+                remark = f"One of {n} equally likely pulses."
+                pulses[f"draw_{number + 1:03d}"] = f"draw {number + 1}", pulse, remark
+        for which, (label, accel, remark) in pulses.items():
             remarks = (remark, *_unfinished(accel, prediction.condition), *prediction.notes)
-            yield OutgoingPulse(estimate.approach, which, prediction.condition, accel, remarks)
+            yield OutgoingPulse(estimate.approach, which, label, prediction.condition, accel, remarks)
 
 
 def corridors(estimates: Iterable[Estimate]) -> Iterator[OutgoingPulse]:
@@ -166,10 +164,9 @@ def corridors(estimates: Iterable[Estimate]) -> Iterator[OutgoingPulse]:
     for estimate in estimates:
         condition, band = estimate.prediction.condition, estimate.prediction.whole_band()
         for edge, accel in zip(("lower", "upper"), band or (), strict=False):
-            told = "An edge, no pulse: nine of ten tests are meant to lie between both up to 60 ms."
-            remarks = (told, *whole_sentences([estimate]), *estimate.prediction.notes)
-            until = accel[: round(WHOLE_S / DT_S)]
-            yield OutgoingPulse(estimate.approach, f"corridor_{edge}", condition, until, remarks)
+            remarks = ("An edge, no pulse.", *whole_sentences([estimate]), *estimate.prediction.notes)
+            until, label = accel[: round(WHOLE_S / DT_S)], f"{edge} edge of the corridor"
+            yield OutgoingPulse(estimate.approach, f"corridor_{edge}", label, condition, until, remarks, edge=True)
 
 
 def _unfinished(accel_mps2: FloatArray, condition: Condition) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 from datetime import UTC, datetime
+from itertools import permutations
 from pathlib import Path
 
 import pandas as pd
@@ -15,8 +16,13 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.table import Column, Table
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult, Ratings, parsed
+from crashfuse.units import counted
 
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
+_IN_TWO_WAYS = {
+    f"{one}, {other}": f"{_LEFT_OUT[one]} in the first, {_LEFT_OUT[other]} in the second"
+    for one, other in permutations(_LEFT_OUT, 2)
+}
 
 
 def history_table(results: Iterable[PastResult | Earlier], display: Display = DEFAULT) -> pd.DataFrame:
@@ -34,8 +40,7 @@ def described(result: PastResult | Earlier, display: Display = DEFAULT) -> str:
 
 def left_out_in_words(way: str) -> str:
     """A way of leaving tests out of :attr:`StudyComparison.ways`."""
-    words = [_LEFT_OUT[part] for part in way.split(", ")]
-    return f"Each test left out {words[0] if len(words) == 1 else '{} in the first, {} in the second'.format(*words)}"
+    return f"Each test left out {(_LEFT_OUT | _IN_TWO_WAYS)[way]}"
 
 
 _MEANS = (
@@ -67,12 +72,12 @@ def studies_table(first: PastResult, second: PastResult, display: Display = DEFA
 
 def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:
     names = ("Date (UTC)", "Campaign", "What", "Note", "Recommended", "Mean rating", "Worst test", "Settings", "Data")
-    row = dict.fromkeys(names, "–") | {"Date (UTC)": result.date[:16].replace("T", " ")}
+    row = dict.fromkeys(names, "–") | {"Date (UTC)": f"{result.date[:10]} {result.date[11:16]}"}
     if isinstance(result, Earlier):
         n, given = len(result.matrix.ids), result.settings
         return row | {
             "Campaign": given["campaign"],
-            "What": f"certification of {n} condition{'s' * (n > 1)}",
+            "What": f"certification of {counted(n, 'condition')}",
             "Note": "",
             "Recommended": given.get("approach", "–"),
             "Mean rating": f"{len(result.waived)} of {n} need not be run",
@@ -84,7 +89,7 @@ def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:
         row["Mean rating"] = f"{result.mean(result.approach, window):.3f}"
         row["Worst test"] = "{} {:.3f}".format(*result.worst(result.approach, window))
     elif result.expected:
-        row["Mean rating"] = f"{result.expected.replace(' to ', '–')} (80 %)"
+        row["Mean rating"] = f"{result.expected} (80 %)"
     if result.condition is not None:
         what = f"at {display.briefly(result.condition)}"
     else:

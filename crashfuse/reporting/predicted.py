@@ -171,7 +171,7 @@ class PredictedPulse:
         return figures.prediction_name(self.preferred.approach, self.condition, display), self.preferred
 
     def __repr__(self) -> str:
-        names = ", ".join(LABELS[each.approach].lower() for each in self.estimates)
+        names = ", ".join(each.approach for each in self.estimates)
         return f"<PredictedPulse, {names}, at {self.condition}>"
 
     def _repr_html_(self) -> str:

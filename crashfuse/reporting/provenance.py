@@ -21,7 +21,7 @@ from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_for, recommend_without, study_facts
 from crashfuse.study.study import Study
-from crashfuse.units import MPH_LB, SYSTEMS, UnitSystem, read_out
+from crashfuse.units import MASS, MPH_LB, SPEED, SYSTEMS, UnitSystem, read_out
 from crashfuse.version import COMPUTING, __version__
 
 _PACKAGES = (*COMPUTING, "pandas", "plotly")
@@ -133,11 +133,10 @@ def _command(name: str, options: Sequence[str], units: UnitSystem) -> str:
 
 def _axes(units: UnitSystem, *conditions: Condition, only: Sequence[str] = tuple(_AXES)) -> list[str]:
     options: list[str] = []
-    for axis in only:
-        unit = "mph" if axis == "speed" else "lb"
-        in_si, ending = units.in_si(unit), units.unit(unit).replace("km/h", "kph")
-        options += [f"--{axis}-{ending}"]
-        options += [f"{getattr(condition, _AXES[axis]) / in_si:.10g}" for condition in conditions]
+    for axis, ending in zip(_AXES, units.endings, strict=True):
+        if axis in only:
+            values = [getattr(condition, _AXES[axis]) / (SPEED | MASS)[ending] for condition in conditions]
+            options += [f"--{axis}-{ending}", *(f"{value:.10g}" for value in values)]
     return options
 
 

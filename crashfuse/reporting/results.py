@@ -1,19 +1,21 @@
 """Files of a study, prediction, sweep, ranking, learning curve or certification: tables, settings and report."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.certification.seal import REVIEW, SEAL
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.files.atomic import write_atomically
+from crashfuse.files.atomic import write_atomically, written_together
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting import certification_tables as tables
-from crashfuse.reporting.cae_events import events_frame, study_events
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.exports import json_bytes, parquet_bytes
+from crashfuse.reporting.fit_explanations import events_frame, study_events
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.reporting.provenance import learning_curve_record, prediction_record, provenance, study_record
 from crashfuse.reporting.report import prediction as reports
@@ -46,12 +48,41 @@ def read_begun(folder: Path) -> tuple[str, tuple[str, ...], StudyConfig]:
 
 
 def write_result(kind: str, folder: str | Path, *result: object) -> None:
-    """Write the files of a kind of result, in their order; what follows is what each of its files is made of."""
+    """Replace what a folder holds of a kind of result; what follows is what each of its files is made of."""
+    with replaced(kind, Path(folder)) as staging:
+        write_files(kind, staging, *result)
+
+
+def write_files(kind: str, folder: Path, *result: object) -> None:
+    """Write the files of a kind of result, in their order."""
     for name, make in _FILES[kind].items():
         content = make(*result)
         for path, data in (content if isinstance(content, Mapping) else {"": content}).items():
             if data is not None:
-                write_atomically(Path(folder, name, path), data)
+                write_atomically(folder / name / path, data)
+
+
+@contextmanager
+def replaced(kind: str, folder: Path) -> Iterator[Path]:
+    """A folder to write a result into, whose files then take the place of all files of an older one of this kind.
+
+    The record goes first and comes last: wherever the machine stops, no record stands beside files of another result.
+    Files that are not named as this program names its results stay.
+    """
+    *others, record = RESULT_FILES[kind]
+    of_pulses = tuple(f"{name}_" for name in LABELS)
+    with written_together(folder, last=record) as staging:
+        yield staging
+        (folder / record).unlink(missing_ok=True)
+        places = [place for name in others for place in (folder / name, *(folder / name).rglob("*"))]
+        for path in filter(Path.is_file, places):
+            parts = path.relative_to(folder).parts
+            is_ours = len(parts) == 1 or any(part.startswith(of_pulses) for part in parts)
+            if is_ours and not staging.joinpath(*parts).exists():
+                path.unlink()
+        for empty in sorted(filter(Path.is_dir, places), reverse=True):  # the inner ones first
+            with suppress(OSError):  # it still holds something
+                empty.rmdir()
 
 
 def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> None:

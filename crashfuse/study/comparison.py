@@ -11,7 +11,7 @@ from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.errors import UsageError
 from crashfuse.study.history import PastResult, Ratings
-from crashfuse.units import difference
+from crashfuse.units import counted, difference
 
 _CLEARLY = 2.0  # standard errors
 _SAME = 1e-6  # records are rounded to six digits
@@ -32,10 +32,7 @@ class StudyComparison:
         # of one vehicle: one campaign, or a changed copy of which some test and CAE run are the same
         is_named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
         if not (is_named or any(_alike(first, second).values())):
-            raise UsageError(
-                f"{first.campaign} and {second.campaign} are not known to be one vehicle: in no common test is the raw "
-                "CAE model rated equally. Choose two studies of one campaign or its copy."
-            )
+            raise UsageError(f"{first.campaign} and {second.campaign} are not known to be one vehicle.")
 
     @cached_property
     def ratings(self) -> pd.DataFrame:
@@ -90,14 +87,11 @@ class StudyComparison:
         cautions = []
         if self.ways[0] not in first.by_way:  # both
             harder = "second" if "speed group" in second.by_way else "first"
-            cautions.append(
-                f"Each left tests out in its own way, the {harder} with all tests at about their speed: the harder "
-                "question."
-            )
+            cautions.append(f"The {harder} left out all tests at about a speed, the harder question.")
         if first.fingerprint != second.fingerprint:
             cautions.append(f"Their data differ: {_what_differs(first, second)}")
         if first.basis != second.basis:
-            cautions.append(f"Their ratings rest on different things: {first.basis}; {second.basis}.")
+            cautions.append(f"Rated by {first.basis}, and by {second.basis}.")
         for one, other, which in ((first, second, "first"), (second, first, "second")):
             if alone := [test for test in one.tests if test not in other.tests]:
                 cautions.append(f"Rated in the {which} only: {', '.join(alone)}.")
@@ -132,25 +126,21 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
     gain, error, n = row["difference"], row["standard_error"], row["tests"]
     if not table["difference"].any():
         return f"{label}: the same in both, mean {row['first']:.3f}."
-    higher = "second" if gain > 0 else "first"
-    verdict = f"clearly higher in the {higher}" if abs(gain) > _CLEARLY * error else "no clear difference"
-    by = difference(row["second"], row["first"], 3)
-    most = table.loc[table["difference"].abs().idxmax()]
+    verdict = f"{'' if abs(gain) > _CLEARLY * error else 'not '}clearly {'higher' if gain > 0 else 'lower'}"
+    scatter, most = "" if n == 1 else f" ± {error:.3f}", table.loc[table["difference"].abs().idxmax()]
     return (
-        f"{label}: {verdict}; mean {row['first']:.3f} in the first, {row['second']:.3f} in the second "
-        f"({by}{'' if n == 1 else f' ± {error:.3f}'} over {n} test{'s' * (n > 1)}). The second is higher in "
-        f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} "
-        f"({difference(most['second'], most['first'], 3)})."
+        f"{label}: {verdict} in the second ({difference(row['second'], row['first'], 3)}{scatter} over "
+        f"{counted(int(n), 'test')}), most in {most['held_out']} ({difference(most['second'], most['first'], 3)})."
     )
 
 
 def _what_differs(one: PastResult, other: PastResult) -> str:
     alike = _alike(one, other)
     if not alike:
-        return "tests are compared by their ids, whatever was measured in them."
+        return "tests are compared by their ids."
     changed = ", ".join(test for test, is_alike in alike.items() if not is_alike)
     if not changed:
-        return "not in these tests, in which the raw CAE model is rated the same."
+        return "not in these tests."
     vehicles = "" if any(alike.values()) else " These are perhaps two vehicles."
     return f"the raw CAE model is rated differently in {changed}: other tests or CAE runs.{vehicles}"
 

@@ -134,7 +134,7 @@ class StudyConfig:
 def require_window(window_ms: object) -> None:
     """Raise a UsageError if nothing can be rated over [0, window_ms) of a prediction."""
     if not (isinstance(window_ms, Real) and 10 <= float(window_ms) <= 100):
-        asked = printable(str(window_ms), 40).removesuffix(".0")
+        asked = f"{window_ms:g}" if isinstance(window_ms, Real) else printable(str(window_ms), 40)
         raise UsageError(f"A rating window of {asked} ms is not possible; choose 10 to 100 ms.")
 
 

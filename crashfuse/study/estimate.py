@@ -29,6 +29,7 @@ from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import doubt_fact
 from crashfuse.study.outliers import departures, departures_near, folds_sentence, with_both_folds
 from crashfuse.units import Sentence, packed, speed, unpacked, weight
 
@@ -189,7 +190,8 @@ def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool 
     for fit in fits:
         prediction, seconds = predict(fit.approach)
         if fit.approach.learns_from_tests:
-            prediction = replace(prediction, notes=(*prediction.notes, *doubtful_tests(fit.campaign, condition)))
+            doubts = [doubt_fact(test).sentence for test in doubtful_tests(fit.campaign, condition)]
+            prediction = replace(prediction, notes=(*prediction.notes, *doubts))
             prediction = fit.with_both_folds(prediction)
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))

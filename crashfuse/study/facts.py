@@ -1,44 +1,121 @@
 """Facts that whoever reads a result has to know, of a campaign and of a condition: found once, shown wherever it is."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.condition import ABOUT, Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import remembered
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
-from crashfuse.units import G, Sentence, acceleration, joined, read_out
+from crashfuse.units import G, Sentence, joined, statements
 
-IMPORTANCE = (
-    *("test.stands_apart", "test.in_doubt", "test.beyond_window"),
-    *("tests.cae_tuned", "condition.extrapolated", "cae.ended_otherwise", "cae.runs_fail"),
-    *("tests.left_out_of_use", "campaign.archive", "campaign.warning", "campaign.notice"),
+_TIES = ("{n_tests} left-out tests cannot tell it from {equal}.", "Higher rated: {preferred}.")
+_RATED = (
+    "Mean rating {mean_rating:.3f} ({grade}), worst {worst_rating:.3f} ({worst_test}, {speed_mps}), each test left out "
+    "{way}.",
+    "The raw CAE model: {raw_rating:.3f}.",
+    "It is better than this in {raw_better_in} (by up to {raw_better_by:.3f}).",
 )
-"""Codes of facts, the most important one first: the order in which pages, reports and files have them."""
+CATALOGUE: Mapping[str, tuple[str, ...]] = {
+    "test.stands_apart": (
+        "{about} stands apart",
+        "{about} differs from the other tests at about {speed_mps} by {differs_by_g} or more (RMS over crush), these "
+        "from each other by {others_differ_by_g} or less.",
+        "It alone has {alone}.",
+        "A test there may fold either way: check its record, or judge {speed_mps} by both.",
+    ),
+    "test.alike": ("", "{about} differs from the tests at its speed no more than these from each other."),
+    "test.in_doubt": ("Test in doubt", "{about} is in doubt: {faults}. Leave it out of use, or mend its record."),
+    "test.beyond_window": ("Beyond the window", "{about}: the rated window, 0–{window_ms:g} ms, ends before {beyond}."),
+    "tests.cae_tuned": (
+        "CAE model tuned to {tuned}",
+        "The CAE model was tuned to {tuned}: predictions of tests that it has seen support no verdict.",
+        "Whether the CAE model was tuned to {undeclared} is not stated (column cae_tuned of tests.csv).",
+    ),
+    "condition.extrapolated": ("Extrapolation", "{sentence}"),
+    "cae.ended_otherwise": (
+        "CAE runs did not end normally",
+        "CAE runs that did not end normally: {runs}. Run them again, or leave them out.",
+        "Tests paired with them: {paired_tests}.",
+    ),
+    "cae.runs_fail": ("{failed} of {runs} CAE runs fail", "{quality}"),
+    "tests.left_out_of_use": ("without {tests}", "{sentence}"),
+    "campaign.archive": ("Archive of past vehicles", "{sentence}"),
+    "campaign.warning": ("Warning", "{sentence}"),
+    "campaign.notice": ("{label}", "{sentence}"),
+    "recommendation.use": ("", "Use {method}.", *_TIES),
+    "recommendation.outcome": ("", "Recommended was {method}.", *_TIES, "{outcome}"),
+    "recommendation.by_the_paper": ("", "The nearest test is {away_mps} away (paper, Sect. 4.3)."),
+    "recommendation.expected": ("", "{sentence}"),
+    "recommendation.farther": ("", "No test is near in speed: see the width of the band."),
+    "recommendation.raw_cae": ("", "The raw CAE model rated {mean_rating:.2f} on the same tests."),
+    "recommendation.no_better": ("", "No better than the raw CAE model is to be expected here."),
+    "recommendation.mixture": ("", "{sentence}"),
+    "recommendation.poor": ("", "Less than Good is {likely}: a guide, not a proof."),
+    "recommendation.distance": (
+        "",
+        "Mean distance from what was measured (CRPS, less is better), over 0–{window_ms:g} ms on {n} left-out tests: "
+        "{distances}.",
+    ),
+    "recommendation.ratings": ("", *_RATED),
+    "recommendation.coverage": (
+        "",
+        "The 95 % band holds {inside:.0%} of a(t) up to TTZV; crush in {crush} of {n} left-out tests, peak in {peak}.",
+    ),
+    "recommendation.speed_groups": ("", *_RATED),
+    "recommendation.falls_back": (
+        "",
+        "Away from tested speeds the displacement domain falls back towards the raw CAE model, in {fits} of {n} fits.",
+    ),
+    "left_out.outcome": (
+        "",
+        "{about} at {speed_mps}, left out, is rated over 0–{window_ms:g} ms.",
+        "Left out with it, at about its speed: {left_out_with}.",
+        "{outcome}",
+    ),
+    "left_out.few_neighbours": (
+        "",
+        "Other tests at about its speed: {neighbours}; it takes {least} to tell whether a test stands apart.",
+    ),
+    "left_out.without_neighbours": ("", "Without its neighbours it rates {rating:.3f}."),
+    "left_out.misled": ("", "Its neighbours mislead: without them it rates {rating:.3f}."),
+    "left_out.inside": ("", "Inside the 95 % band: {inside:.0%} of its a(t) up to TTZV."),
+}
+"""By code, the most important first: a label for a badge, and sentences; those with a value that is not known go."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A fact with its sentence, and the values that it rests on."""
+    """A fact: its code, and the values that its sentence is made of."""
 
-    code: str  # one of IMPORTANCE, or of the catalogue of a kind of result
-    sentence: str  # with its subject, its size and what to do
-    label: str = ""  # in two or three words, for a badge
+    code: str  # of the catalogue of its kind of result
     values: Mapping[str, object] = field(default_factory=dict)  # as JSON has them; units end the names
+    about: tuple[str, ...] = ()  # ids of tests, conditions or criteria; none: all
+    catalogue: ClassVar[Mapping[str, tuple[str, ...]]] = CATALOGUE
+
+    @property
+    def sentence(self) -> Sentence:
+        """The fact in words, with its subject, its size and what to do."""
+        return statements(self.catalogue[self.code][1:], {"about": self.about, **self.values})
+
+    @property
+    def label(self) -> str:
+        """Its subject in two or three words, for a badge."""
+        return statements(self.catalogue[self.code][:1], {"about": self.about, **self.values})
 
     @property
     def record(self) -> dict[str, object]:
         """The fact as JSON values."""
-        return {"code": self.code, **self.values, "sentence": str(self.sentence)}
+        return {"code": self.code, "about": list(self.about), **self.values, "sentence": str(self.sentence)}
 
 
-def by_importance(facts: Iterable[Fact], order: Sequence[str] = IMPORTANCE) -> tuple[Fact, ...]:
-    """Facts in the order of their codes; of one code, as they come."""
-    return tuple(sorted(facts, key=lambda fact: order.index(fact.code)))
+def by_importance(facts: Iterable[Fact]) -> tuple[Fact, ...]:
+    """Facts in the order of their catalogue; of one code, as they come."""
+    return tuple(sorted(facts, key=lambda fact: [*fact.catalogue].index(fact.code)))
 
 
 def distinct(facts: Iterable[Fact]) -> tuple[Fact, ...]:
@@ -58,32 +135,29 @@ def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
 def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:
     """Facts of a prediction at a condition: what stands apart or is in doubt near it, what is extrapolated."""
     apart = [departure_fact(departure) for departure in departures_near(campaign, condition, at_nearest=True)]
-    doubtful = [Fact("test.in_doubt", text, "Test in doubt") for text in doubtful_tests(campaign, condition)]
+    doubtful = [doubt_fact(test) for test in doubtful_tests(campaign, condition)]
     return (*apart, *doubtful, *extrapolation_facts(campaign, condition))
+
+
+def doubt_fact(test: CrashTest) -> Fact:
+    """That a test's sensor failed, and how."""
+    faults = joined([fault.text for fault in test.faults], "; ")
+    return Fact("test.in_doubt", {"faults": faults}, (test.id,))
 
 
 def extrapolation_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:
     """In what a condition lies outside the CAE runs."""
-    texts = campaign.cae.extrapolation(condition)
-    return tuple(Fact("condition.extrapolated", text, "Extrapolation") for text in texts)
+    return tuple(Fact("condition.extrapolated", {"sentence": text}) for text in campaign.cae.extrapolation(condition))
 
 
 def window_facts(test: CrashTest, window_ms: float) -> tuple[Fact, ...]:
     """What the rated window of a test does not hold: its peak, its time of zero velocity."""
     metrics = {m.name: m for m in checked_metrics(test.pulse.accel_mps2, test.condition.speed_mps)}
     peak_g, peak_ms, ttzv_ms = (metrics[name].value for name in ("peak", "peak_time", "t0"))
-    late: list[str] = []
-    if peak_g is not None and peak_ms is not None and peak_ms >= window_ms:
-        late.append(Sentence(f"the peak, {{}} at {peak_ms:.1f} ms,", acceleration(peak_g * G)))
-    if ttzv_ms is None or ttzv_ms >= window_ms:
-        late.append(f"zero velocity, {'after the record' if ttzv_ms is None else f'at {ttzv_ms:.1f} ms'},")
-    if not late:
-        return ()
-    verb = "is" if len(late) == 1 else "are"
-    what = joined(late, " and ")
-    sentence = Sentence(f"{{}}: {{}} {verb} not in the rated window, 0–{window_ms:g} ms.", test.id, what)
-    values = {"test": test.id, "window_ms": window_ms, "peak_g": peak_g, "peak_ms": peak_ms, "ttzv_ms": ttzv_ms}
-    return (Fact("test.beyond_window", sentence, "Beyond the window", values),)
+    late = ["the peak"] * (peak_ms is not None and peak_ms >= window_ms)
+    late += ["zero velocity"] * (ttzv_ms is None or ttzv_ms >= window_ms)
+    values = {"window_ms": window_ms, "beyond": late, "peak_g": peak_g, "peak_ms": peak_ms, "ttzv_ms": ttzv_ms}
+    return (Fact("test.beyond_window", values, (test.id,)),) if late else ()
 
 
 def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
@@ -95,57 +169,38 @@ def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
     if odd := {run: str(end) for run, end in ends.items() if end not in ("normal", None)}:
         pairs = {test.id: campaign.cae.paired_run(test.condition) for test in campaign.tests}
         tests = [test for test, run in pairs.items() if run is not None and campaign.cae.ids[run] in odd]
-        resting = f"tests paired with them: {listed(tests) or 'none'}"
-        runs = listed(f"{run} ({end})" for run, end in odd.items())
-        sentence = f"CAE runs that did not end normally: {runs}; {resting}. Run them again, or leave them out."
-        label = f"{len(odd)} CAE runs did not end normally"
-        yield Fact("cae.ended_otherwise", sentence, label, {"runs": odd, "paired_tests": tests})
-    quality = campaign.quality
-    if quality.failing:
-        sentence = joined([quality.summary, *quality.named])
-        failing = {"failing": list(quality.failing), "runs": quality.runs}
-        yield Fact("cae.runs_fail", sentence, f"{len(quality.failing)} of {quality.runs} CAE runs fail", failing)
-    if campaign.unused:
-        ids = [test_id for test_id, _ in campaign.unused]
-        reasons = {"tests": ids, "reasons": [campaign.reason_of(test_id) for test_id in ids]}
-        yield Fact("tests.left_out_of_use", campaign.remarks[0], f"without {', '.join(ids)}", reasons)
+        yield Fact("cae.ended_otherwise", {"runs": odd, "paired_tests": tests})
+    if (quality := campaign.quality).failing:
+        counts = {"failing": list(quality.failing), "failed": len(quality.failing), "runs": quality.runs}
+        yield Fact("cae.runs_fail", {**counts, "quality": joined([quality.summary, *quality.named])})
+    if ids := [test_id for test_id, _ in campaign.unused]:
+        reasons = [campaign.reason_of(test_id) for test_id in ids]
+        yield Fact("tests.left_out_of_use", {"tests": ids, "reasons": reasons, "sentence": campaign.remarks[0]})
     if (prior := campaign.prior) is not None:
-        values = {"vehicles": list(prior.vehicles), "taken_out": prior.taken_out, "sha256": prior.fingerprint}
-        label = f"Archive of {len(prior.vehicles)} vehicles"
-        yield Fact("campaign.archive", prior.sentence, label, values)
+        archive = {"vehicles": list(prior.vehicles), "taken_out": prior.taken_out, "sha256": prior.fingerprint}
+        yield Fact("campaign.archive", {**archive, "sentence": prior.sentence})
     for warning in campaign.warnings:
-        yield Fact("campaign.warning", warning, "Warning")
+        yield Fact("campaign.warning", {"sentence": warning})
     if campaign.notice:
-        yield Fact("campaign.notice", campaign.notice, campaign.notice.partition(":")[0])
+        yield Fact("campaign.notice", {"label": campaign.notice_label, "sentence": campaign.notice})
 
 
 def tuning_fact(campaign: Campaign) -> Fact:
-    """Which tests the CAE model was tuned to, and of which that is not said."""
-    tuned = [test.id for test in campaign.tests if test.cae_tuned]
-    unknown = [test.id for test in campaign.tests if test.cae_tuned is None]
-    sentences = []
-    if tuned:
-        sentences.append(
-            f"The CAE model was tuned to {read_out(tuned)}: predictions of tests that it has seen prove little, and "
-            "support no verdict."
-        )
-    if unknown:
-        of = "the tests" if len(unknown) == len(campaign.tests) else read_out(unknown)
-        sentences.append(f"Whether the CAE model was tuned to {of} is not said (column cae_tuned of tests.csv).")
-    label = f"CAE model tuned to {', '.join(tuned)}" if tuned else "Tuning not said"
-    return Fact("tests.cae_tuned", joined(sentences), label, {"tuned": tuned, "unknown": unknown})
+    """Which tests the CAE model was tuned to, and of which that is not stated."""
+    by_word = {word: [test.id for test in campaign.tests if test.cae_tuned is word] for word in (True, None)}
+    undeclared = "any test" if len(by_word[None]) == len(campaign.tests) else by_word[None]
+    return Fact("tests.cae_tuned", {"tuned": by_word[True], "unknown": by_word[None], "undeclared": undeclared})
 
 
 def departure_fact(departure: Departure) -> Fact:
     """How far a test differs from its neighbours: it stands apart, or is like them."""
     values = {
-        "test": departure.test,
         "neighbours": list(departure.neighbours),
         "speed_mps": departure.speed_mps,
         "differs_by_g": min(departure.bias_mps2) / G,
         "others_differ_by_g": max(departure.bias_between_mps2) / G,
         "best_rating": max(departure.ratings),
         "lowest_rating_of_others": min(departure.ratings_between),
+        "alone": list(departure.alone),
     }
-    code, label = ("test.stands_apart", "stands apart") if departure.apart else ("test.alike", "is like its neighbours")
-    return Fact(code, departure.sentence, f"{departure.test} {label}", values)
+    return Fact("test.stands_apart" if departure.apart else "test.alike", values, (departure.test,))

@@ -9,7 +9,6 @@ the highest gain with b = 0.5, 1 and 2, and beyond both by the 95 % of Student's
 """
 
 import math
-import re
 from dataclasses import dataclass
 from itertools import pairwise, takewhile
 from typing import Self
@@ -21,15 +20,12 @@ from scipy.special import stdtrit
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.errors import UsageError
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.units import Quantity, Sentence, signed
-
-_WHOLE = r"[1-9]\d{0,2}(?P<mark>[,. \xa0\u202f'’])\d{3}(?:(?P=mark)\d{3})*|\d+"  # in groups of three, or in none
-_DECIMALS = r"(?!(?P=mark))(?(mark)[.,]|\.)(?P<decimals>\d+)"
-_AMOUNT = re.compile(rf"(?P<before>[^\d\s.,+-]*)\s*(?P<whole>{_WHOLE})(?:{_DECIMALS})?\s*(?P<after>[^\d.,+-]*)")
+from crashfuse.units import counted, signed, statements
 
 EXPONENTS = (0.5, 1.0, 2.0)
 """Of the law: the middle one for what is expected, all for its interval."""
 
+_GROUP = 3  # digits between commas
 _LEAST_SIZES = 4
 _NOTHING = 0.0005  # a gain that is rounded to nothing
 
@@ -44,16 +40,19 @@ class Cost:
     @classmethod
     def of(cls, text: str) -> Self:
         """Read an amount such as ``60000``, ``60,000 EUR`` or ``$60000``; a UsageError if it is not one above 0."""
-        match = _AMOUNT.fullmatch(str(text).strip())
-        whole = re.sub(r"\D", "", match["whole"]) if match else "0"
-        if match and match["mark"] == "." and match["whole"].count(".") == 1 and match["decimals"] is None:
-            raise UsageError(f"{match['whole']} may be {whole} or {whole[:-3]}: write the one that is meant.")
-        amount = float(f"{whole}.{(match and match['decimals']) or 0}")
-        if match is None or not 0 < amount < math.inf:
-            raise UsageError(
-                f"The cost of a test is a number above 0, with or without a currency (60,000 EUR), not {text!r}."
-            )
-        return cls(amount, (match["before"] or match["after"]).strip())
+        places = [place for place, letter in enumerate(text) if letter.isdecimal()] or [0]
+        before, number, after = text[: places[0]], text[places[0] : places[-1] + 1], text[places[-1] + 1 :]
+        whole, point, decimals = number.partition(".")
+        first, *groups = whole.split(",")
+        if point and len(decimals) == _GROUP and decimals.isdecimal() and whole.isdecimal() and whole != "0":
+            raise UsageError(f"{number} may be {whole}{decimals} or {float(number):g}: write the one that is meant.")
+        parts = [first, *groups, decimals or "0"]
+        is_number = all(map(str.isdecimal, parts)) and all(len(group) == _GROUP for group in groups)
+        amount = float("".join([first, *groups, ".", decimals])) if is_number else 0.0
+        if not 0 < amount < math.inf or {*before, *after} & {*"+-.,"} or (before.strip() and after.strip()):
+            found = f"a number above 0, with or without a currency (60,000 EUR), not {text!r}"
+            raise UsageError(f"The cost of a test is {found}.")
+        return cls(amount, (before + after).strip())
 
     def times(self, factor: float) -> str:
         """A multiple of it, to two digits."""
@@ -168,53 +167,56 @@ def summary(curve: LearningCurve) -> pd.DataFrame:
 def sentences(curve: LearningCurve, cost: Cost | None = None) -> tuple[str, ...]:
     """Where the campaign stands, and what one more test would buy."""
     name, n = curve.judged, len(curve.campaign.tests)
-    statements = [_standing(curve, name, n)]
+    told = [_standing(curve, name, n)]
     if not CLASSES[name].learns_from_tests:
-        return (*statements, f"{CLASSES[name].label} learns from no test: further tests change nothing.")
+        return (*told, f"{CLASSES[name].label} learns from no test: further tests change nothing.")
     if steps := gains(curve):
-        last, rest = steps[-1], n - 1
+        last = steps[-1]
         price = _price(last.per_test, cost) if last.is_clear else ": no clear gain"
-        statements.append(
+        told.append(
             f"From {last.before} to {last.after} tests it gains {signed(last.gain, 3)}{plus_minus(last.error)}{price}."
         )
-        gain = enough(curve)
-        statements.append(
-            f"No fewer tests, evenly over speed, rate as well as {rest}."
-            if gain is None
-            else f"{gain.before} of the tests, evenly over speed, may rate as well as {rest}: the gain of "
-            f"{signed(gain.gain, 3)}{plus_minus(gain.error)} is within twice its standard error."
-        )
-    statements.append(_outlook(one_more(curve), n, cost))
-    return tuple(statements)
+        if (gain := enough(curve)) is not None:
+            less = f"{signed(gain.gain, 3)}{plus_minus(gain.error)}"
+            told.append(f"{counted(gain.before, 'test')} may rate as well as {n - 1}: a gain of {less}.")
+    return (*told, _outlook(one_more(curve), n, cost))
 
 
 def _standing(curve: LearningCurve, name: str, n: int) -> str:
     ratings, last = curve.by_test(name).iloc[:, -1], summary(curve).query("approach == @name").iloc[-1]
-    standing = (
-        f"With {n - 1} of {n} tests {CLASSES[name].in_words} rates {ratings.mean():.3f}{plus_minus(_error(ratings))}"
-        f" over 0–{curve.window_ms:g} ms (mean of {len(ratings)} held-out tests ± standard error)"
-    )
+    values: dict[str, object] = {
+        "tests": f"{n - 1} of {n} tests",
+        "method": CLASSES[name].in_words,
+        "rating": f"{ratings.mean():.3f}{plus_minus(_error(ratings))}",
+        "window_ms": curve.window_ms,
+        "width_g": None if math.isnan(last["half_width_g"]) else last["half_width_g"],
+        "inside": last.get("inside"),
+    }
     if "cae" in curve.config.approaches and name != "cae":
-        standing += f"; the raw CAE model {curve.by_test('cae').iloc[:, -1].mean():.3f}"
+        values["raw"] = curve.by_test("cae").iloc[:, -1].mean()
     if not math.isnan(last.get("decided", math.nan)):
-        standing += f". It decides {100 * last['decided']:.0f} % of the verdicts on metrics, counted over these tests"
-    if math.isnan(last["half_width_g"]):
-        return f"{standing}."
-    band, inside = Quantity((last["half_width_g"],), "g"), f"{100 * last['inside']:.0f} %"
-    return Sentence("{}. Its 95 % band is ± {} wide on average and holds {} of a(t).", standing, band, inside)
+        values["decided"] = last["decided"]
+    return statements(_STANDING, values)
+
+
+_STANDING = (
+    "With {tests} {method} rates {rating} over 0–{window_ms:g} ms (mean ± standard error).",
+    "It decides {decided:.0%} of the verdicts on metrics.",
+    "The raw CAE model: {raw:.3f}.",
+    "The 95 % band is ± {width_g} wide on average and holds {inside:.0%} of a(t).",
+)
 
 
 def _outlook(more: OneMore | None, n: int, cost: Cost | None) -> str:
     if more is None:
-        return f"What one more test would add cannot be told from {n} tests; it takes 5."
+        return "What one more test would add is told from 5 tests."
     if more.lower >= _NOTHING:
         interval = f"{more.lower:.3f} to {more.upper:.3f} (95 %)"
-        return f"One more test, after these {n}, should add about {more.gain:.3f}, {interval}{_price(more.gain, cost)}."
-    what = f"What one more test would add to these {n} cannot be told from nothing"
+        return f"One more test should add about {more.gain:.3f}, {interval}{_price(more.gain, cost)}."
     if more.upper < _NOTHING:
-        return f"{what}."
+        return f"One more test after these {n} adds nothing that can be told."
     price = "" if cost is None else f"; at {cost} each, 0.01 costs {cost.times(0.01 / more.upper)} or more"
-    return f"{what}: about {max(more.gain, 0):.3f}, at most {more.upper:.3f} (95 %){price}."
+    return f"One more test may add nothing: about {max(more.gain, 0):.3f}, at most {more.upper:.3f} (95 %){price}."
 
 
 def _price(per_test: float, cost: Cost | None) -> str:

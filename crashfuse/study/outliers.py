@@ -26,7 +26,6 @@ from crashfuse.execution.run import Run
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import rate_windows
-from crashfuse.signals.rating_explanation import rating_range
 from crashfuse.units import G, Sentence, acceleration, read_out, speed
 
 WINDOW_MS = 60.0
@@ -58,27 +57,6 @@ class Departure:
         """Whether it differs more from every neighbour than any two of them from each other, by bias and by pulse."""
         by_bias = min(self.bias_mps2) > max(self.bias_between_mps2)
         return by_bias and max(self.ratings) < min(self.ratings_between)
-
-    @property
-    def sentence(self) -> str:
-        """That the test stands apart, by how much, and what to do; or that it does not."""
-        if not self.apart:
-            return Sentence("{} differs from the tests at its speed no more than these from each other.", self.test)
-        least, most = acceleration(min(self.bias_mps2)), acceleration(max(self.bias_between_mps2))
-        template = (
-            "{} differs from the other {} tests at about {} by {} or more (RMS over crush), these from each other by "
-            "{} or less. {}: check its record, or judge {} by both."
-        )
-        alone = f"It alone has {', '.join(self.alone)}, which may be why, or it folded otherwise"
-        at, why = speed(self.speed_mps), alone if self.alone else "A test there may fold either way"
-        return Sentence(template, self.test, len(self.neighbours), at, least, most, why, at)
-
-    @property
-    def evidence(self) -> str:
-        """How the pulses of the test and its neighbours rate against each other."""
-        rated, between = (rating_range(min(r), max(r)) for r in (self.ratings, self.ratings_between))
-        others = ", ".join(self.neighbours)
-        return Sentence("Its pulse rates {} against {}, theirs {} against each other.", rated, others, between)
 
 
 def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: float = WINDOW_MS) -> Departure | None:

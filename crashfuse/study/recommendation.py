@@ -6,7 +6,7 @@ tests, of two at least: one alone cannot tell approaches apart. It is decided by
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
@@ -26,10 +26,18 @@ from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.study.estimate import Estimate, find_estimate
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating, mean_near
-from crashfuse.study.facts import Fact, campaign_facts, departure_fact, distinct, extrapolation_facts, window_facts
+from crashfuse.study.facts import (
+    Fact,
+    campaign_facts,
+    departure_fact,
+    distinct,
+    doubt_fact,
+    extrapolation_facts,
+    window_facts,
+)
 from crashfuse.study.outliers import LEAST, Departure, departure
 from crashfuse.study.study import Fold, Study
-from crashfuse.units import MPH, G, Quantity, Sentence, joined, read_out, speed
+from crashfuse.units import MPH, G, Quantity, Sentence, joined
 
 _CHANGED = 0.02  # in rating: less is no difference
 
@@ -43,7 +51,7 @@ class Account:
     rating: float  # overall, over [0, window_ms)
     window_ms: float
     expected: ExpectedRating | None
-    neighbours: int  # number of other tests at about its speed
+    neighbours: tuple[str, ...]  # other tests at about its speed
     departure: Departure | None  # from the neighbours, if they are enough to tell
     without_neighbours: float | None  # the rating if these are left out as well, where it is known
     inside: float | None  # share of a(t) up to the time of zero velocity inside the 95 % band, if there is one
@@ -60,15 +68,16 @@ class Account:
     @property
     def facts(self) -> tuple[Fact, ...]:
         """How the expectation came out, and what the measurements say about the test itself."""
-        way = ", left out with all at about its speed" if self.with_group and self.neighbours else ""
-        where = f"{way}, over 0–{self.window_ms:g} ms"
-        outcome = f"{CLASSES[self.approach].label} came out {self.rating:.3f} ({grade(self.rating)})."
-        if self.expected is not None:
-            outcome = self.expected.outcome(self.rating).replace("Expected", "expected", 1)
-        v0 = speed(self.test.condition.speed_mps)
-        sentence = Sentence("{}, {}{}: {}", self.test.id, v0, where, outcome)
-        values = {"test": self.test.id, "approach": self.approach, "rating": self.rating, "window_ms": self.window_ms}
-        return Fact("left_out.outcome", sentence, values=values), *self.about_test
+        outcome = f"It came out {self.rating:.3f} ({grade(self.rating)})."
+        values = {
+            "approach": self.approach,
+            "rating": self.rating,
+            "window_ms": self.window_ms,
+            "speed_mps": self.test.condition.speed_mps,
+            "left_out_with": self.neighbours if self.with_group else (),
+            "outcome": outcome if self.expected is None else self.expected.outcome(self.rating),
+        }
+        return Fact("left_out.outcome", values, (self.test.id,)), *self.about_test
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -78,23 +87,16 @@ class Account:
     @property
     def about_test(self) -> tuple[Fact, ...]:
         """What the measurements say about the test itself."""
-        facts = []
-        if self.test.faults:
-            faults = joined([fault.text for fault in self.test.faults], "; ")
-            facts.append(Fact("test.in_doubt", Sentence("Its record is in doubt: {}.", faults), "Test in doubt"))
+        facts = [doubt_fact(self.test)] if self.test.faults else []
         if self.departure is not None:
-            facts += [departure_fact(self.departure), Fact("left_out.evidence", self.departure.evidence)]
+            facts.append(departure_fact(self.departure))
         else:
-            few = f"Other tests at about its speed: {self.neighbours}"
-            text = f"{few}; it takes {LEAST} to tell whether a test stands apart."
-            facts.append(Fact("left_out.few_neighbours", text, values={"neighbours": self.neighbours}))
+            facts.append(Fact("left_out.few_neighbours", {"neighbours": len(self.neighbours), "least": LEAST}))
         if (without := self.without_neighbours) is not None:
-            compared = f"Rated {without:.3f} without its neighbours, {self.rating:.3f} with them"
-            misled = ": they mislead here" if without > self.rating + _CHANGED else ""
-            facts.append(Fact("left_out.without_neighbours", f"{compared}{misled}.", values={"rating": without}))
+            code = "left_out.misled" if without > self.rating + _CHANGED else "left_out.without_neighbours"
+            facts.append(Fact(code, {"rating": without}))
         if self.inside is not None:
-            text = f"Inside the 95 % band is {100 * self.inside:.0f} % of its a(t) up to TTZV."
-            facts.append(Fact("left_out.inside", text, values={"inside": self.inside}))
+            facts.append(Fact("left_out.inside", {"inside": self.inside}))
         return (*facts, *window_facts(self.test, self.window_ms))
 
 
@@ -115,7 +117,7 @@ def account(
     others = config.training_campaign(campaign, test.id)
     approach = approach or recommend_for(fold.estimates, others, test.condition, window_ms).approach
     estimate = fold.estimate(approach)
-    neighbours = len(campaign.speed_group(test.id)) - 1
+    neighbours = tuple(other for other in campaign.speed_group(test.id) if other != test.id)
     draws = estimate.prediction.draws_mps2
     with_group = config.leave_out == "speed group"
     if not neighbours or with_group:
@@ -126,7 +128,7 @@ def account(
             pulse = Pulse(GRID_S, alone.prediction.accel_mps2)
             without_neighbours = rate_windows(test.pulse, pulse, [window_ms])[float(window_ms)].overall
     apart = None
-    if neighbours >= LEAST:
+    if len(neighbours) >= LEAST:
         apart = departure(campaign, test.id, CaeModel().fit(campaign.cae, run), window_ms)
     rating, expected = fold.ratings[approach][window_ms].overall, expected_rating(estimate, others, window_ms)
     inside, group = None if draws is None else Coverage.of(test, draws).accel, (neighbours, apart, without_neighbours)
@@ -162,11 +164,7 @@ _CLEARLY = 0.02  # in rating: a handful of tests cannot separate approaches clos
 _TOLD = 0.005  # in rating: less is not worth a word
 _NEAR_MPS = 3 * MPH
 _GOOD = 0.80
-_FARTHER = (
-    "The condition is farther in speed from all tests than any of these was from the others: see the width of the band."
-)
 SPEED_GROUPS = "recommendation.speed_groups"  # the one fact that rests on other folds than the study's own
-_BASIS = "Here tests are left out of this one fit; a study fits anew without each."
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +174,7 @@ class Recommendation:
     approach: str
     facts: tuple[Fact, ...]  # the recommendation, what to expect of it, its basis, and cautions
     expected: ExpectedRating | None = None  # of that approach, for a single prediction
-    undecided: str = ""  # from which approaches the tests cannot tell it, and what prefers one of these
+    ties: Mapping[str, object] = field(default_factory=dict)  # with approaches that the tests cannot tell it from
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -190,9 +188,9 @@ class Recommendation:
         """The facts once the test is known: how the expectation came out comes first."""
         if self.expected is None:
             return self.facts
-        use = f"Recommended was {CLASSES[self.approach].in_words}{self.undecided}. {self.expected.outcome(rating)}"
-        values = {"approach": self.approach, "rating": rating}
-        return Fact("recommendation.outcome", use, values=values), *self.facts[1:]
+        values = {"approach": self.approach, "rating": rating, "method": CLASSES[self.approach].in_words}
+        told = {**values, **self.ties, "outcome": self.expected.outcome(rating)}
+        return Fact("recommendation.outcome", told), *self.facts[1:]
 
 
 def recommend_for(
@@ -213,54 +211,51 @@ def recommend_for(
         return _by_the_paper(names, campaign, condition)
     most = max(rating.mean for rating in expected.values())
     equal = [name for name, rating in expected.items() if rating.mean > most - _CLEARLY]
-    name, best, undecided = equal[0], expected[equal[0]], ""
+    name, best = equal[0], expected[equal[0]]
+    ties: Mapping[str, object] = {}
     if len(equal) > 1:
         means = {w: [mean_near(by_name[other], campaign, best.tests, w) for other in equal] for w in WINDOWS_MS}
-        undecided = _undecided(equal, means, [expected[other].lowest for other in equal], len(best.tests))
-    facts = [_use(name, f"{undecided}."), Fact("recommendation.expected", best.sentence, values=asdict(best))]
+        ties = _ties(equal, means, [expected[other].lowest for other in equal], len(best.tests))
+    rated = {**asdict(best), "sentence": best.sentence}
+    facts = [_use(name, CLASSES[name].in_words, ties), Fact("recommendation.expected", rated)]
     if best.farther:
-        facts.append(Fact("recommendation.farther", _FARTHER))
+        facts.append(Fact("recommendation.farther"))
     if name != BASELINE and BASELINE in expected:
         raw = expected[BASELINE].mean
-        worse = " No better is to be expected here." * (best.mean <= raw)
-        text = f"The raw CAE model rated {raw:.2f} on the same tests.{worse}"
-        facts.append(Fact("recommendation.raw_cae", text, values={"mean_rating": raw}))
+        facts.append(Fact("recommendation.raw_cae", {"mean_rating": raw}))
+        if best.mean <= raw:
+            facts.append(Fact("recommendation.no_better"))
     if CLASSES[name].made_of:
-        facts.append(Fact("recommendation.mixture", by_name[name].prediction.notes[0]))
+        facts.append(Fact("recommendation.mixture", {"sentence": by_name[name].prediction.notes[0]}))
     if best.median <= _GOOD:
-        likely = "to be expected" if best.upper <= _GOOD else "likely"
-        text = f"Less than {grade(_GOOD + 1e-9)} is {likely}: a guide, not a proof."
-        facts.append(Fact("recommendation.poor", text))
-    facts.append(Fact("recommendation.basis", _BASIS))
-    return Recommendation(name, (*facts, *extrapolation_facts(campaign, condition)), best, undecided)
+        facts.append(Fact("recommendation.poor", {"likely": "to be expected" if best.upper <= _GOOD else "likely"}))
+    return Recommendation(name, (*facts, *extrapolation_facts(campaign, condition)), best, ties)
 
 
-def _use(approach: str, why: str) -> Fact:
-    text = Sentence("Use {}{}", CLASSES[approach].in_words, why)
-    return Fact("recommendation.use", text, values={"approach": approach})
+def _use(approach: str, method: str, ties: Mapping[str, object]) -> Fact:
+    return Fact("recommendation.use", {"approach": approach, "method": method, **ties})
 
 
-def _undecided(
+def _ties(
     equal: Sequence[str], means: Mapping[float, Sequence[float]], lowest: Sequence[float], n_tests: int
-) -> str:
-    told = [read_out([CLASSES[other].in_words for other in equal[1:]])]
-    for what, ratings in {**{f"0–{w:g} ms": of_all for w, of_all in means.items()}, "the worst test": lowest}.items():
+) -> Mapping[str, object]:
+    names, preferred = [CLASSES[other].in_words for other in equal], []
+    by_part = {**{f"over 0–{w:g} ms": of_all for w, of_all in means.items()}, "in the worst test": lowest}
+    for part, ratings in by_part.items():
         higher, lower = max(ratings), ratings[0]
         if higher - lower >= _TOLD:
-            best = equal[ratings.index(higher)]
-            told.append(f"{what} prefers {CLASSES[best].in_words} ({higher:.3f} for {lower:.3f})")
-    return f": {n_tests} left-out tests cannot tell it from {'; '.join(told)}"
+            preferred.append(f"{names[ratings.index(higher)]} {part} ({higher:.3f} for {lower:.3f})")
+    return {"n_tests": n_tests, "equal": names[1:], "preferred": preferred}
 
 
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
     is_beside = AboutTimeDomain.name in names and away <= _NEAR_MPS
     name = AboutTimeDomain.name if is_beside else names[0]
-    trusted = "the paper (Sect. 4.3) trusts the time domain beside a test, else the displacement domain"
-    reason = Sentence(f": the nearest test is {{}} away, and {trusted}.", speed(away))
     why = "there is only one test" if len(campaign.tests) == 1 else "no test was left out under these settings"
-    unknown = Fact("recommendation.expected", f"What rating to expect is not known: {why}.")
-    return Recommendation(name, (_use(name, reason), unknown, *extrapolation_facts(campaign, condition)))
+    unknown = Fact("recommendation.expected", {"sentence": f"What rating to expect is not known: {why}."})
+    facts = _use(name, CLASSES[name].in_words, {}), unknown, Fact("recommendation.by_the_paper", {"away_mps": away})
+    return Recommendation(name, (*facts, *extrapolation_facts(campaign, condition)))
 
 
 def recommend(study: Study) -> Recommendation:
@@ -287,39 +282,34 @@ def _recommendation(study: Study) -> Recommendation:
     excess = {name: values - best for name, values in crps.items()}
     # the best and all within a standard error of it, the preferred one first
     name, *equal = [name for name, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(n)]
-    undecided = ""
+    ties: Mapping[str, object] = {}
     if equal:
         means = {w: [study.mean_rating(other, w) for other in (name, *equal)] for w in study.config.windows_ms}
         worst = [min(fold.ratings[other][window_ms].overall for fold in study.folds) for other in (name, *equal)]
-        undecided = _undecided((name, *equal), means, worst, n)
-    shown = {other: Quantity((float(values.mean()),), "g", ".2f") for other, values in crps.items()}
-    others = [Sentence("{} {}", CLASSES[other].in_words, value) for other, value in shown.items() if other != name]
-    distance = Sentence(
-        f"Over 0–{window_ms:g} ms, on {n} left-out tests, its mean distance from what was measured (CRPS, less is "
-        "better) is {}.",
-        joined([Sentence("{}", shown[name]), *filter(None, [joined(others, ", ")])], "; "),
-    )
+        ties = _ties((name, *equal), means, worst, n)
+    crps_of = {other: float(values.mean()) for other, values in crps.items()}
+    distances = [
+        Sentence("{} {}", CLASSES[other].in_words, Quantity((crps_of[other],), "g", ".2f"))
+        for other in sorted(crps_of, key=lambda other: other != name)
+    ]
+    method = f"{CLASSES[name].in_words} {'away from tested speeds' if grouped else 'for this campaign'}"
+    distance = {"crps_g": crps_of, "window_ms": window_ms, "n": n, "distances": joined(distances, ", ")}
     facts = [
-        _use(name, f" {'away from tested speeds' if grouped else 'for this campaign'}{undecided}."),
-        Fact("recommendation.distance", distance, values={"crps_g": {o: float(v.mean()) for o, v in crps.items()}}),
+        _use(name, method, ties),
+        Fact("recommendation.distance", distance),
         _rated("recommendation.ratings", study, name, window_ms),
     ]
     if name in study.coverage:
         coverage = study.coverage[name]
-        n = len(coverage.tests)
-        text = (
-            f"95 % model band: {100 * coverage.share('accel'):.0f} % of a(t) up to zero velocity (TTZV) inside, crush "
-            f"in {coverage.count('crush')} of {n} left-out tests, peak in {coverage.count('peak')}."
-        )
-        facts.append(Fact("recommendation.coverage", text, values={"coverage": coverage.counts}))
+        shown = {"inside": coverage.share("accel"), "n": len(coverage.tests)}
+        shown |= {part: coverage.count(part) for part in ("crush", "peak")}
+        facts.append(Fact("recommendation.coverage", {"coverage": coverage.counts, **shown}))
     if (groups := study.speed_groups) is not None:
         facts.append(_rated(SPEED_GROUPS, groups, name, window_ms))
     decays = [bool(own.state.get("decay_over_speed")) for fold in study.folds for own in fold.estimates]
     if any(decays):
-        fits = f"in {sum(decays)} of {len(study.folds)} fits"
-        text = f"Away from tested speeds the displacement domain falls back towards the raw CAE model, {fits}."
-        facts.append(Fact("recommendation.falls_back", text, values={"fits": sum(decays)}))
-    return Recommendation(name, tuple(facts), undecided=undecided)
+        facts.append(Fact("recommendation.falls_back", {"fits": sum(decays), "n": len(study.folds)}))
+    return Recommendation(name, tuple(facts), ties=ties)
 
 
 def recommend_without(study: Study, fold: Fold, window_ms: float) -> Recommendation:
@@ -342,16 +332,17 @@ def crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:
 def _rated(code: str, study: Study, name: str, window_ms: float) -> Fact:
     overall = {fold.held_out: fold.ratings[name][window_ms].overall for fold in study.folds}
     mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
-    v0 = speed(study.campaign.test(worst).condition.speed_mps)
-    values: dict[str, object] = {"mean_rating": mean, "worst_rating": overall[worst], "worst_test": worst}
-    way = "Without tests of about the same speed: mean" if study.config.leave_out == "speed group" else "Mean"
-    rated = Sentence(f"{way} rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({{}}, {{}})", worst, v0)
-    if name == BASELINE or BASELINE not in study.config.approaches:
-        return Fact(code, joined([rated, "."], ""), values=values)
-    raw = {fold.held_out: fold.ratings[BASELINE][window_ms].overall for fold in study.folds}
-    harm = {test: round(raw[test], 3) - round(rating, 3) for test, rating in overall.items()}
-    below = [test for test in harm if harm[test] > 0]
-    most = f"by up to {max(harm.values()):.3f}"
-    compared = f"better than this in {', '.join(below)} ({most})" if below else "better in no test"
-    text = Sentence(f"{{}}; the raw CAE model {np.mean(list(raw.values())):.3f}, {{}}.", rated, compared)
-    return Fact(code, text, values=values)
+    values: dict[str, object] = {
+        "mean_rating": mean,
+        "grade": grade(mean),
+        "worst_rating": overall[worst],
+        "worst_test": worst,
+        "speed_mps": study.campaign.test(worst).condition.speed_mps,
+        "way": "with its speed group" if study.config.leave_out == "speed group" else "alone",
+    }
+    if name != BASELINE and BASELINE in study.config.approaches:
+        raw = {fold.held_out: fold.ratings[BASELINE][window_ms].overall for fold in study.folds}
+        harm = {test: round(raw[test], 3) - round(rating, 3) for test, rating in overall.items()}
+        values["raw_rating"] = float(np.mean(list(raw.values())))
+        values |= {"raw_better_in": [test for test in harm if harm[test] > 0], "raw_better_by": max(harm.values())}
+    return Fact(code, values)

@@ -109,7 +109,7 @@ def _show_headline(comparison: _Comparison) -> None:
     repeat = comparison.repeats.get(comparison.window_ms)
     beside = [] if repeat is None else [repeat.sentence(rated, LABELS[advice.approach])]
     first, *reasons = (fact.sentence for fact in advice.after(rated))
-    headline = [first]
+    headline: list[str] = [first]
     if (raw := overall.get(BASELINE, rated)) - rated >= _NO_CHANGE:
         headline.append(f"The raw CAE model rates {raw:.3f}, higher.")
     results.show_recommendation(headline, [*reasons, *beside], "warning" if missed else "lightbulb")

@@ -16,8 +16,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError, DataError
-from crashfuse.reporting.cae_events import events_sentences, events_table
 from crashfuse.reporting.figures import ONE_PROCESS, Draw
+from crashfuse.reporting.fit_explanations import events_sentences, events_table
 from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.result_tables import archive_table
 from crashfuse.study.config import StudyConfig

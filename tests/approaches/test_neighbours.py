@@ -31,9 +31,7 @@ def test_a_test_whose_sensor_failed_is_named_where_it_is_near(campaign: Campaign
     slowest, *others = campaign.tests
     failed = replace(slowest, faults=(SensorFault("saturated", 0.03, 0.05, -20 * G, 9.0),))
     doubtful = replace(campaign, tests=(failed, *others))
-    (sentence,) = doubtful_tests(doubtful, slowest.condition)
-    assert sentence.startswith(f"{slowest.id} is near this condition")
-    assert "saturated, flat at −20.0 g between 30.0 and 50.0 ms" in sentence
+    assert doubtful_tests(doubtful, slowest.condition) == (failed,)
     assert doubtful_tests(doubtful, others[-1].condition) == ()
     assert doubtful_tests(campaign, slowest.condition) == ()
 

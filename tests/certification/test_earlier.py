@@ -23,10 +23,9 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
-from crashfuse.reporting.certification_facts import facts, sentences
+from crashfuse.reporting.certification_facts import facts, outcomes, sentences
 from crashfuse.reporting.certification_record import _criterion, certification_json
 from crashfuse.reporting.certification_tables import SHOWN, track_record_table
-from crashfuse.reporting.evidence_facts import outcomes
 from crashfuse.reporting.plots.display import DEFAULT
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.signals.metrics import METRIC_UNITS, metric_values
@@ -284,8 +283,10 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(today: Certification
     table = track_record_table(beside).query("left_out == 'planned' and criterion == 'peak'")
     assert (table["verdict"].item(), table["met"].item()) == (word, False)
     assert table["measured"].item() == pytest.approx(peak)
-    told = [dict(fact.values) for fact in facts(beside) if fact.code == "since.wrong"]
-    assert told == [{"test": fastest.id, "criterion": "peak", "said": "met"}] * wrong
+    told = [fact for fact in facts(beside) if fact.code == "since.wrong"]
+    assert [(own.about, own.values["criterion"], own.values["said"]) for own in told] == [
+        ((fastest.id,), "peak", "met")
+    ] * wrong
     assert SHOWN["since"](beside, DEFAULT).frame["The test"].tolist()[1] == "missed it" + ", wrong" * wrong
     record, report = json.loads(certification_json(beside)), certification_report(beside)
     assert (record["since"]["decided"]["wrong"], record["since"]["decided"]["tests"]) == share

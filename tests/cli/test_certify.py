@@ -167,7 +167,7 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     digest = hashlib.sha256((first / "certification.json").read_bytes()).hexdigest()
     assert digest in [own.digest for own in listed]
     assert f"SHA-256 of certification.json: {digest}" in printed
-    assert f"tests that it did not know: {last}." in printed
+    assert f"Tests that it did not know: {last}." in printed
     table = pd.read_csv(second / "track_record.csv").query("left_out == 'planned'")
     assert table["held_out"].tolist() == [last, last]  # the rating would be that of another prediction
     measured = {metric.name: metric.value for metric in campaign.metrics_of(campaign.test(last))}
@@ -247,4 +247,4 @@ def test_a_full_disk_leaves_no_part_of_a_certification(
 def test_costs_stand_in_the_record(planned: Path, tmp_path: Path, shell: Shell) -> None:
     printed = shell.prints(*certifying(planned, tmp_path / "out", "--costs", 5, 100))
     assert read_earlier(tmp_path / "out").criteria.costs == Costs(5, 100)
-    assert "only 0.8 was asked for" in printed
+    assert "skipping pays from a confidence of 0.95; 0.8 is asked for." in printed

@@ -183,8 +183,8 @@ def test_a_folder_that_may_not_be_written_is_one_sentence(
 
 @pytest.mark.slow
 def test_what_older_results_of_the_same_kind_had_more_does_not_stay(campaign_on_disk: Path, tmp_path: Path) -> None:
-    """Speed groups that are not asked for again, channels of approaches that are left out; a stranger's file stays."""
-    study, predict = tmp_path / "study", tmp_path / "prediction"
+    """Speed groups that are not asked for again; a stranger's file stays."""
+    study = tmp_path / "study"
     command = ["study", campaign_on_disk, "--out", study, "--approach", "cae", "--workers", 1]
     assert run(*command) == cli.DONE
     (study / "notes.txt").write_text("")
@@ -192,12 +192,6 @@ def test_what_older_results_of_the_same_kind_had_more_does_not_stay(campaign_on_
     assert run(*command, "--leave-out", "test") == cli.DONE
     names = {"notes.txt", "scores.csv", "pulses.csv", "metrics.csv", "study.json", "report.html"}
     assert {path.name for path in study.iterdir()} == names
-
-    command, once = ["predict", campaign_on_disk, *at_condition(30, 2100, 1500), "--out"], tmp_path / "once"
-    assert run(*command, predict, "--approach", "cae", "displacement_domain") == cli.DONE
-    assert run(*command, predict, "--approach", "cae") == cli.DONE
-    assert run(*command, once, "--approach", "cae") == cli.DONE
-    assert {p.relative_to(predict) for p in predict.rglob("*")} == {p.relative_to(once) for p in once.rglob("*")}
 
 
 def test_a_name_that_the_terminal_cannot_show_is_no_traceback(

@@ -21,22 +21,14 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
-from crashfuse.reporting.certification_facts import (
-    PLACES,
-    SUBJECTS,
-    exceptions,
-    facts,
-    planned,
-    planned_table,
-    sentences,
-    shown,
-)
+from crashfuse.reporting.certification_facts import CATALOGUE, PLACES, SUBJECTS, exceptions, facts, sentences
 from crashfuse.reporting.certification_record import certification_json, certification_record
 from crashfuse.reporting.certification_tables import SHOWN, certification_table
 from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.certification import certification_report
+from crashfuse.reporting.verdicts import planned, planned_table
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, KPH_KG, MPH
@@ -177,8 +169,8 @@ def test_facts_stand_in_the_places_of_their_code_in_order(certification: Certifi
     """Every one stands somewhere; those against the verdicts under the subject of their code."""
     found = wrong(certification)
     assert {fact.code for fact in facts(found)} <= {code for codes in (*PLACES.values(), SUBJECTS) for code in codes}
-    codes = [fact.code for fact in shown(found, "summary")]
-    assert codes == sorted(codes, key=PLACES["summary"].index)
+    codes = [fact.code for fact in facts(found)]
+    assert codes == sorted(codes, key=[*CATALOGUE].index)
     told = tuple(fact.sentence for fact in facts(found) if fact.code == "record.wrong")
     assert exceptions(found)["Wrong verdicts on left-out tests"] == told
     assert list(exceptions(found)) == [SUBJECTS[code] for code in SUBJECTS if SUBJECTS[code] in exceptions(found)]
@@ -205,7 +197,6 @@ def test_answers_have_what_decides_them(certification: Certification) -> None:
     assert told(met, (replace(missed, word="met"), undecided, *rest), third)[1] == "run: open: OLC"
     short = "cannot say: records too short for crush, OLC, rating"
     assert told(met, row_as(second, "open", None), third)[1] == short
-    assert values(replace(certification, verdicts=(met, met, met)), "matrix.none_needed") == [{}]
 
 
 def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confidence(
@@ -228,7 +219,7 @@ def test_conditions_that_are_one_are_one_test_that_need_not_be_run(certification
     found = replace(certification, matrix=many, verdicts=(met,) * 4)
     record = certification_record(found)
     assert (record["saved"], record["counted_once"]) == ({"n": 2, "tests": 2}, {"M20.1": "M20", "M20.2": "M20"})
-    assert values(found, "matrix.saved") == [{"n": 2, "of": 2}]
+    assert [(own["n"], own["of"]) for own in values(found, "matrix.saved")] == [(2, 2)]
     assert [(own.id, own.word) for own in planned(found)] == [(i, "skip") for i in many.ids]
     ran = tuple(replace(own, run={"T1": 1.0}) for own in met)
     assert replace(found, verdicts=(met, met, ran, met)).saved == (1, 2)
@@ -308,7 +299,8 @@ def test_the_saving_to_expect_is_that_of_the_costs(certification: Certification)
     assert (set(found.answers.values()), found.saved, found.waived) == ({"run"}, (0, 3), {})  # that is a loss
     dear = replace(found, criteria=replace(found.criteria, costs=Costs(80.0, 100.0)))
     assert (set(dear.answers.values()), dear.saved) == ({"skip"}, (3, 3))  # at most 77.6 are lost of 80
-    assert certification_record(found)["costs"] == {"confidence": costs, "saving": saving}
+    numbers = {key: value for key, value in saving.items() if isinstance(value, int | float)}
+    assert certification_record(found)["costs"] == {"confidence": costs, "saving": numbers}
     assert parse_earlier(certification_json(found)).criteria == found.criteria
     report = certification_report(found)
     assert all(str(escape(sentence)) in report for sentence in sentences(found, "costs"))

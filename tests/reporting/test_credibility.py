@@ -11,11 +11,11 @@ from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
-from crashfuse.reporting.certification_facts import PLACES, SUBJECTS
+from crashfuse.reporting.certification_facts import CATALOGUE
 from crashfuse.reporting.credibility import credibility_table, factors
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.facts import IMPORTANCE
+from crashfuse.study.facts import CATALOGUE as OF_CAMPAIGN
 from crashfuse.units import KPH_KG, MPH
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -41,7 +41,7 @@ def test_every_factor_has_a_number_or_says_that_there_is_none(certification: Cer
     activities = ["Code verification", "Calculation verification", "Validation", "Applicability"]
     assert counts[activities].tolist() == [2, 3, 6, 2]
     assert (table[["factor", "question", "data_say"]] != "").all(axis=None)
-    known = {*SUBJECTS, *IMPORTANCE, *(code for codes in PLACES.values() for code in codes)}
+    known = {*CATALOGUE, *OF_CAMPAIGN}
     assert {code for row in factors() for code in row.get("facts", ())} <= known
 
 
@@ -51,7 +51,7 @@ def test_its_numbers_are_those_of_the_certification(certification: Certification
     for factor, told in (
         ("Decision consequence", "Not declared."),
         (factors()[14]["factor"], "1 of 2 planned tests lie inside the validated domain, 50 % outside."),
-        ("Output comparison", f"{n} verdicts met or not met, none wrong"),
+        ("Output comparison", f"In all {n} verdicts on left-out tests, 0 wrong"),
         ("Relevance of the quantities of interest", "1 of 1 criteria have a left-out test near"),
     ):
         assert told in says(certification, factor)
@@ -68,7 +68,7 @@ def test_what_the_campaign_states_takes_the_place_of_what_is_not_said(certificat
         assert (f"1 of {len(ends)} CAE runs are stated to have ended normally." in says(own, "Use error")) is is_stated
         assert ("did not end normally" in says(own, "Use error")) is is_stated
         assert ("laboratory 4" in says(own, "Test conditions")) is is_stated
-        assert ("is not said" in says(own, "Test samples")) is not is_stated
+        assert ("is not stated" in says(own, "Test samples")) is not is_stated
 
 
 def test_what_was_not_tried_is_said_with_its_option(certification: Certification) -> None:

@@ -64,7 +64,7 @@ def test_how_tests_would_be_left_out_tells_no_predictions_apart(predicted: Predi
 
 def test_it_shows_itself(predicted: PredictedPulse) -> None:
     """In a line, as a table, as the pages' figure in the unit asked for."""
-    assert repr(predicted).startswith("<PredictedPulse, displacement domain, at 30.0 mph")
+    assert repr(predicted).startswith("<PredictedPulse, displacement_domain, at 30.0 mph")
     (table,) = pd.read_html(io.StringIO(predicted._repr_html_()))
     assert table["Metric"].tolist()[0] == "Peak deceleration (g)"
     assert "m/s²" in predicted.plot(unit="m/s²").layout.yaxis.title.text

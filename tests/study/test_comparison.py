@@ -56,7 +56,7 @@ def test_a_test_left_out_alone_is_compared_with_itself_left_out_with_its_speed_g
     for first, second, harder in ((alone, grouped, "second"), (grouped, alone, "first")):
         compared = StudyComparison(first, second)
         assert compared.ways == [", ".join([*first.by_way, *second.by_way])]
-        assert f"the {harder} with all tests at about their speed" in compared.cautions[0]
+        assert f"The {harder} left out all tests at about a speed" in compared.cautions[0]
         assert compared.means()["first"].tolist()[0] == first.ratings["T1"]["fused"][60.0]
     assert StudyComparison(alone, alone).cautions == ()
 

@@ -27,12 +27,8 @@ N = 9
         ("60,000 EUR", 60000.0, "EUR"),
         ("€ 60000", 60000.0, "€"),
         (" 1,250,000.50 USD ", 1250000.5, "USD"),
-        ("1.200.000 EUR", 1.2e6, "EUR"),
-        ("60.000,50 €", 60000.5, "€"),
-        ("CHF 60'000", 60000.0, "CHF"),
-        ("60 000,5", 60000.5, ""),
         ("0.500", 0.5, ""),
-        ("1234.567", 1234.567, ""),
+        ("1,234.567", 1234.567, ""),
     ],
 )
 def test_a_cost_is_an_amount_with_or_without_a_currency(text: str, amount: float, currency: str) -> None:
@@ -40,7 +36,8 @@ def test_a_cost_is_an_amount_with_or_without_a_currency(text: str, amount: float
 
 
 @pytest.mark.parametrize(
-    "text", ["-5", "0", "", "many", "1e400", "60,00 EUR", "5 6", "nan", "inf", "1'000 000", "1.2.3"]
+    "text",
+    ["-5", "0", "", "many", "1e400", "60,00 EUR", "5 6", "nan", "inf", "1'000", "1.200.000 EUR", "60.000,50", "a 5 b"],
 )
 def test_what_is_no_cost_is_a_sentence(text: str) -> None:
     with pytest.raises(UsageError, match="number above 0, with or without a currency"):

@@ -7,6 +7,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.comparison import StudyComparison
+from crashfuse.study.facts import departure_fact
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.outliers import Departure
 from crashfuse.study.planning import weights_sentence
@@ -31,7 +32,7 @@ def accounts(campaign: Campaign) -> Iterator[str]:
     groups = Study(campaign, replace(config, leave_out="speed group"), (sound,))
     yield from worst_test(groups, approach="displacement_domain").sentences
     apart = Departure("A", ("B", "C", "D"), 15.0, 60.0, (3.0, 4.0), (1.0, 2.5), (0.5, 0.7), (0.8, 0.9))
-    yield from (apart.sentence, apart.evidence, replace(apart, ratings=(0.5, 0.85)).sentence)
+    yield from (departure_fact(own).sentence for own in (apart, replace(apart, ratings=(0.5, 0.85))))
 
 
 def recommendations(campaign: Campaign) -> Iterator[str]:

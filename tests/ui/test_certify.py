@@ -17,8 +17,9 @@ from streamlit.testing.v1.element_tree import Selectbox
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import Certification
-from crashfuse.reporting.certification_facts import exceptions, planned, sentences
+from crashfuse.reporting.certification_facts import exceptions, sentences
 from crashfuse.reporting.certification_record import certification_json
+from crashfuse.reporting.verdicts import planned
 from crashfuse.ui.certify.entry import Field
 from crashfuse.ui.certify.results import Judgement, last_verdicts
 from crashfuse.ui.kit.campaigns import View
@@ -119,7 +120,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert "{} of {}".format(*expected.saved) in session.words
     for told in exceptions(expected).values():
         assert told[0] in session.words
-    for sentence in sentences(expected, "matrix"):
+    for sentence in sentences(expected, "summary"):
         assert sentence in session.words
     for i, verdict in expected.cells:
         assert verdict.reason in reason(session, f"{i} | {verdict.criterion.name}")
@@ -427,7 +428,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     assert len(kept(session).options) > before  # another process may keep some, too
     record = json.loads(certification_json(of_library(asking)))
     last, _ = record["tests_sha256"].popitem()
-    told = f"tests that it did not know: {last}."
+    told = f"Tests that it did not know: {last}."
     for content, words in ((b"{}", "expected the record of a certification"), (json.dumps(record).encode(), told)):
         session.app.file_uploader[-1].set_value([("certification.json", content, "application/json")])
         session.run()

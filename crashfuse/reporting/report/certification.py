@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.verdict import WORDS
-from crashfuse.reporting.certification_facts import PLACES, exceptions, planned_table, sentences
+from crashfuse.reporting.certification_facts import PLACES, exceptions, sentences
 from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.credibility import credibility_table
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
@@ -16,6 +16,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render, repeats_table
 from crashfuse.reporting.table import Table
+from crashfuse.reporting.verdicts import planned_table
 from crashfuse.study.repeatability import repeatability
 
 _MOST_ROWS = 1000  # of a table; all of them are in the CSV files

@@ -111,7 +111,7 @@ def render(
         },
         shown_otherwise=""
         if display.unit == "g" and not display.deceleration
-        else f"Shown: {display.accel_title.lower()}; the command's files have g, with the data's sign.",
+        else f"Shown in {display.unit}{', braking positive' * display.deceleration}; files have g and the data's sign.",
         **own,
     )
 

@@ -23,10 +23,7 @@ from crashfuse.study.recommendation import recommend_for
 _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
 
-NEXT_TEST_MEANING = (
-    "How much a test narrows the band is known before it is run: a Gaussian process has its variance from where tests "
-    "are, not from what they measure. The band is that of the displacement domain's bias (RMS)."
-)
+NEXT_TEST_MEANING = "How a test narrows the band of the bias (RMS) follows from where it is, not from what it measures."
 
 
 def prediction_report(
@@ -105,14 +102,8 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
     )
 
 
-LEARNING_CURVE_MEANING = (
-    "From parts of the tests, chosen evenly over speed and at random, all others are predicted and rated. A mean "
-    "counts each held-out test once."
-)
-ONE_MORE_MEANING = (
-    "Gains are mean differences on the same held-out tests, with standard errors. One more test follows from rating = "
-    "limit − a / n (least squares); its interval covers exponents of n from 0.5 to 2."
-)
+LEARNING_CURVE_MEANING = "From parts of the tests, even over speed and at random, all others are predicted and rated."
+ONE_MORE_MEANING = "One more test: rating = limit − a / n (least squares); the interval covers exponents from 0.5 to 2."
 
 
 def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, display: Display = DEFAULT) -> str:

@@ -10,8 +10,7 @@ from crashfuse.approaches.registry import LABELS, label_of
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
 from crashfuse.reporting import rating_tables
-from crashfuse.reporting.cae_events import events_sentences, events_table, study_events
-from crashfuse.reporting.fit_explanations import coverage_table
+from crashfuse.reporting.fit_explanations import coverage_table, events_sentences, events_table, study_events
 from crashfuse.reporting.past_results import comparison_means, left_out_in_words, studies_table
 from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.plots.display import DEFAULT, Display

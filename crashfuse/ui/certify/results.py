@@ -14,16 +14,15 @@ from crashfuse.certification.certify import APPROACH, Certification, Variant, is
 from crashfuse.certification.criteria import Criteria, criteria_text, varied
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.track_record import at_most
 from crashfuse.errors import CrashfuseError
-from crashfuse.reporting.certification_facts import DECISIVE, Place, Planned, exceptions, headline, planned, sentences
+from crashfuse.reporting.certification_facts import DECISIVE, Place, exceptions, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import SHOWN, changed_text, csv_as_given, matrix_table
 from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.table import Table
-from crashfuse.reporting.verdicts import certify
+from crashfuse.reporting.verdicts import Planned, certify, planned
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong
@@ -245,17 +244,13 @@ def show_answer(judgement: Judgement) -> None:
         for subject, told in subjects:
             st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in told))
         st.markdown("**The answer in sentences**")
-        judgement.show_sentences("matrix")
+        judgement.show_sentences("summary")
 
 
 def _show_headline(certification: Certification) -> None:
-    _, n, missed = certification.record.waived(certification.criteria)
-    st.subheader(headline(certification), anchor=False)
-    record = f"Of left-out tests {n} would have been skipped"
-    if n:
-        record += f"; {missed} of these missed a criterion ({at_most(missed, n)}, exact 95 % bound)"
-    st.caption(f"Confidence {certification.criteria.confidence:g}. {record}.")
-    for sentence in sentences(certification, "costs"):
+    (headline,) = sentences(certification, "answer")
+    st.subheader(headline, anchor=False)
+    for sentence in sentences(certification, "headline"):
         st.caption(plain(sentence))
 
 

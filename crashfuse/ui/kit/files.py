@@ -73,7 +73,7 @@ def caption(alt: str, drawn: str = "") -> Caption:
         details.append(LEFT_OUT["speed group"].capitalize())
     details += [f"{test} left out of use" for test, _ in campaign.unused]
     if campaign.notice:
-        details.append(campaign.notice.partition(":")[0])
+        details.append(campaign.notice_label)
     names += [*unusual_settings(), *_chosen(_LOOK), *(f"without {test}" for test, _ in campaign.unused)]
     return Caption(file_name(campaign.name, *names), title, " · ".join(details))
 

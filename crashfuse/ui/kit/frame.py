@@ -316,7 +316,7 @@ def _show_answer(row: DeltaGenerator, view: View) -> None:
         page, chosen = _PLACE_OF.get(fact.code, ("", {}))
         label = plain(fact.label)
         if fact.code == "test.stands_apart":
-            chosen = {**chosen, "test": str(fact.values["test"])}
+            chosen = {**chosen, "test": fact.about[0]}
             at = words(speed(campaign.test(chosen["test"]).condition.speed_mps, form=".0f"))
             label = f"{label} at {at}"
         if page:
