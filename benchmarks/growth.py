@@ -90,7 +90,7 @@ def _tests_row(folder: Path) -> None:
     campaign, load_s = _timed(lambda: load_campaign(folder))
     config, cache = StudyConfig(), Cache()
     Fit.of(campaign, "lf_tcn", config, Run(cache))  # depends on no test
-    learned = [_timed(partial(Fit.of, campaign, name, config, cache=cache)) for name in _LEARNING]
+    learned = [_timed(partial(Fit.of, campaign, name, config, Run(cache))) for name in _LEARNING]
     fits = [fit for fit, _ in learned]
     first, condition = (replace(campaign.tests[0].condition, speed_mps=speed) for speed in (9.0, 10.0))
     estimates_at(fits, first)  # what is needed once

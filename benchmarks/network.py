@@ -12,7 +12,7 @@ import os
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from unittest.mock import patch
 
@@ -28,6 +28,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.progress import Progress, Watch
+from crashfuse.execution.run import UNKEPT
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.units import MPH, G
@@ -57,18 +58,17 @@ class _Training:
         self._approach = LfTcn(config, device="cpu")
         self._start = _clocks()
         with patch("crashfuse.approaches.time_domain.training.minimise", self._descend), suppress(Cancelled):
-            self._approach.fit(Campaign("nine tenths", known, ()))
+            self._approach.fit(Campaign("nine tenths", known, ()), replace(UNKEPT, watch=Watch(self._report)))
 
     def _descend(
         self,
         networks: Sequence[Tcn],
         objectives: Sequence[TrainingObjective],
         checkpoint: Checkpoint,
-        _: Watch,
         name: str,
     ) -> FloatArray:
         self._networks = networks
-        return minimise(networks, objectives, checkpoint, Watch(self._report), name)
+        return minimise(networks, objectives, checkpoint, name)
 
     def _report(self, progress: Progress) -> None:
         begin = _clocks()

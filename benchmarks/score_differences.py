@@ -29,8 +29,8 @@ def _between(pulse: Pulse, start_s: float, end_s: float) -> FloatArray:
 
 
 def _overall(reference: Pulse, comparison: Pulse, start_s: float = 0.0, end_s: float = _END_S) -> str:
-    curves = (_between(pulse, start_s, end_s) for pulse in (reference, comparison))
-    return f"{rate_iso18571(*curves, dt_s=RATING_DT_S).overall:.3f}"
+    first, second = (_between(pulse, start_s, end_s) for pulse in (reference, comparison))
+    return f"{rate_iso18571(first, second, dt_s=RATING_DT_S).overall:.3f}"
 
 
 def main() -> None:
@@ -43,7 +43,8 @@ def main() -> None:
     size = np.abs(t09.accel_mps2)
     start_s, end_s = t09.time_s[np.flatnonzero(size > _SHARE * size.max())[[0, -1]]].tolist()
     shown = f"here {start_s / MS:.1f}–{end_s / MS:.1f} ms"
-    as_it_is = rate_iso18571(*(pulse.accel_mps2[: round(_END_S / DT_S)] for pulse in (t09, t10)), dt_s=RATING_DT_S)
+    n = round(_END_S / DT_S)
+    as_it_is = rate_iso18571(t09.accel_mps2[:n], t10.accel_mps2[:n], dt_s=RATING_DT_S)
     bands = []
     for band in (0.05, 0.2):
         with patch.object(rating, "WARP_BAND", band):

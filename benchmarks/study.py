@@ -32,7 +32,6 @@ from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import Watch
 from crashfuse.execution.run import Run
 
 _STEPS = 4
@@ -134,7 +133,7 @@ def _paper_training_cpu_seconds(campaign: Campaign) -> float:
         accel_mps2=campaign.cae.accel_mps2[:few],
     )
     short = replace(paper, epochs=1)
-    cpu = _cpu_seconds(lambda: LfTcn(short).fit(replace(campaign, cae=library), Watch()))
+    cpu = _cpu_seconds(lambda: LfTcn(short).fit(replace(campaign, cae=library)))
     return cpu * paper.epochs * len(campaign.cae) / few
 
 
