@@ -20,6 +20,7 @@ _PROMINENCE = 0.1  # of the largest |a|: what rises less above its valleys is a 
 _FARTHEST = 0.2  # of the samples: as far apart as the rating looks for a shift
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _SEVERAL = 2  # humps: of one alone nothing is worst
+_LEAST_SHOWN = 0.005  # an error that is shown as 1 %; parts of a smaller one are rounding
 _NOTHING = 1e-9  # of a rating
 _BALANCED_MPS2 = 0.5  # a hump that differs less on average is neither too strong nor too weak
 _IN_PLACE_S = 0.0005  # a hump that comes this near to its time is not out of place
@@ -303,7 +304,7 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
 def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
     moved = "shifted and " if explanation.shift_s else ""
     text = f"{moved}warped, the {comparison} still differs by {100 * explanation.warped.error:.0f} % of the test"
-    if len(explanation.humps) < _SEVERAL or explanation.warped.error == 0:
+    if len(explanation.humps) < _SEVERAL or explanation.warped.error < _LEAST_SHOWN:
         return Sentence(text)
     worst = max(explanation.humps, key=lambda hump: hump.magnitude_share)
     text += f"; {100 * worst.magnitude_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
@@ -316,7 +317,7 @@ def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
 def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
     moved = "shifted, " if explanation.shift_s else ""
     text = f"{moved}the slope of the {comparison} differs by {100 * explanation.slopes.error:.0f} % of the test's"
-    if len(explanation.humps) < _SEVERAL or explanation.slopes.error == 0:
+    if len(explanation.humps) < _SEVERAL or explanation.slopes.error < _LEAST_SHOWN:
         return Sentence(text)
     worst = max(explanation.humps, key=lambda hump: hump.slope_share)
     share = f"{100 * worst.slope_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
