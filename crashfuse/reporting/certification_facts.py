@@ -68,6 +68,11 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         f"In all {{n:,}} verdicts on left-out tests, {{wrong}} wrong ({_BOUNDS}).",
         "No bound holds for another vehicle.",
     ),
+    "record.with_runs": (
+        "",
+        "Left-out tests are predicted without their CAE runs, as planned conditions have none.",
+        "With these runs: {n:,} verdicts, {wrong} wrong, and {skipped} tests would have been skipped.",
+    ),
     "since.beside": (
         "",
         "Beside the earlier certification of {conditions} from {tests}, made {date} by its own account (SHA-256 "
@@ -135,7 +140,10 @@ DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_togeth
 
 Place = Literal["answer", "headline", "costs", "summary", "record", "domain", "since"]
 _ANSWER, _COSTS = ("matrix.saved", "matrix.skipping_loses"), ("costs.confidence", "costs.saving")
-_RECORD = (*("record.waived", "record.decided", "record.no_gain", "record.none", "tests.cae_tuned", "since.outcomes"),)
+_RECORD = (
+    *("record.waived", "record.decided", "record.with_runs", "record.no_gain", "record.none"),
+    *("tests.cae_tuned", "since.outcomes"),
+)
 PLACES: Mapping[Place, tuple[str, ...]] = {
     "answer": _ANSWER,
     "headline": ("matrix.counts", "record.waived", *_COSTS),
@@ -236,6 +244,9 @@ def _record(certification: Certification) -> Iterator[Fact]:
     tests, saved, missed = record.waived(criteria)
     bound = at_most(missed, saved) if saved else None
     yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)
+    if (with_runs := certification.record_with_runs) is not None:
+        n, wrong = with_runs.decided
+        yield _fact("record.with_runs", n=n, wrong=wrong, skipped=with_runs.waived(criteria)[1])
     yield from _intervals(record)
     if whole := record.whole_pulses:
         narrow = any(largest_share(*counts) < WHOLE_SHARE for counts in whole.values())

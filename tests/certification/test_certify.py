@@ -197,6 +197,7 @@ def test_left_out_tests_have_a_cae_run_where_all_planned_conditions_have_one(
     assert (found.record_with_runs is None) == all_have_runs
     told: Any = certification_record(found)["track_record"]
     assert ("with_paired_runs" in told) != all_have_runs
+    assert all_have_runs or "record.with_runs" in {fact.code for fact in facts(found)}
     if found.record_with_runs is not None:
         assert told["with_paired_runs"]["decided"]["n"] == found.record_with_runs.decided[0]
         pairs = zip(found.record.trials, found.record_with_runs.trials, strict=True)
