@@ -249,7 +249,7 @@ def figure_of_test(
         raise UsageError(f"Corridors stand in the figures {' and '.join(_ACCELERATIONS)}, not in {figure}.")
     drawn = draw()
     if corridors:
-        pulses.add_corridors(drawn, fold.test.pulse, display)
+        drawn = pulses.add_corridors(drawn, fold.test.pulse, display)
     is_over_time = figure in (*_ACCELERATIONS, "residuals")
     return add_marks(drawn, [note for note in notes if note.test == held_out]) if is_over_time else drawn
 

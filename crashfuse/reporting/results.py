@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.certification.seal import REVIEW, SEAL
 from crashfuse.errors import DataError, Problem, UsageError
@@ -70,7 +70,7 @@ def replaced(kind: str, folder: Path) -> Iterator[Path]:
     Files that are not named as this program names its results stay.
     """
     *others, record = RESULT_FILES[kind]
-    of_pulses = tuple(f"{name}_" for name in LABELS)
+    of_pulses = tuple(f"{name}_" for name in CLASSES.declared)
     with written_together(folder, last=record) as staging:
         yield staging
         (folder / record).unlink(missing_ok=True)

@@ -44,7 +44,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "cae.runs_fail": ("{failed} of {runs} CAE runs fail", "{quality}"),
     "tests.left_out_of_use": ("without {tests}", "{sentence}"),
-    "campaign.archive": ("Archive of past vehicles", "{sentence}"),
+    "campaign.archive": ("Archive of {n_vehicles} vehicles", "{sentence}"),
     "campaign.warning": ("Warning", "{sentence}"),
     "campaign.notice": ("{label}", "{sentence}"),
     "recommendation.use": ("", "Use {method}.", *_TIES),
@@ -178,7 +178,7 @@ def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
         yield Fact("tests.left_out_of_use", {"tests": ids, "reasons": reasons, "sentence": campaign.remarks[0]})
     if (prior := campaign.prior) is not None:
         archive = {"vehicles": list(prior.vehicles), "taken_out": prior.taken_out, "sha256": prior.fingerprint}
-        yield Fact("campaign.archive", {**archive, "sentence": prior.sentence})
+        yield Fact("campaign.archive", {**archive, "n_vehicles": len(prior.vehicles), "sentence": prior.sentence})
     for warning in campaign.warnings:
         yield Fact("campaign.warning", {"sentence": warning})
     if campaign.notice:

@@ -29,7 +29,6 @@ from streamlit.web.cli import main
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
-from crashfuse.execution.run import share_one_heap
 from crashfuse.ui.kit import visitors
 from crashfuse.ui.kit.navigation import navigate
 from crashfuse.ui.kit.text import plain
@@ -179,7 +178,6 @@ def prepare() -> tuple[Middleware, ...]:
     handler = signal.getsignal(signal.SIGTERM)
     if callable(handler):  # uvicorn's own would raise SIGTERM once more, now fatal; by Ctrl-C uploads are deleted
         signal.signal(signal.SIGTERM, lambda _, frame: handler(signal.SIGINT, frame))
-    share_one_heap()
     return (Middleware(Guard),)
 
 
@@ -193,6 +191,9 @@ def start_importing() -> tuple[Future[None], Future[None]]:
 
 
 def _import_pages() -> None:
+    from crashfuse.execution.run import share_one_heap
+
+    share_one_heap()
     for name in _SLOW:
         import_module(name)
 

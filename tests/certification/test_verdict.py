@@ -256,7 +256,7 @@ def test_a_verdict_counts_as_decided_by_its_probability(curve: LearningCurve) ->
     assert found.table["decided"].tolist() == [0.5, 0.5, 1.0, 0.5]
     assert summary(found)["decided"].tolist() == [0.5, 0.75]
     assert curve_table(found).texts()["Decided (%)"].tolist() == ["50", "75"]
-    assert "It decides 75 % of the verdicts on metrics, counted over these tests." in sentences(found)[0]
+    assert "It decides 75 % of the verdicts on metrics." in sentences(found)[0]
 
 
 def test_ratings_alone_decide_nothing(curve: LearningCurve) -> None:

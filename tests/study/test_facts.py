@@ -113,7 +113,7 @@ def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -
     drawn = folds.preferred.prediction
     of_apart = not_none(drawn.draws_mps2)[not_none(drawn.apart)].mean(axis=0)
     np.testing.assert_allclose(folds.pulses["apart_g"], of_apart / G, rtol=1e-4)
-    assert "S4 stands apart" in (tmp_path / "Verdicts" / "certification.csv").read_text(encoding="utf-8")
+    assert "S4 stands apart" in (tmp_path / "Certification" / "certification.csv").read_text(encoding="utf-8")
     assert sentence in campaign_html(apart)
     prediction = predict(apart, apart.test("S1").condition, "cae", config)
     files = PulseExport(("isomme",)).files(apart, prediction.estimates)["isomme"]

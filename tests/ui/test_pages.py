@@ -27,6 +27,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.run import UNKEPT, Run
+from crashfuse.reporting.plots.drawing import drawing_of
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import learning_curve
@@ -143,7 +144,7 @@ def test_training_shows_progress_and_can_be_cancelled() -> None:
     assert "LF TCN: 3 of 10" in session.words
     assert session.charts == 1
     drawn = json.loads(session.app.get("plotly_chart")[0].proto.spec)
-    assert drawn["data"] == SentFigure(job.steps["LF TCN"].plot()).to_dict()["data"]
+    assert drawn["data"] == SentFigure(drawing_of(job.steps["LF TCN"].plot())).to_dict()["data"]
     layout = drawn["layout"]
     assert [layout[axis]["title"]["text"] for axis in ("xaxis", "yaxis")] == ["Step", "Loss"]
     session.press("Cancel")
