@@ -12,12 +12,19 @@ import numpy as np
 
 from crashfuse.errors import UsageError, printable, require_number
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH, LB, MASS, MPH, SPEED, UnitSystem, speed, weight
+from crashfuse.units import KPH, LB, MASS, MPH, SPEED, Sentence, UnitSystem, joined, speed, weight
 
 ABOUT = "about_"
 """How columns begin that say where a row comes from (laboratory, solver); they are no factors."""
 About = tuple[tuple[str, str], ...]
 """Those of a row that are filled, with their names."""
+
+
+def about_label(name: str) -> str:
+    """What such a column is about, to be read."""
+    return name.removeprefix(ABOUT).replace("_", " ")
+
+
 Factors = tuple[tuple[str, str], ...]
 _Units = tuple[str, str, str]
 SAME_CONDITION = 2e-3
@@ -124,6 +131,17 @@ class Condition:
         """Speed and weights with their units, in words."""
         v0, front, rear = speed(self.speed_mps), weight(self.front_weight_kg), weight(self.rear_weight_kg)
         return f"{v0.in_units(system)}, front {front.in_units(system)}, rear {rear.in_units(system)}"
+
+    @property
+    def besides_speed(self) -> dict[str, object]:
+        """Its weights and what factors it has, in few words."""
+        weights = weight(self.front_weight_kg, self.rear_weight_kg, between=" + ")
+        return {"": weights} | {name: value for name, value in self.factors if value}
+
+    @property
+    def brief(self) -> Sentence:
+        """The condition in few words: speed, front and rear weight, factors."""
+        return joined([speed(self.speed_mps), *self.besides_speed.values()], ", ")
 
     def __str__(self) -> str:
         return (

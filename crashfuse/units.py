@@ -267,6 +267,6 @@ def read_out(names: Sequence[str]) -> str:
     return joined([joined(first, ", "), last], " and ") if first else last
 
 
-def joined(sentences: Sequence[str], separator: str = " ") -> Sentence:
+def joined(sentences: Sequence[object], separator: str = " ") -> Sentence:
     """Several sentences as one that can still be said in other units."""
     return Sentence(separator.join(["{}"] * len(sentences)), *sentences)

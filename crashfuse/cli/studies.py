@@ -197,7 +197,7 @@ def past_studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it ha
     if not results:
         print("Nothing was computed on this machine yet.")
         return
-    table = history_table(results)
+    table = history_table(results).texts()
     table = table[[name for name in _SHOWN if name in table]]
     table.insert(0, "Id", [result.id for result in results])
     print(table.to_string(index=False))

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.certification.certify import Certification
-from crashfuse.condition import ABOUT
+from crashfuse.condition import ABOUT, about_label
 from crashfuse.reporting.certification_facts import facts
 from crashfuse.reporting.certification_tables import changed_text
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -67,7 +67,7 @@ def _of_tests(certification: Certification) -> dict[str, object]:
     repeats = repeatability(campaign, config.windows_ms, seed=config.seed)
     rated = [own[max(own)].value for own in repeats.values() if own]
     ends = [dict(about).get(f"{ABOUT}termination") for about in campaign.cae.about]
-    stated = Counter(name.removeprefix(ABOUT) for name, _ in chain.from_iterable(test.about for test in tests))
+    stated = Counter(about_label(name) for name, _ in chain.from_iterable(test.about for test in tests))
     speeds, masses = ([getattr(t.condition, name) for t in tests] for name in ("speed_mps", "mass_kg"))
     return {
         "version": __version__,
@@ -80,7 +80,7 @@ def _of_tests(certification: Certification) -> dict[str, object]:
         "speeds": speed(min(speeds), max(speeds), between=" to "),
         "masses": weight(min(masses), max(masses), between=" to "),
         "filter": campaign.filter_class or "not given",
-        "pedigree": ", ".join(f"{name.replace('_', ' ')} {n}" for name, n in stated.items()) or None,
+        "pedigree": ", ".join(f"{name} {n}" for name, n in stated.items()) or None,
         "doubtful": read_out([test.id for test in tests if test.faults]) or "none",
         "paired": sum(campaign.cae.paired_run(test.condition) is not None for test in tests),
         "walls": sum(test.wall is not None for test in tests),

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 from markupsafe import Markup
 
-from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
+from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
 from crashfuse.reporting.plots.canvas import without_links
@@ -50,22 +50,39 @@ class FiguresOfReport(NamedTuple):
     answers: tuple[str, ...] = ()
 
 
+class Report(str):
+    """A report as HTML; slides are made of its ``contents``."""
+
+    contents: FiguresOfReport
+
+    def __new__(cls, html: str, contents: FiguresOfReport) -> Self:  # noqa: D102
+        report = super().__new__(cls, html)
+        report.contents = contents
+        return report
+
+
 def read_figures(path: Path) -> FiguresOfReport:
     """The figures of a report that was written as a file; a DataError if it has none, or there is no such file."""
 
     def problem(found: str) -> DataError:
         expected, advice = "a report.html of crashfuse with figures", "name the report that a command has written"
-        return DataError(Problem(str(path), expected, found, advice))
+        return refusal(str(path), expected, found, advice)
 
     if not path.is_file():
         raise problem("no such file")
     if path.stat().st_size > _MOST_BYTES:
         raise problem(f"{path.stat().st_size >> 20} MB")
     try:
-        report = figures_of(path.read_text(encoding="utf-8"))
+        _, begin, rest = path.read_text(encoding="utf-8").rpartition(_BEGIN)
+        if not begin:
+            raise problem("no figure")
+        values = json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))
+        figures = tuple(ReportFigure(**figure) for figure in values["figures"])
+        notices, labels, answers = (tuple(map(str, values[name])) for name in ("notices", "labels", "answers"))
+        report = FiguresOfReport(str(values["title"]), notices, labels, figures, answers)
     except (ValueError, TypeError, LookupError, RecursionError) as error:
         raise problem(f"text that cannot be read as one ({error})") from error
-    if not report.figures:
+    if not figures:
         raise problem("no figure")
     return report
 
@@ -74,17 +91,6 @@ def embedded(report: FiguresOfReport) -> Markup:
     """The data of a report as a part of its page, which no text within them can end."""
     values = report._asdict() | {"figures": [figure._asdict() for figure in report.figures]}
     return Markup(_BEGIN + json.dumps(values, separators=(",", ":")).replace("<", "\\u003c") + _END)  # noqa: S704 - escaped
-
-
-def figures_of(report: str) -> FiguresOfReport:
-    """The data in the text of a report; a ValueError, TypeError or LookupError says that they are damaged."""
-    _, begin, rest = report.rpartition(_BEGIN)
-    if not begin:
-        return FiguresOfReport("", (), (), ())
-    values = json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))
-    figures = tuple(ReportFigure(**figure) for figure in values["figures"])
-    notices, labels, answers = (tuple(map(str, values[name])) for name in ("notices", "labels", "answers"))
-    return FiguresOfReport(str(values["title"]), notices, labels, figures, answers)
 
 
 def missing_for(formats: Sequence[FigureFormat]) -> str:
@@ -141,7 +147,7 @@ def _numbers(figure: ReportFigure) -> bytes:
         return csv_bytes(figure_table(figure.drawn))
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         expected, advice = "a figure as crashfuse draws it", "write the report again"
-        raise DataError(Problem(figure.title, expected, f"one that cannot be read ({error!r})", advice)) from error
+        raise refusal(figure.title, expected, f"one that cannot be read ({error!r})", advice) from error
 
 
 def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str, list[bytes]]:

@@ -330,7 +330,7 @@ def pulse_name(of: str, condition: Condition, display: Display) -> str:
 
 def prediction_name(approach: str, condition: Condition, display: Display) -> str:
     """Name of a prediction at another condition in a legend."""
-    return f"{LABELS[approach]} at {display.briefly(condition)}"
+    return f"{LABELS[approach]} at {display.words(condition.brief)}"
 
 
 def _further(campaign: Campaign, asked: Further, display: Display) -> tuple[str, Estimate | Prediction]:

@@ -6,17 +6,14 @@ from datetime import UTC, datetime
 from itertools import permutations
 from pathlib import Path
 
-import pandas as pd
-
 from crashfuse.approaches.registry import APPROACHES, LABELS, label_of
 from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import read_csv_table
-from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.table import Column, Table
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult, Ratings, parsed
-from crashfuse.units import counted
+from crashfuse.units import Sentence, counted, joined
 
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
 _IN_TWO_WAYS = {
@@ -25,17 +22,17 @@ _IN_TWO_WAYS = {
 }
 
 
-def history_table(results: Iterable[PastResult | Earlier], display: Display = DEFAULT) -> pd.DataFrame:
+def history_table(results: Iterable[PastResult | Earlier]) -> Table:
     """One row per result: what was asked, with which settings, and what came of it, over the longest window."""
-    table = pd.DataFrame([_row(result, display) for result in results])
-    return table if table.empty or table["Note"].any() else table.drop(columns="Note")
+    table = Table.of("history", map(_row, results))
+    return table if table.empty or table.frame["Note"].any() else table.without("Note")
 
 
-def described(result: PastResult | Earlier, display: Display = DEFAULT) -> str:
+def described(result: PastResult | Earlier) -> Sentence:
     """A result in a few words, to choose it by: date, what, settings, campaign, note."""
-    row = _row(result, display)
-    names = ("Date (UTC)", "What", "Settings", "Campaign", "Note")
-    return " · ".join(filter(None, (row[name] for name in names)))
+    row = _row(result)
+    named = (row[name] for name in ("Date (UTC)", "What", "Settings", "Campaign", "Note"))
+    return joined([text for text in named if text], " · ")
 
 
 def left_out_in_words(way: str) -> str:
@@ -63,14 +60,14 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
     return table.without(*alone) if (frame["tests"] == 1).all() else table
 
 
-def studies_table(first: PastResult, second: PastResult, display: Display = DEFAULT) -> Table:
+def studies_table(first: PastResult, second: PastResult) -> Table:
     """What two studies are, one row for each property."""
-    rows = history_table([first, second], display).T
-    rows.loc["Id"] = [first.id, second.id]
-    return Table.of("studies", rows.set_axis(["First", "Second"], axis=1).rename_axis("Study").reset_index())
+    one, other = (_row(result) | {"Id": result.id} for result in (first, second))
+    rows = ({"Study": name, "First": one[name], "Second": other[name]} for name in one)
+    return Table.of("studies", (row for row in rows if row["Study"] != "Note" or first.note or second.note))
 
 
-def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:
+def _row(result: PastResult | Earlier) -> dict[str, str]:
     names = ("Date (UTC)", "Campaign", "What", "Note", "Recommended", "Mean rating", "Worst test", "Settings", "Data")
     row = dict.fromkeys(names, "–") | {"Date (UTC)": f"{result.date[:10]} {result.date[11:16]}"}
     if isinstance(result, Earlier):
@@ -91,7 +88,7 @@ def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:
     elif result.expected:
         row["Mean rating"] = f"{result.expected} (80 %)"
     if result.condition is not None:
-        what = f"at {display.briefly(result.condition)}"
+        what: str = Sentence("at {}", result.condition.brief)
     else:
         tests = f"test {result.tests[0]}" if len(result.tests) == 1 else f"study of {len(result.tests)} tests, each"
         what = f"{tests} {_LEFT_OUT[config.leave_out]}"

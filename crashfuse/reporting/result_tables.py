@@ -13,13 +13,14 @@ from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.cae_library import QualityVerdict
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import listed
-from crashfuse.condition import ABOUT, About
+from crashfuse.condition import About, about_label
 from crashfuse.reporting.table import CONDITION, PARTS, Column, Kind, Table, frame_of, of_condition
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, Metric
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, gains, summary
 from crashfuse.study.planning import NextTest, Sweep
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.units import KN, LB, MPH, MS, G, Quantity, Sentence
 
@@ -273,6 +274,23 @@ def curve_table(curve: LearningCurve) -> Table:
     return Table("learning curve", frame, columns)
 
 
+def tests_table(campaign: Campaign) -> Table:
+    """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
+    rows = (
+        {
+            "Test": test.id,
+            **of_condition(test.condition),
+            "CAE pulse": campaign.cae.ids[run] if run is not None else "emulator",
+            "Inside the CAE runs' range": not campaign.cae.extrapolation(test.condition),
+            **({} if test.cae_tuned is None else {"CAE tuned to it": test.cae_tuned}),
+            **{about_label(name): value for name, value in test.about},
+        }
+        for test in campaign.tests
+        for run in [campaign.cae.paired_run(test.condition)]
+    )
+    return Table.of("tests", rows, *CONDITION)
+
+
 def about_table(campaign: Campaign) -> Table:
     """Where tests and CAE runs come from, as far as that is stated; empty if it is not."""
     rows = [(test.id, [test.about]) for test in campaign.tests if test.about]
@@ -304,7 +322,7 @@ def wall_table(campaign: Campaign) -> Table:
 def _about_cells(about: Sequence[About]) -> dict[str, str]:
     counts: dict[str, Counter[str]] = {}
     for name, value in chain.from_iterable(about):
-        counts.setdefault(name.removeprefix(ABOUT).replace("_", " ").capitalize(), Counter())[value] += 1
+        counts.setdefault(about_label(name).capitalize(), Counter())[value] += 1
     if len(about) == 1:
         return {name: next(iter(values)) for name, values in counts.items()}
     return {name: listed(f"{v} ({n})" for v, n in values.most_common()) for name, values in counts.items()}
@@ -341,3 +359,22 @@ def quality_table(verdict: QualityVerdict) -> Table:
     )
     table = Table("quality", frame, columns)
     return table if verdict.limits is not None else table.without("Pass", "Fail")
+
+
+def repeats_table(
+    found: Mapping[str, Mapping[float, Repeatability]], tests: Sequence[str], windows_ms: Sequence[float]
+) -> Table | None:
+    """What a repeat of each of these tests would rate, by window, with its interval; None if nothing is known."""
+    known = {test: found.get(test, {}) for test in tests}
+    if not any(window in own for own in known.values() for window in windows_ms):
+        return None
+    rows = []
+    for test, own in known.items():
+        row: dict[str, object] = {"Test": test}
+        for window in windows_ms:
+            values = (own[window].value, own[window].lower, own[window].upper) if window in own else [None] * 3
+            row |= {f"0–{window:g} ms{end}": value for end, value in zip(PARTS["interval"], values, strict=True)}
+        repeats = next(iter(own.values())).repeats if own else ()
+        rows.append(row | {"Repeats among the tests": ", ".join(repeats) or "none"})
+    windows = (Column(f"0–{window:g} ms", "interval", form=".3f", ends_form=".2f") for window in windows_ms)
+    return Table.of("repeats", rows, *windows)

@@ -26,6 +26,7 @@ from crashfuse.ui.kit.navigation import open_next
 from crashfuse.ui.kit.results import refused_into, show_problems, show_table, window_label
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import uploaded_data
+from crashfuse.units import Sentence
 
 _ROW_PX, _MOST_ROWS = 35, 9
 _TICKED = "ticked"  # session key: ids of the results to open or to compare
@@ -73,7 +74,7 @@ def _listed(campaign: Campaign) -> list[PastResult | Earlier]:
 
 
 def _show_list(results: list[PastResult | Earlier], view: View) -> None:
-    state, table = st.session_state, history_table(results, view.display).drop(columns=["Campaign", "Data"])
+    state, table = st.session_state, history_table(results).without("Campaign", "Data").texts(view.display)
     rows = [row for row, result in enumerate(results) if result.id in state[_TICKED]]
     address.put(_TABLE, {"selection": {"rows": rows, "columns": [], "cells": []}})
 
@@ -95,7 +96,7 @@ def _show_list(results: list[PastResult | Earlier], view: View) -> None:
 
 
 def _show_ticked(result: PastResult | Earlier, which: str, view: View) -> None:
-    key, text = f"note on {result.id}", described(result, view.display)
+    key, text = f"note on {result.id}", described(result)
 
     def note(result: PastResult) -> None:
         with refused_into(_REFUSED, result.campaign):
@@ -104,7 +105,7 @@ def _show_ticked(result: PastResult | Earlier, which: str, view: View) -> None:
     with st.container(horizontal=True, vertical_alignment="center"):
         st.button(f"Open {which}{plain(text)}", icon=":material/arrow_forward:", on_click=_open, args=(result, view))
         if isinstance(result, PastResult):
-            label, example = plain(f"Note on {text}"), "note, such as: before the new rail"
+            label, example = plain(Sentence("Note on {}", text)), "note, such as: before the new rail"
             st.text_input(
                 label, result.note, LONGEST_NOTE, key=key, label_visibility="collapsed", placeholder=example,
                 on_change=note, args=(result,),

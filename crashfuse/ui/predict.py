@@ -219,7 +219,7 @@ def _show_pins(answer: _Answer) -> None:
     if pins:
         with st.popover(f"{len(pins)} pinned", key="pinned"):
             for text, other in pins.items():
-                label, key = plain(answer.view.display.briefly(other)), f"unpin {text}"
+                label, key = plain(other.brief), f"unpin {text}"
                 st.button(f":material/close: {label}", key=key, on_click=unpin, args=(text,), type="tertiary")
 
 
@@ -366,7 +366,7 @@ def _ends(text: str) -> tuple[float, float]:
 
 def _show_files(answer: _Answer) -> None:
     campaign, prediction, others, display = answer.view.campaign, answer.prediction, answer.at_pins, answer.view.display
-    config, of = chosen_config(), f"{campaign.name} {display.briefly(prediction.condition)}"
+    config, of = chosen_config(), f"{campaign.name} {display.words(prediction.condition.brief)}"
     form = choose_form(
         "recommendation, pulses, metrics and limits",
         "the pulse over displacement, the fits, the data, the method and its settings",

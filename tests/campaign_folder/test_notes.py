@@ -11,7 +11,7 @@ from crashfuse.campaign_folder.load import lay_out
 from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, change_notes, read_notes, write_notes
 from crashfuse.errors import DataError, UsageError
 from crashfuse.files.archive import zipped
-from crashfuse.reporting.figure_files import figures_of
+from crashfuse.reporting.figure_files import read_figures
 from tests.conftest import Capture, content_of
 
 NOTES = (
@@ -100,7 +100,8 @@ def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(
     text = (out / "report.html").read_text(encoding="utf-8")
     assert "<script>alert(1)" not in text
     assert "<td>&lt;script&gt;alert(1)&lt;/script&gt;</td>" in text
-    (drawn,) = [figure.drawn for figure in figures_of(text).figures if figure.title.endswith("Pulses over time")]
+    figures = read_figures(out / "report.html").figures
+    (drawn,) = [figure.drawn for figure in figures if figure.title.endswith("Pulses over time")]
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in [note["text"] for note in drawn["layout"]["annotations"]]
     assert "Method and settings" not in text
 

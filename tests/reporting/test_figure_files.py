@@ -20,7 +20,6 @@ from crashfuse.reporting.figure_files import (
     ReportFigure,
     embedded,
     figure_files,
-    figures_of,
     missing_for,
     read_figures,
 )
@@ -43,11 +42,18 @@ def report_of(*figures: go.Figure, titles: Sequence[str] = ("Result", "Result: B
 REPORT = report_of(drawn("a </script> <b", 300), drawn("c", 500), drawn("d", 400))
 
 
-def test_figures_are_read_from_the_data_of_a_report() -> None:
+def written(report: FiguresOfReport, folder: Path) -> Path:
+    """A report as a file, with other scripts around its data."""
+    path = folder / "report.html"
+    path.write_text(f"<h1>x</h1><script>figures</script>{embedded(report)}<script>run()</script>", encoding="utf-8")
+    return path
+
+
+def test_figures_are_read_from_the_data_of_a_report(tmp_path: Path) -> None:
     """As they were, whatever they say; of what the page says or runs nothing."""
-    text = f"<h1>x</h1><script>figures</script>{embedded(REPORT)}<script>run()</script>"
-    assert figures_of(text) == REPORT
-    assert text.count("</script>") == 3
+    path = written(REPORT, tmp_path)
+    assert read_figures(path) == REPORT
+    assert path.read_text(encoding="utf-8").count("</script>") == 3
 
 
 BEGIN = b'<script type="application/json" id="report">'
@@ -104,7 +110,7 @@ def test_figures_become_files_in_every_format() -> None:
 
 @needs_browser
 @pytest.mark.slow
-def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_drawing_reaches_no_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing that a figure names is fetched, not even from this machine; what the browser would goes to no proxy."""
     asked: list[str] = []
 
@@ -131,8 +137,7 @@ def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
             go.Figure([linked], {"images": images, "showlegend": True}),
             go.Figure([{"type": "image", "source": f"http://{here}/mine.jpg"}]),
         ]
-        report = figures_of(embedded(report_of(*figures)))
-        files = figure_files(report, ("svg",))
+        files = figure_files(read_figures(written(report_of(*figures), tmp_path)), ("svg",))
         with pytest.raises(CrashfuseError, match="did not draw"):  # a map, which would be fetched
             figure_files(report_of(go.Figure([{"type": "scattergeo", "lon": [0], "lat": [0]}])), ("svg",))
         server.shutdown()

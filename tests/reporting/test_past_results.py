@@ -6,7 +6,6 @@ from html import unescape
 import numpy as np
 import pytest
 
-from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.past_results import comparison_means, described, left_out_in_words, studies_table
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.ratings import rating_differences
@@ -46,7 +45,7 @@ def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyC
     assert "Each test left out with all at its speed" in words
     assert "fast, seed 7" in words
     assert f"crashfuse compare {compared.first.id} {compared.second.id} --report FILE" in words
-    assert len(figures_of(report).figures) == 2
+    assert len(report.contents.figures) == 2
     assert not re.findall(r"(?:src|href)=[\"']?http", words)
     assert comparison_report(compared, Display(window_ms=40.0)) == report
 

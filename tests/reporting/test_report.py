@@ -13,7 +13,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
-from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report.page import ReportOptions
@@ -205,7 +204,7 @@ def test_a_report_shows_chosen_tests_in_the_units_and_the_window_of_the_page(stu
     assert "Every held-out test, 0–20 ms" in text
     assert " mph, left out, is rated over 0–20 ms." in text  # the worst test
     assert "With\n2 tests, no more than this can be promised." in text
-    pulses = next(figure.drawn for figure in figures_of(text).figures if figure.title.endswith("Pulses over time"))
+    pulses = next(figure.drawn for figure in text.contents.figures if figure.title.endswith("Pulses over time"))
     assert pulses["layout"]["yaxis"]["title"]["text"] == "Acceleration (m/s²)"
     assert "rated: 0–20 ms" in [note["text"] for note in pulses["layout"]["annotations"]]
     with pytest.raises(UsageError, match="T4"):

@@ -17,11 +17,15 @@ from streamlit.testing.v1 import AppTest
 from streamlit.testing.v1.element_tree import InitialValue, Selectbox
 
 from crashfuse.ui.kit.computation import jobs
-from crashfuse.ui.kit.text import as_read
 from crashfuse.ui.server import start_importing
 
 APP = Path(__file__).parents[2] / "app.py"
 SOON = 60.0
+
+
+def as_read(markdown: str) -> str:
+    """The text of which the page's Markdown was made."""
+    return re.sub(r"\\(\W|_)|\u2060", r"\1", markdown).replace("\N{NO-BREAK SPACE}", " ")
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from crashfuse.ui.kit.files import Caption
-from crashfuse.ui.kit.text import as_read
-from tests.ui.conftest import Session, Visit
+from tests.ui.conftest import Session, Visit, as_read
 
 pytestmark = pytest.mark.usefixtures("open_campaign")
 

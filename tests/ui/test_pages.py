@@ -37,10 +37,9 @@ from crashfuse.ui import study
 from crashfuse.ui.kit import computation
 from crashfuse.ui.kit.figures import SentFigure
 from crashfuse.ui.kit.jobs import Job
-from crashfuse.ui.kit.text import as_read
 from crashfuse.units import LB, MPH, G
 from tests.conftest import not_none
-from tests.ui.conftest import SOON, Session, begin
+from tests.ui.conftest import SOON, Session, as_read, begin
 
 pytestmark = pytest.mark.usefixtures("open_campaign")
 

@@ -12,17 +12,17 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.domain import Domain
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
+from crashfuse.reporting import result_tables
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.report import page as report_page
 from crashfuse.reporting.result_tables import metrics_shown, next_tests_table
 from crashfuse.reporting.table import Column, Table
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.planning import NextTest
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.results import styled
-from crashfuse.ui.kit.text import as_read
 from crashfuse.units import KPH_KG, LB, MPH, G
+from tests.ui.conftest import as_read
 
 UNBROKEN = "\N{NO-BREAK SPACE}"
 
@@ -106,7 +106,7 @@ def test_page_report_and_figure_say_one_range(campaign: Campaign, paired: bool) 
     )
     wider = replace(campaign, cae=library, tests=(*campaign.tests, far))
     on_page = results.conditions_table(wider).texts().iloc[-1]
-    in_report = report_page.tests_table(wider).texts().iloc[-1]
+    in_report = result_tables.tests_table(wider).texts().iloc[-1]
     legend = {trace.legendgroup for trace in condition_space(library, wider.tests).data if trace.text}
     assert on_page["In CAE range"] == in_report["Inside the CAE runs' range"] == ("yes" if paired else "no")
     assert on_page["Paired run"] == ("its own" if paired else "none")

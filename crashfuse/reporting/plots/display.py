@@ -127,22 +127,14 @@ class Display:
         """A condition in words: speed, front and rear weight."""
         return condition.in_units(self.system)
 
-    def briefly(self, condition: Condition) -> str:
-        """A condition in few words: speed, front and rear weight, factors."""
-        return ", ".join([self.speed(condition.speed_mps), *self._besides_speed(condition).values()])
-
     def apart(self, conditions: Sequence[Condition]) -> list[str]:
         """Conditions in as few words as tell them apart: their speeds, and what not all of them share."""
-        besides = [self._besides_speed(condition).items() for condition in conditions]
+        besides = [{n: self.words(own) for n, own in one.besides_speed.items()}.items() for one in conditions]
         shared = set(besides[0]).intersection(*besides)
         return [
             ", ".join([self.speed(condition.speed_mps), *(what for name, what in own if (name, what) not in shared)])
             for condition, own in zip(conditions, besides, strict=True)
         ]
-
-    def _besides_speed(self, condition: Condition) -> dict[str, str]:
-        weights = f"{self.weights(condition.front_weight_kg):.0f} + {self.weight(condition.rear_weight_kg)}"
-        return {"": weights} | {name: value for name, value in condition.factors if value}
 
     def columns(self, condition: Condition) -> dict[str, str]:
         """Speed and weights of a condition as cells of a table, by the headings of their columns."""

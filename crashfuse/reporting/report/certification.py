@@ -11,10 +11,12 @@ from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.certification_facts import PLACES, exceptions, sentences
 from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.credibility import credibility_table
+from crashfuse.reporting.figure_files import Report
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
-from crashfuse.reporting.report.page import render, repeats_table
+from crashfuse.reporting.report.page import render
+from crashfuse.reporting.result_tables import repeats_table
 from crashfuse.reporting.table import Table
 from crashfuse.reporting.verdicts import planned_table
 from crashfuse.study.repeatability import repeatability
@@ -27,7 +29,9 @@ _SHEET = ["Activity", "Factor", "Question", "What the data say", "Source"]
 _FILES = {"trials": "track_record.csv", "since": "track_record.csv"}  # that have all rows; else certification.csv
 
 
-def certification_report(certification: Certification, display: Display = DEFAULT, notes: Sequence[Note] = ()) -> str:
+def certification_report(
+    certification: Certification, display: Display = DEFAULT, notes: Sequence[Note] = ()
+) -> Report:
     """HTML report of a certification, made for paper; with what became of an earlier one, if it is beside one."""
     campaign, criteria, windows_ms = certification.campaign, certification.criteria, certification.config.windows_ms
     since, judged = certification.since, [own for own in criteria.items if certification.record.of(own)]

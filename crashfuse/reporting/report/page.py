@@ -19,7 +19,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, several
 from crashfuse.reporting import fit_explanations
 from crashfuse.reporting.exports import spreadsheet_text
-from crashfuse.reporting.figure_files import HEIGHT_PX, FiguresOfReport, ReportFigure, embedded
+from crashfuse.reporting.figure_files import HEIGHT_PX, FiguresOfReport, Report, ReportFigure, embedded
 from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
@@ -29,13 +29,13 @@ from crashfuse.reporting.result_tables import (
     archive_table,
     metrics_shown,
     quality_table,
+    tests_table,
     wall_table,
 )
-from crashfuse.reporting.table import CONDITION, PARTS, Column, Table, of_condition
+from crashfuse.reporting.table import Table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import Fact, campaign_facts
-from crashfuse.study.repeatability import Repeatability
 from crashfuse.units import Sentence, joined, speed, weight
 from crashfuse.vehicle_archive import record_sentence
 
@@ -74,7 +74,7 @@ def render(
     held_out: Sequence[str] = (),
     answers: Sequence[str] = (),
     **own: object,
-) -> str:
+) -> Report:
     """The complete file, from a report's template and values; the command is the one that reproduces it."""
     cfc, quality = campaign.channel_filter_class, campaign.quality
     speeds, front, rear = zip(*campaign.cae.range, strict=True)
@@ -125,14 +125,12 @@ def render_in_frame(
     cautions: Sequence[str] = (),
     answers: Sequence[str] = (),
     **own: object,
-) -> str:
+) -> Report:
     """The complete file of a report that has nothing but its frame in common with the others."""
     figures, notices = list[ReportFigure](), [*(fact.sentence for fact in facts), *cautions]
 
     def words(heading: str | Sequence[str]) -> str:
         return display.words(heading) if isinstance(heading, str) else " ".join(map(display.words, heading))
-
-    labels = [*(fact.label for fact in facts), *("" for _ in cautions)]
 
     def figure(drawn: go.Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
         """Its place, in which the page draws it; ids are numbered: equal results give equal files."""
@@ -142,29 +140,16 @@ def render_in_frame(
         place = Markup('<div><div id="figure-{}" class="plotly-graph-div" style="{}"></div></div>')
         return place.format(len(figures), style)
 
-    def data() -> Markup:
+    def contents() -> FiguresOfReport:
+        labels = (*(fact.label for fact in facts), *("" for _ in cautions))
         told, answered = (tuple(map(display.words, texts)) for texts in (notices, answers))
-        return embedded(FiguresOfReport(title, told, tuple(labels), tuple(figures), answered))
+        return FiguresOfReport(title, told, labels, tuple(figures), answered)
 
-    common = {"title": title, "notices": notices, "answers": answers, "figure": figure, "data": data}
+    common = {"title": title, "notices": notices, "answers": answers, "figure": figure}
+    common |= {"data": lambda: embedded(contents())}
     common |= {"verdict_colours": VERDICT_COLOURS, "plotly": Markup(get_plotlyjs())}  # noqa: S704
-    return _templates(display).get_template(f"{template}.html.j2").render(own | common)
-
-
-def tests_table(campaign: Campaign) -> Table:
-    """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
-    rows = (
-        {
-            "Test": test.id,
-            **of_condition(test.condition),
-            "CAE pulse": campaign.cae.ids[run] if run is not None else "emulator",
-            "Inside the CAE runs' range": not campaign.cae.extrapolation(test.condition),
-            **{"CAE tuned to it" if n == "cae_tuned" else n[6:].replace("_", " "): v for n, v in test.statements if v},
-        }
-        for test in campaign.tests
-        for run in [campaign.cae.paired_run(test.condition)]
-    )
-    return Table.of("tests", rows, *CONDITION)
+    html = _templates(display).get_template(f"{template}.html.j2").render(own | common)
+    return Report(html, contents())
 
 
 def _listed(value: object) -> str:
@@ -200,25 +185,6 @@ def details(
             if (sentences := fit_explanations.fit_sentences(estimate.state))
         ],
     }
-
-
-def repeats_table(
-    found: Mapping[str, Mapping[float, Repeatability]], tests: Sequence[str], windows_ms: Sequence[float]
-) -> Table | None:
-    """What a repeat of each of these tests would rate, by window, with its interval; None if nothing is known."""
-    known = {test: found.get(test, {}) for test in tests}
-    if not any(window in own for own in known.values() for window in windows_ms):
-        return None
-    rows = []
-    for test, own in known.items():
-        row: dict[str, object] = {"Test": test}
-        for window in windows_ms:
-            values = (own[window].value, own[window].lower, own[window].upper) if window in own else [None] * 3
-            row |= {f"0–{window:g} ms{end}": value for end, value in zip(PARTS["interval"], values, strict=True)}
-        repeats = next(iter(own.values())).repeats if own else ()
-        rows.append(row | {"Repeats among the tests": ", ".join(repeats) or "none"})
-    windows = (Column(f"0–{window:g} ms", "interval", form=".3f", ends_form=".2f") for window in windows_ms)
-    return Table.of("repeats", rows, *windows)
 
 
 ReportForm = Literal["short", "whole"]

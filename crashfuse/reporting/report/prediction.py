@@ -6,6 +6,7 @@ from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import one_of, require_a, several
+from crashfuse.reporting.figure_files import Report
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse, by_one, cautions, side_by_side
@@ -33,7 +34,7 @@ def prediction_report(
     display: Display = DEFAULT,
     beside: Sequence[PredictedPulse] = (),
     form: ReportForm = "whole",
-) -> str:
+) -> Report:
     """HTML report of a prediction, from one estimate per approach; others by the same approaches ``beside`` it."""
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
@@ -75,7 +76,7 @@ def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Displ
     }
 
 
-def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> str:
+def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> Report:
     """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
     campaign, sweeps, config = sweep.campaign, sweep.sweeps, sweep.config
     condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
@@ -86,7 +87,7 @@ def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> str:
     return render("sweep", "pulse metrics over impact speed", *origin, weights=weights, metrics=metrics)
 
 
-def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
+def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> Report:
     """HTML report of a ranking of next tests."""
     over, config = ranking.over, ranking.config
     origin = ranking.campaign, config, next_test_command(over.low, over.high, config, display.system), display
@@ -106,7 +107,7 @@ LEARNING_CURVE_MEANING = "From parts of the tests, even over speed and at random
 ONE_MORE_MEANING = "One more test: rating = limit − a / n (least squares); the interval covers exponents from 0.5 to 2."
 
 
-def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, display: Display = DEFAULT) -> str:
+def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, display: Display = DEFAULT) -> Report:
     """HTML report of a learning curve; with the cost of a test, also what a hundredth of rating costs."""
     command = learning_curve_command(curve.campaign, curve.config, curve.repeats, str(cost or ""), display.system)
     origin = curve.campaign, curve.config, command, display, curve.campaign.test_ids

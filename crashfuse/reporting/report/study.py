@@ -10,13 +10,15 @@ from crashfuse.approaches.registry import LABELS, label_of
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
 from crashfuse.reporting import rating_tables
+from crashfuse.reporting.figure_files import Report
 from crashfuse.reporting.fit_explanations import coverage_table, events_sentences, events_table, study_events
 from crashfuse.reporting.past_results import comparison_means, left_out_in_words, studies_table
 from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.ratings import rating_differences
 from crashfuse.reporting.provenance import study_command
-from crashfuse.reporting.report.page import ReportOptions, details, render, render_in_frame, repeats_table
+from crashfuse.reporting.report.page import ReportOptions, details, render, render_in_frame
+from crashfuse.reporting.result_tables import repeats_table
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.facts import window_facts
@@ -31,7 +33,7 @@ _CAPTIONS = (
 )
 
 
-def study_report(study: Study, display: Display = DEFAULT, options: ReportOptions = ReportOptions()) -> str:
+def study_report(study: Study, display: Display = DEFAULT, options: ReportOptions = ReportOptions()) -> Report:
     """HTML report of a study, means over all its tests; a UsageError if one to be shown was not left out."""
     require_a(Study, study, "crashfuse.run_study(campaign)")
     require_a(ReportOptions, options, "crashfuse.ReportOptions('short')")
@@ -162,7 +164,7 @@ def _weak_spots(study: Study, approach: str) -> list[str]:
     return [f"{what}: {', '.join(tests)}." for what, tests in spots.items() if tests]
 
 
-def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> str:
+def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> Report:
     """HTML report of two studies: which one rates higher, in which tests, by how much, and what they are."""
     first, second = compared.first, compared.second
     window = compared.window(display.window_ms)
@@ -173,7 +175,7 @@ def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> 
         display,
         window=f"0–{window:g} ms",
         basis=first.basis,
-        studies=studies_table(first, second, display),
+        studies=studies_table(first, second),
         cautions=compared.cautions,
         ways=[
             {

@@ -1,6 +1,5 @@
 """Files that a page offers: their names and captions, the form of a report, pulses for an occupant model."""
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from hashlib import sha256
@@ -14,7 +13,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.files.archive import zipped
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.figure_files import figure_files, figures_of, missing_for
+from crashfuse.reporting.figure_files import figure_files, missing_for
 from crashfuse.reporting.figures import LEFT_OUT
 from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
 from crashfuse.reporting.plots.display import Display
@@ -94,8 +93,8 @@ def _chosen(words: Mapping[str, str]) -> list[str]:
 
 def file_name(*parts: str) -> str:
     """Name of files, safe on any disk; a long one is cut, and still unique."""
-    safe = (re.sub(r"[^\w.-]+", "-", part, flags=re.ASCII).strip("-._") for part in parts)
-    whole = "_".join(filter(None, safe))
+    kept = ("".join(c if c.isascii() and (c.isalnum() or c in "_.-") else " " for c in part) for part in parts)
+    whole = "_".join(filter(None, ("-".join(part.split()).strip("-._") for part in kept)))
     return whole if len(whole) <= _LONGEST_NAME else f"{whole[: _LONGEST_NAME - _DIGEST - 1]}-{_digest(whole)}"
 
 
@@ -143,8 +142,8 @@ def _content(make: Callable[[], pd.DataFrame | bytes | str]) -> bytes:
     return made.encode() if isinstance(made, str) else made
 
 
-def _slides(write: Callable[[], Any]) -> bytes:
-    return figure_files(figures_of(write()), ("pptx",))["figures.pptx"]
+def _slides(make: Callable[[], Any]) -> bytes:
+    return figure_files(make().contents, ("pptx",))["figures.pptx"]
 
 
 def choose_form(short: str, whole: str) -> ReportForm:

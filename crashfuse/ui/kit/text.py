@@ -12,7 +12,6 @@ from crashfuse.units import MPH_LB, SYSTEMS, UnitSystem, said, unbroken
 _MARKS = {ord(char): f"\\{char}" for char in string.punctuation}
 _ADDRESS = re.compile(r"(https?:(?=//)|www(?=\.)|@(?=[-\w]))", re.IGNORECASE)
 _JOINER = "\u2060"  # takes no room: without it an address becomes a link, escaped or not
-_ESCAPED = re.compile(rf"\\([{re.escape(string.punctuation)}])")
 _INSIDE = r"(?:[^()]|\([^()]*\))*"  # of parentheses: a channel's name may have its own
 _OPTION = re.compile(rf" \({_INSIDE}--{_INSIDE}\)")
 
@@ -51,11 +50,6 @@ def plain(text: object) -> str:
     """Text in the units of the sidebar, which Markdown shows literally, on one line: no links, formulas, HTML."""
     shown = unbroken(" ".join(said(text, chosen_units()).split()))
     return _ADDRESS.sub(rf"\1{_JOINER}", shown).translate(_MARKS)
-
-
-def as_read(markdown: str) -> str:
-    """The text of which :func:`plain` made this."""
-    return _ESCAPED.sub(r"\1", markdown).replace(_JOINER, "").replace("\N{NO-BREAK SPACE}", " ")
 
 
 def chosen_units() -> UnitSystem:
