@@ -2,7 +2,6 @@
 
 import io
 import os
-import re
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -17,7 +16,6 @@ __all__ = ["main", "parser"]
 
 DONE, WRONG_DATA, WRONG_USAGE, INTERRUPTED, CUT_OFF = 0, 1, 2, 130, 141
 _LONGEST_LINE = 2000
-_SURROGATE = re.compile("[\ud800-\udfff]")  # stands for a byte of a name that is not UTF-8
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -30,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if any(argument == "" or (argument.startswith("--") and argument.endswith("=")) for argument in argv):
         _say("crashfuse: one of the arguments is empty; was a variable not set?")
         return WRONG_USAGE
-    if foreign := [argument for argument in argv if _SURROGATE.search(argument)]:
+    if foreign := [argument for argument in argv if _is_foreign(argument)]:
         _say(f"crashfuse: {_not_utf8(foreign[0])}")
         return WRONG_USAGE
     share_one_heap()
@@ -50,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say(f"crashfuse: {_about_the_system(error) if isinstance(error, OSError) else error}")
         return WRONG_USAGE if isinstance(error, UsageError) else WRONG_DATA
     except UnicodeEncodeError as error:  # a file in a folder
-        if not _SURROGATE.search(error.object):
+        if not _is_foreign(error.object):
             raise
         _say(f"crashfuse: {_not_utf8(error.object)}")
         return WRONG_DATA
@@ -65,6 +63,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say(f"Stopped. {resume('the same command (a study with --resume) continues there')}.")
         return INTERRUPTED
     return DONE
+
+
+def _is_foreign(name: str) -> bool:
+    return any("\ud800" <= letter <= "\udfff" for letter in name)  # stands for a byte that is not UTF-8
 
 
 def _not_utf8(name: str) -> str:

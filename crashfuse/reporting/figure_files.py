@@ -126,7 +126,7 @@ def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> di
     if "csv" in formats:
         made["csv"] = [_numbers(figure) for figure in report.figures]
     written = {
-        f"{number:02d}-{_file_name(figure.title)}.{kind}": contents[number - 1]
+        f"{file_name(number, figure.title)}.{kind}": contents[number - 1]
         for number, figure in enumerate(report.figures, start=1)
         for kind, contents in made.items()
         if kind in formats
@@ -136,10 +136,15 @@ def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> di
     return written
 
 
-def _file_name(title: str) -> str:
+def file_name(number: int, title: str) -> str:
+    """The name of a figure's files, by its first heading and its last."""
     title = " ".join(dict.fromkeys(title.split(": ")[:: max(title.count(": "), 1)]))
-    words = "".join(letter if letter.isascii() and letter.isalnum() else " " for letter in title.lower()).split()
-    return "-".join(words)[:60].strip("-") or "figure"
+    return f"{number:02d}-{hyphened(title.lower())[:60].strip('-') or 'figure'}"
+
+
+def hyphened(text: str, marks: str = "") -> str:
+    """A text as a name of files, safe on any disk, of its ASCII letters, digits and such ``marks``."""
+    return "-".join("".join(c if c.isascii() and (c.isalnum() or c in marks) else " " for c in text).split())
 
 
 def _numbers(figure: ReportFigure) -> bytes:

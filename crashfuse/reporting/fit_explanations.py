@@ -4,7 +4,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.calibration import Calibration
@@ -129,10 +128,6 @@ def _averaged(who: str, metrics: Sequence[Metric]) -> str:
 def _band_sentence(check: Mapping[str, Any]) -> str:
     verdict = "" if check["holds"] else "That is too little for a 95 % band."
     return joined([statements(_BAND, check), *filter(None, [verdict])])
-
-
-def _percent(share: float) -> str:
-    return "–" if np.isnan(share) else f"{100 * share:.0f} %"
 
 
 def _whole(value: float) -> Quantity:

@@ -25,7 +25,7 @@ from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.one_more_test import Cost
 
-Content = bytes | Mapping[str, bytes] | None  # of a file; of a folder's, by relative path; None without such a file
+Content = bytes | str | Mapping[str, bytes] | None  # of a file; of a folder's, by relative path; None: no such file
 
 
 def begin_study(folder: Path, plan: StudyPlan) -> None:
@@ -59,7 +59,7 @@ def write_files(kind: str, folder: Path, *result: object) -> None:
         content = make(*result)
         for path, data in (content if isinstance(content, Mapping) else {"": content}).items():
             if data is not None:
-                write_atomically(folder / name / path, data)
+                write_atomically(folder / name / path, data.encode() if isinstance(data, str) else data)
 
 
 @contextmanager
@@ -104,7 +104,7 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "pulses.csv": lambda study, *_: csv_bytes(study.pulses),
         "metrics.csv": lambda study, *_: csv_bytes(study.metrics),
         "cae_events.csv": lambda study, *_: csv_bytes(events_frame(found)) if (found := study_events(study)) else None,
-        "report.html": lambda *result: study_report(*result).encode(),
+        "report.html": study_report,
         "study.json": lambda study, *_: json_bytes(study_record(study)),
     },
     "prediction": {  # of the prediction, its outgoing pulses, the display and the form of the report
@@ -113,30 +113,28 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "metrics.csv": lambda prediction, *_: csv_bytes(prediction.metrics),
         "report.html": lambda own, _, display, form: reports.prediction_report(
             own.campaign, own.estimates, own.config, display, form=form
-        ).encode(),
+        ),
         **{f"{name}/": (lambda _, pulses, *_rest, name=name: pulses.get(name)) for name in PULSE_FORMATS},
         "prediction.json": lambda own, *_: json_bytes(prediction_record(own.campaign, own.estimates, own.config)),
     },
     "sweep": {
-        "report.html": lambda sweep, display: reports.sweep_report(sweep, display).encode(),
+        "report.html": reports.sweep_report,
         "sweep.csv": lambda sweep, _: csv_bytes(sweep.table),
     },
     "ranking of next tests": {
-        "report.html": lambda ranking, display: reports.next_test_report(ranking, display).encode(),
+        "report.html": reports.next_test_report,
         "next_tests.csv": lambda ranking, _: csv_bytes(ranking.table),
     },
     "certification": {  # of the certification, the display and notes
         "certification.csv": lambda certification, *_: tables.csv_as_given(tables.certification_table(certification)),
         "track_record.csv": lambda certification, *_: csv_bytes(tables.track_record_table(certification)),
         "credibility.csv": lambda certification, *_: csv_bytes(credibility_table(certification)),
-        "report.html": lambda *result: certification_report(*result).encode(),
+        "report.html": certification_report,
         "certification.json": lambda certification, *_: certification_json(certification),
     },
     "learning curve": {  # of the curve, the cost of a test and the display
         "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),
-        "report.html": lambda curve, cost, *display: reports.learning_curve_report(
-            curve, _cost(cost), *display
-        ).encode(),
+        "report.html": lambda curve, cost, *display: reports.learning_curve_report(curve, _cost(cost), *display),
         "learning_curve.json": lambda curve, cost, _: json_bytes(learning_curve_record(curve, _cost(cost))),
     },
 }

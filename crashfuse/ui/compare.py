@@ -14,7 +14,7 @@ from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.rating_tables import REPEAT, excursions_table, humps_table
 from crashfuse.reporting.report.study import study_report
 from crashfuse.signals.rating import WEIGHTS
-from crashfuse.signals.rating_explanation import rating_sentences
+from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.facts import window_facts
 from crashfuse.study.recommendation import Account, Recommendation, account
 from crashfuse.study.repeatability import Repeatability
@@ -167,15 +167,15 @@ def _show_why(comparison: _Comparison) -> None:
     display, test, advice = comparison.view.display, comparison.view.held_out, comparison.advice
     approach = st.session_state["explained"]
     explanation = comparison.fold.explained(approach, comparison.window_ms)
-    said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
-    st.markdown(f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**")
+    said = rating_sentences(explanation)
+    st.markdown(f"**{LABELS[approach]} {plain(rating_headline(explanation))}**")
     draw = partial(comparison.study.plot, test.id, display=display)
     bars, words = st.columns(2, gap="medium")
     with bars:
         alt = f"The four scores of every prediction of test {test.id}, as bars"
         show_cached_figure(partial(draw, "scores"), alt, "parts", comparison.key, name="scores")
     parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
-    words.markdown("\n".join(f"- {said[part]}" for part in parts), help=RATING_PARTS)
+    words.markdown("\n".join(f"- {plain(said[part])}" for part in parts), help=RATING_PARTS)
     if advice is not None:
         test_account = _account(comparison.key, comparison, advice.approach)
         if test_account.disappoints or (test_account.departure is not None and test_account.departure.apart):

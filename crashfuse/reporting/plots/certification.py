@@ -65,10 +65,9 @@ def verdict_matrix(
     answers = [answer_of[i] for i in ids]
     codes = np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8)
     scale = [(end / len(WORDS), VERDICT_COLOURS[w]) for i, w in enumerate(WORDS) for end in (i, i + 1)]
-    texts = [[_cell(verdict, confidence) for verdict in row] for row in rows]
+    texts, cells = ([[_cell(own, confidence, between) for own in row] for row in rows] for between in ("<br>", " "))
     heads = (" ".join(f"{own.name} {display.words(own.limits)}".split()) for own in criteria)
-    columns = ([text.replace("<br>", " ") for text in column] for column in zip(*texts, strict=True))
-    table = {"Row": labels, **dict(zip(heads, columns, strict=True)), ANSWER: answers}
+    table = {"Row": labels, **dict(zip(heads, zip(*cells, strict=True), strict=True)), ANSWER: answers}
     size = min(12, max(_LETTERS // len(names), 6))
     heat = Look(type="heatmap", z=codes, x=names, y=labels, colorscale=scale, zmin=-0.5, zmax=len(WORDS) - 0.5)
     heat |= Look(showscale=False, xgap=2, ygap=2 if with_words else 0)
@@ -76,9 +75,9 @@ def verdict_matrix(
         heat |= Look(text=texts, texttemplate="%{text}", textfont={"color": MEASURED_COLOUR, "size": size})
     drawing.add(heat | ({"hoverinfo": "skip"} if with_words else _over(hover)), table)
     if with_words:
-        cells = [f"{i} | {verdict.criterion.name}" for i, row in zip(ids, rows, strict=True) for verdict in row]
+        clicked = [f"{i} | {verdict.criterion.name}" for i, row in zip(ids, rows, strict=True) for verdict in row]
         over = _over([text for row in hover for text in row])
-        make_clickable(drawing, names, labels, cells, 20, yaxis="y2", **over)
+        make_clickable(drawing, names, labels, clicked, 20, yaxis="y2", **over)
     told = [verdict.word for row in rows for verdict in row]
     for word in WORDS:
         marker = _marker(VERDICT_COLOURS[word], "square", 13, 1, None)
@@ -101,10 +100,10 @@ def _header(criterion: Criterion, width: int, display: Display) -> str:
     return "<br>".join(name + wrap(unbroken(display.words(criterion.limits)), width))
 
 
-def _cell(verdict: Verdict, confidence: float) -> str:
+def _cell(verdict: Verdict, confidence: float, between: str) -> str:
     if verdict.word == "outside" or verdict.probability is None:
         return verdict.word
-    return f"{verdict.word}<br>{probability_text(verdict.probability, confidence)}"
+    return f"{verdict.word}{between}{probability_text(verdict.probability, confidence)}"
 
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:

@@ -89,11 +89,6 @@ class Display:
         return f"0-{self.window_ms:g}ms", "g" if self.unit == "g" else "mps2"
 
     @property
-    def accel_title(self) -> str:
-        """Title of an acceleration axis, with its unit."""
-        return "{} ({})".format(*self.accel_axis)
-
-    @property
     def accel_axis(self) -> tuple[str, str]:
         """Quantity and unit of an acceleration axis."""
         return "Deceleration" if self.deceleration else "Acceleration", self.unit

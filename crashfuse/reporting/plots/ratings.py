@@ -38,7 +38,8 @@ def rating_heatmap(
     mean = ["Mean"] if len(tests) > 1 else []
     if mean:
         z = np.vstack([z, z.mean(axis=0)])
-    names = [head.replace(" domain", "<br>domain") if head != "A repeat" else f"<i>{head}</i>" for head in heads]
+    shown = [f"<i>{head}</i>" if head == "A repeat" else head for head in heads]
+    names = [head.replace(" domain", "<br>domain") for head in shown]
     rows, ticks = ([f"Test {own(test)}" for test in tests] + [f"<b>{m}</b>" for m in mean] for own in (str, tick_name))
     text = [["" if np.isnan(value) else graded(value) for value in row] for row in z]
     limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
@@ -51,8 +52,7 @@ def rating_heatmap(
     drawing.add(heat, table)  # without a size, words would shrink with their cells
     columns = [*(f":{name}" for name in approaches), ""][: len(names)]  # a repeat is by no approach
     clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
-    plain = [name.replace("<br>", " ") for name in names]
-    told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(plain)]
+    told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(shown)]
     hover = "%{hovertext}<extra></extra>"
     canvas.make_clickable(drawing, names, rows, clicked, 26, hovertext=told, hovertemplate=hover)
     canvas.fix_cells(drawing, len(names), len(rows))

@@ -19,7 +19,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, several
 from crashfuse.reporting import fit_explanations
 from crashfuse.reporting.exports import spreadsheet_text
-from crashfuse.reporting.figure_files import HEIGHT_PX, FiguresOfReport, Report, ReportFigure, embedded
+from crashfuse.reporting.figure_files import HEIGHT_PX, FiguresOfReport, Report, ReportFigure, embedded, file_name
 from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
@@ -137,8 +137,8 @@ def render_in_frame(
         content = json.loads(without_links(drawn.to_json()))
         figures.append(ReportFigure(": ".join(map(words, headings)) or title, content, is_answer))
         style = f"height: {content['layout'].get('height', HEIGHT_PX)}px; width: 100%"
-        place = Markup('<div><div id="figure-{}" class="plotly-graph-div" style="{}"></div></div>')
-        return place.format(len(figures), style)
+        place = Markup('<div><div id="figure-{}" class="plotly-graph-div" data-name="{}" style="{}"></div></div>')
+        return place.format(len(figures), file_name(len(figures), figures[-1].title), style)
 
     def contents() -> FiguresOfReport:
         labels = (*(fact.label for fact in facts), *("" for _ in cautions))

@@ -13,7 +13,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.files.archive import zipped
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.figure_files import figure_files, missing_for
+from crashfuse.reporting.figure_files import figure_files, hyphened, missing_for
 from crashfuse.reporting.figures import LEFT_OUT
 from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
 from crashfuse.reporting.plots.display import Display
@@ -93,8 +93,7 @@ def _chosen(words: Mapping[str, str]) -> list[str]:
 
 def file_name(*parts: str) -> str:
     """Name of files, safe on any disk; a long one is cut, and still unique."""
-    kept = ("".join(c if c.isascii() and (c.isalnum() or c in "_.-") else " " for c in part) for part in parts)
-    whole = "_".join(filter(None, ("-".join(part.split()).strip("-._") for part in kept)))
+    whole = "_".join(filter(None, (hyphened(part, "_.-").strip("-._") for part in parts)))
     return whole if len(whole) <= _LONGEST_NAME else f"{whole[: _LONGEST_NAME - _DIGEST - 1]}-{_digest(whole)}"
 
 

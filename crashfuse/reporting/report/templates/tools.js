@@ -9,16 +9,8 @@ const below = (element, ...buttons) => {
   row.append(...buttons);
   element.after(row);
 };
-const named = figure => { // by the headings above it
-  const above = tag => [...document.querySelectorAll(tag)]
-    .filter(heading => heading.compareDocumentPosition(figure) & Node.DOCUMENT_POSITION_FOLLOWING).at(-1);
-  const [outer, inner] = ["h2", "h3"].map(above), closer = Node.DOCUMENT_POSITION_FOLLOWING;
-  const inside = outer && inner && outer.compareDocumentPosition(inner) & closer ? [inner] : [];
-  const words = [outer?.textContent.split(": ")[0], ...inside.map(heading => heading.textContent), figure.id];
-  return words.join(" ").trim().replace(/[^\w.-]+/g, "-");
-};
 const save = (figure, format) => Plotly.downloadImage(figure, {
-  format, filename: named(figure),
+  format, filename: figure.dataset.name,
   width: figure.clientWidth, height: figure.layout.height, scale: format === "png" ? 3 : 1,
 });
 const copy = async (text, pressed) => {
