@@ -38,7 +38,7 @@ from crashfuse.study.recommendation import study_facts
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 
-_SHOWN = ["Date (UTC)", "Campaign", "What", "Note", "Settings", "Recommended", "Mean rating", "Worst test"]
+_SHOWN = ["Id", "Date (UTC)", "Campaign", "What", "Note", "Settings", "Recommended", "Mean rating", "Worst test"]
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
 
 
@@ -198,9 +198,7 @@ def past_studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it ha
         print("Nothing was computed on this machine yet.")
         return
     table = history_table(results).texts()
-    table = table[[name for name in _SHOWN if name in table]]
-    table.insert(0, "Id", [result.id for result in results])
-    print(table.to_string(index=False))
+    print(table[[name for name in _SHOWN if name in table]].to_string(index=False))
 
 
 def compare(arguments: argparse.Namespace) -> None:

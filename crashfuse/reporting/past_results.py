@@ -62,14 +62,14 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
 
 def studies_table(first: PastResult, second: PastResult) -> Table:
     """What two studies are, one row for each property."""
-    one, other = (_row(result) | {"Id": result.id} for result in (first, second))
+    one, other = map(_row, (first, second))
     rows = ({"Study": name, "First": one[name], "Second": other[name]} for name in one)
     return Table.of("studies", (row for row in rows if row["Study"] != "Note" or first.note or second.note))
 
 
 def _row(result: PastResult | Earlier) -> dict[str, str]:
     names = ("Date (UTC)", "Campaign", "What", "Note", "Recommended", "Mean rating", "Worst test", "Settings", "Data")
-    row = dict.fromkeys(names, "–") | {"Date (UTC)": f"{result.date[:10]} {result.date[11:16]}"}
+    row = dict.fromkeys(names, "–") | {"Date (UTC)": f"{result.date[:10]} {result.date[11:16]}", "Id": result.id}
     if isinstance(result, Earlier):
         n, given = len(result.matrix.ids), result.settings
         return row | {

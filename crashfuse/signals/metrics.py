@@ -165,9 +165,6 @@ METRIC_LABELS = {name: reading.label for name, reading in _READINGS.items()}
 METRIC_UNITS = {name: reading.unit for name, reading in _READINGS.items()}
 """Units of the metrics in tables; empty for ratios."""
 
-OCCUPANT_METRICS = frozenset(name for name, reading in _READINGS.items() if reading.occupant)
-"""Those that rest on the occupant model."""
-
 METRIC_NEEDS = {name: reading.needs for name, reading in _READINGS.items()}
 """What must happen within a record before it has the metric; empty if every record has it."""
 

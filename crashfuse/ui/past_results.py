@@ -74,7 +74,7 @@ def _listed(campaign: Campaign) -> list[PastResult | Earlier]:
 
 
 def _show_list(results: list[PastResult | Earlier], view: View) -> None:
-    state, table = st.session_state, history_table(results).without("Campaign", "Data").texts(view.display)
+    state, table = st.session_state, history_table(results).without("Campaign", "Data", "Id").texts(view.display)
     rows = [row for row, result in enumerate(results) if result.id in state[_TICKED]]
     address.put(_TABLE, {"selection": {"rows": rows, "columns": [], "cells": []}})
 

@@ -13,6 +13,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
+from crashfuse.reporting.figure_files import Report
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report.page import ReportOptions
@@ -41,18 +42,13 @@ def study(campaign: Campaign) -> Study:
 
 
 @pytest.fixture(scope="module")
-def text(study: Study) -> str:
+def text(study: Study) -> Report:
     return study_report(study)
 
 
-def figures(text: str) -> int:
-    """How many figures a report holds."""
-    return len(re.findall('class="plotly-graph-div"', text))
-
-
-def test_a_study_has_its_figures_and_every_part_a_certification_review_asks_for(text: str) -> None:
+def test_a_study_has_its_figures_and_every_part_a_certification_review_asks_for(text: Report) -> None:
     """Heat map, spread, calibration, bias by speed; motion and the same over displacement; the worst test's rating."""
-    assert figures(text) == 4 + 2 * 2 + 1
+    assert len(text.contents.figures) == 4 + 2 * 2 + 1
     assert text.count("by speed</h2>") == 1
     assert text.count("The same over displacement") == 2
     assert "T4 \\u00b7 35.0 mph" in text
@@ -80,7 +76,7 @@ def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None
     assert "<h3>The test itself</h3>" in text
 
 
-def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst(text: str, study: Study) -> None:
+def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst(text: Report, study: Study) -> None:
     assert text.count("<h3>Why it is rated as it is") == 2
     assert text.count("over 0–60 ms: nothing is lost.") == 2
     worst = text.partition("<h3>The worst test</h3>")[2].partition("</section>")[0]
@@ -89,7 +85,7 @@ def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst
     assert text.count("b>Magnitude 1.000") == 1  # the title of a row of its figure
 
 
-def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, text: str) -> None:
+def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, text: Report) -> None:
     heading = "<h2>Is the CAE model fit to be believed?</h2>"
     assert f"{heading}\n<p>Energy balance, hourglass energy and added mass are not recorded for any of the 24" in text
     quality = (RunQuality(-0.02, 0.12, 0.01), *(RunQuality(-0.02, 0.01),) * 23)
@@ -115,7 +111,7 @@ def test_the_best_rating_of_each_window_is_bold(study: Study) -> None:
     assert f"<tr><td>CAE</td><td>{ratings[20.0].overall:.3f}</td><td>{ratings[60.0].overall:.3f}</td></tr>" in text
 
 
-def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(study: Study, text: str) -> None:
+def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(study: Study, text: Report) -> None:
     """Beside the command, in every form of a report; it has no options for their unit and sign."""
     shown = Display(unit="m/s²", deceleration=True)
     said = "Shown in m/s², braking positive; files"
@@ -132,19 +128,19 @@ def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(stu
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
     both = study_report(replace(study, speed_groups=study))
     assert "A whole speed group left out" in both
-    assert figures(both) == figures(study_report(study)) + 1
+    assert len(both.contents.figures) == len(study_report(study).contents.figures) + 1
 
 
-def test_a_report_is_light_and_equal_for_equal_results(study: Study, text: str) -> None:
+def test_a_report_is_light_and_equal_for_equal_results(study: Study, text: Report) -> None:
     """Below 150 kB a figure but for Plotly itself; a review can compare reports, however long they took."""
-    assert len(text) - len(get_plotlyjs()) < 150_000 * figures(text)
+    assert len(text) - len(get_plotlyjs()) < 150_000 * len(text.contents.figures)
     assert study_report(replace(study, seconds={"prepare": 7.0})) == text
 
 
 def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     """Nothing was measured there; what may be expected, the nearest tests and the bias of the tests stand."""
     text = prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG)
-    assert figures(text) == 3
+    assert len(text.contents.figures) == 3
     assert '"name":"Test"' not in text
     assert "by speed</h2>" in text
     assert "Expected over 0–60 ms: 1.00 (80 %, Excellent)" in text
@@ -156,7 +152,7 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
     here, other = campaign.tests[:2]
     beside = [PredictedPulse(campaign, (estimate(other),), CONFIG)]
     text = prediction_report(campaign, [estimate(here)], CONFIG, beside=beside, form="short")
-    assert figures(text) == 2
+    assert len(text.contents.figures) == 2
     for kept in ("Expected over 0–60 ms", "Pulse metric", "Beside other predictions", "Limits</h2>", "--speed-mph 15 "):
         assert kept in text
     for left in ("Data: ", "Method and settings", "by speed</h2>", "Over displacement", "How the fit went"):
@@ -187,7 +183,7 @@ def test_a_short_report_has_the_result_and_the_worst_test_alone(study: Study) ->
     weaker = replace(estimate(test), prediction=Prediction(test.condition, 0.8 * test.pulse.accel_mps2))
     folds = (study.folds[0], Fold.of(test, [weaker], CONFIG.windows_ms))
     short = study_report(replace(study, folds=folds), options=ReportOptions("short"))
-    assert figures(short) == 2
+    assert len(short.contents.figures) == 2
     assert "<h2>Test T2: " in short
     assert "<h2>Test T1: " not in short
     assert "The worst test" in short
