@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import streamlit as st
 
 from crashfuse.campaign_folder.condition_tables import Role, has_table, listed, read_conditions
@@ -22,6 +20,7 @@ from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.previews import Preview
+from crashfuse.reporting.table import CONDITION, Column, Table, frame_of, of_condition
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui.import_fields import choices_of, reading_of
 from crashfuse.ui.kit import campaigns, uploads
@@ -34,7 +33,7 @@ from crashfuse.ui.kit.results import refused_into, show_problems
 from crashfuse.ui.kit.text import advice_on_page, plain, without_options
 from crashfuse.ui.kit.uploads import Source
 from crashfuse.ui.kit.visitors import note_in_log, visitor
-from crashfuse.units import MS, counted, said
+from crashfuse.units import MS, G, counted, said
 
 _FOLDER, _INTO = "import folder", "import into"  # session keys
 _FACTOR_PX, _FOLDER_PX = 170, 380
@@ -250,16 +249,22 @@ def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     return records[int(number)]
 
 
+_RECORDS = (
+    *(Column("Id"), Column("Taken as"), *CONDITION),
+    Column("Peak", "number", "g", source="peak"),
+    Column("Zero velocity, TTZV", "number", "ms", source="stop", missing="not in the record"),
+    Column("Crush", "number", "mm", ".0f", source="crush"),
+)
+
+
 def _table(settled: Sequence[Settled], display: Display) -> None:
     rows = []
     for one in settled[:_MOST_ROWS]:
+        row = {"Id": one.id, "Taken as": WHAT[one.role][0], **of_condition(one.condition)}
         motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)
-        stop_s = float(motion.t0_s)
-        row: dict[str, object] = {"Id": one.id, "Taken as": WHAT[one.role][0], **display.columns(one.condition)}
-        row[f"Peak ({display.unit})"] = round(float(abs(one.pulse.accel_mps2 * display.accel_scale).max()), 1)
-        row["Zero velocity, TTZV (ms)"] = f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record"
-        rows.append(row | {"Crush (mm)": round(float(motion.displacement_m.max()) / MS)})
-    st.dataframe(pd.DataFrame(rows), hide_index=True)
+        peak_g = float(abs(one.pulse.accel_mps2).max()) / G
+        rows.append(row | {"peak": peak_g, "stop": motion.t0_s / MS, "crush": motion.displacement_m.max() / MS})
+    st.dataframe(Table("records", frame_of(rows), _RECORDS).texts(display), hide_index=True)
     if len(settled) > _MOST_ROWS:
         st.caption(f"The first {_MOST_ROWS} of {len(settled)}.")
 

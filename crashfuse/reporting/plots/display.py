@@ -131,16 +131,6 @@ class Display:
             for condition, own in zip(conditions, besides, strict=True)
         ]
 
-    def columns(self, condition: Condition) -> dict[str, str]:
-        """Speed and weights of a condition as cells of a table, by the headings of their columns."""
-        v0, front, rear = self.vectors(condition.vector)
-        cells = (
-            ("Speed", "mph", f"{v0:.1f}"),
-            ("Front weight", "lb", f"{front:.0f}"),
-            ("Rear weight", "lb", f"{rear:.0f}"),
-        )
-        return {self.title(label, unit): cell for label, unit, cell in cells}
-
     def title(self, label: str, unit: str) -> str:
         """A label with the reader's unit for quantities in this unit, if any: an axis, a column or a field."""
         return f"{label} ({self.units.unit(unit)})" if unit else label

@@ -16,6 +16,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, DataError, Problem
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
+from crashfuse.reporting.table import CONDITION, Table, of_condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.certify.entry import (
     SEPARATOR,
@@ -75,8 +76,9 @@ def choose_matrix(view: View) -> Matrix | None:
         speeds = [condition.speed_mps for condition in matrix.conditions]
         ends = view.display.words(speed(min(speeds), max(speeds), between=" to "))
         with st.expander(f"{n}, {ends}", icon=":material/table:"):
-            rows = [{"Id": i, **view.display.columns(c), **dict(c.factors)} for i, c in matrix.items]
-            st.dataframe(without_formulas(pd.DataFrame(rows)), hide_index=True, alt="The planned tests")
+            rows = ({"Id": i, **of_condition(condition)} for i, condition in matrix.items)
+            table = Table.of("planned tests", rows, *CONDITION).texts(view.display)
+            st.dataframe(without_formulas(table), hide_index=True, alt="The planned tests")
     if wrong is not None:
         show_wrong(wrong)
     return matrix
