@@ -151,7 +151,7 @@ def _show_conditions(view: View) -> None:
     if not (walls := wall_table(campaign)).empty:
         st.markdown("**The force of the barrier beside mass and pulse**")
         draw = partial(campaign.plot, "wall", display=view.display)
-        alt = "Force of the barrier; dotted: mass times deceleration"
+        alt = "Force of the barrier, and mass times deceleration (dotted)"
         show_cached_figure(draw, alt, "wall", campaign.fingerprint, view.display, name="wall")
         show_table(walls, "walls")
 

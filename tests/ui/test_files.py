@@ -20,7 +20,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import figures, files
 from crashfuse.ui.kit.files import Caption, caption, file_name, unusual_settings
 
-ALT = "Acceleration, velocity and displacement over time: test T2; the same numbers are in the tables"
+ALT = "Acceleration, velocity and displacement over time: test T2"
 Captioned = Callable[..., Caption]
 
 

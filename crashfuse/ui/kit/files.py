@@ -47,9 +47,9 @@ class Caption(NamedTuple):
     details: str
 
 
-def caption(alt: str, drawn: str = "") -> Caption:
-    """The caption of a figure, named by what is ``drawn``, else the alternative text."""
-    page, title, state = address.here().page, alt.partition(";")[0], st.session_state
+def caption(title: str, drawn: str = "") -> Caption:
+    """The caption of a figure, named by what is ``drawn``, else its title."""
+    page, state = address.here().page, st.session_state
     if (page == "data" and state.get("import")) or not state.get("campaign"):  # of any campaign, or of none
         return Caption(file_name(drawn or title), title, "")
     campaign, config, names, details = campaigns.load(state["campaign"]), page_config(), [drawn or title], list[str]()
