@@ -46,7 +46,7 @@ class FiguresOfReport(NamedTuple):
     title: str
     notices: tuple[str, ...]
     labels: tuple[str, ...]
-    figures: tuple[ReportFigure, ...]
+    figures: Sequence[ReportFigure]
     answers: tuple[str, ...] = ()
 
 

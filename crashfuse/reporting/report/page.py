@@ -128,6 +128,8 @@ def render_in_frame(
 ) -> Report:
     """The complete file of a report that has nothing but its frame in common with the others."""
     figures, notices = list[ReportFigure](), [*(fact.sentence for fact in facts), *cautions]
+    told, answered = (tuple(map(display.words, texts)) for texts in (notices, answers))
+    contents = FiguresOfReport(title, told, tuple(fact.label for fact in facts), figures, answered)
 
     def words(heading: str | Sequence[str]) -> str:
         return display.words(heading) if isinstance(heading, str) else " ".join(map(display.words, heading))
@@ -140,16 +142,11 @@ def render_in_frame(
         place = Markup('<div><div id="figure-{}" class="plotly-graph-div" data-name="{}" style="{}"></div></div>')
         return place.format(len(figures), file_name(len(figures), figures[-1].title), style)
 
-    def contents() -> FiguresOfReport:
-        labels = (*(fact.label for fact in facts), *("" for _ in cautions))
-        told, answered = (tuple(map(display.words, texts)) for texts in (notices, answers))
-        return FiguresOfReport(title, told, labels, tuple(figures), answered)
-
     common = {"title": title, "notices": notices, "answers": answers, "figure": figure}
-    common |= {"data": lambda: embedded(contents())}
+    common |= {"data": partial(embedded, contents)}
     common |= {"verdict_colours": VERDICT_COLOURS, "plotly": Markup(get_plotlyjs())}  # noqa: S704
     html = _templates(display).get_template(f"{template}.html.j2").render(own | common)
-    return Report(html, contents())
+    return Report(html, contents)
 
 
 def _listed(value: object) -> str:
