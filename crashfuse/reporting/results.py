@@ -85,7 +85,7 @@ def replaced(kind: str, folder: Path) -> Iterator[Path]:
                 empty.rmdir()
 
 
-def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> None:
+def write_pulses(campaign: Campaign, folder: Path, export: PulseExport, estimates: Sequence[Estimate]) -> None:
     """Write the pulses at one speed of a sweep for an occupant model, into a folder by format and speed."""
     speed = estimates[0].prediction.condition.speed_name
     for name, files in export.files(campaign, estimates).items():

@@ -23,8 +23,6 @@ from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_tables import csv_as_given
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.fit_explanations import whole_sentences
-from crashfuse.reporting.planning import NextTests
-from crashfuse.reporting.plots.conditions import BEST
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import (
     PredictedPulse,
@@ -40,7 +38,7 @@ from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
-from crashfuse.study.planning import ConditionRange, NextTest, missing_over_speed, rank_next_tests, weights_sentence
+from crashfuse.study.planning import BEST, ConditionRange, NextTests, rank_next_tests, weights_sentence
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pinned
@@ -282,12 +280,12 @@ def _show_over_speed(answer: _Answer) -> None:
     label = METRIC_LABELS.__getitem__
     metric = st.selectbox("Pulse metric", list(METRIC_LABELS), format_func=label, help=TTZV, **kept("sweep_metric"))
     approaches = answer.approach, BASELINE
-    shown = replace(sweep, sweeps=tuple(own for own in sweep.sweeps if own.approach in approaches))
+    shown = replace(sweep, metrics={name: own for name, own in sweep.metrics.items() if name in approaches})
     alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.approach]}, tests as points"
     name = f"{metric} over speed {condition.text.partition(' ')[2]}"
     show_figure(shown.plot(metric, display=view.display), alt, name=name)
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
-    for sentence in missing_over_speed(shown.sweeps, metric):
+    for sentence in shown.missing(metric):
         st.caption(plain(sentence))
     files = {"sweep.csv": lambda: sweep.table, "sweep.html": lambda: sweep_report(sweep, view.display)}
     offer(view.campaign.name, files)
@@ -308,26 +306,32 @@ def _show_next_test(answer: _Answer) -> None:
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
-        candidates = NextTests(campaign, over, _ranked(answer.fit_key, over, domains[0]), chosen_config())
+        ranking = _ranked((answer.fit_key, campaign.name), over, chosen_config(), campaign, domains[0])
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     alt, name = "How much each candidate would narrow the band", f"next test {over.low.text} to {over.high.text}"
-    show_figure(candidates.plot(display=display), alt, name=name)
+    show_figure(ranking.plot(display=display), alt, name=name)
     st.caption(NEXT_TEST_MEANING)
     if answer.approach != DisplacementDomain.name:
         st.caption(f"By the displacement domain: {LABELS[answer.approach]} cannot rank tests.")
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
     usual_kind = "" if answer.prediction.condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
-    show_table(next_tests_table(candidates.ranked[:BEST]), "next tests")
-    report = partial(next_test_report, candidates, display)
-    offer(campaign.name, {"next_tests.csv": lambda: candidates.table, "next_test.html": report})
+    show_table(next_tests_table(ranking), "next tests")
+    report = partial(next_test_report, ranking, display)
+    offer(campaign.name, {"next_tests.csv": lambda: ranking.table, "next_test.html": report})
 
 
-@st.cache_data(show_spinner="Ranking candidates …", max_entries=32)
-def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> tuple[NextTest, ...]:  # noqa: ARG001
-    return rank_next_tests(_domain, over)
+@st.cache_resource(show_spinner="Ranking candidates …", max_entries=32)
+def _ranked(
+    key: object,  # noqa: ARG001 - of the fits
+    over: ConditionRange,
+    config: StudyConfig,
+    _campaign: Campaign,
+    _domain: DisplacementDomain,
+) -> NextTests:
+    return rank_next_tests(_campaign, _domain, over, config=config)
 
 
 def _range(

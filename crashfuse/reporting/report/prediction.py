@@ -6,7 +6,6 @@ from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import one_of, require_a, several
-from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse, by_one, cautions, side_by_side
 from crashfuse.reporting.provenance import learning_curve_command, next_test_command, prediction_command, sweep_command
@@ -17,7 +16,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, sentences
-from crashfuse.study.planning import missing_over_speed, weights_sentence
+from crashfuse.study.planning import NextTests, SpeedSweep, weights_sentence
 from crashfuse.study.recommendation import recommend_for
 
 _SHOWN = 20
@@ -77,11 +76,9 @@ def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Displ
 
 def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> str:
     """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
-    campaign, sweeps, config = sweep.campaign, sweep.sweeps, sweep.config
-    condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
-    origin = campaign, config, sweep_command(campaign, condition, speeds, config, display.system), display
-    shown = [(name, sweep.plot(name, display=display), missing_over_speed(sweeps, name)) for name in MAIN_METRICS]
-    metrics = [(METRIC_LABELS[name], figure, missing) for name, figure, missing in shown]
+    campaign, condition, config = sweep.campaign, sweep.condition, sweep.config
+    origin = campaign, config, sweep_command(campaign, condition, sweep.speeds_mps, config, display.system), display
+    metrics = [(METRIC_LABELS[name], sweep.plot(name, display=display), sweep.missing(name)) for name in MAIN_METRICS]
     weights = weights_sentence(condition, campaign.tests)
     return render("sweep", "pulse metrics over impact speed", *origin, weights=weights, metrics=metrics)
 
@@ -97,8 +94,8 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
         over=over,
         meaning=NEXT_TEST_MEANING,
         drawn=ranking.plot(display=display),
-        best=next_tests_table(ranking.ranked[:_SHOWN]),
-        ranked=len(ranking.ranked),
+        best=next_tests_table(ranking, _SHOWN),
+        ranked=len(ranking.conditions),
     )
 
 

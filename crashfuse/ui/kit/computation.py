@@ -19,12 +19,11 @@ from crashfuse.execution.progress import Watch
 from crashfuse.execution.run import Run
 from crashfuse.files.archive import zipped
 from crashfuse.reporting.figures import otherwise
-from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.learning_curve import LearningCurve, is_curve_cached, learning_curve
-from crashfuse.study.planning import sweep_speed, usual_speeds
+from crashfuse.study.planning import SpeedSweep, sweep_speed, usual_speeds
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.study.running import fold_key, run_study
 from crashfuse.study.saved_models import model_bytes, model_file
@@ -189,8 +188,7 @@ def sweep_over_speed(campaign: Campaign, key: Hashable, fitted: Fitted, conditio
     """Predict over impact speed with approaches fitted to a campaign, by the key of these fits."""
 
     def compute(watch: Watch) -> SpeedSweep:
-        sweeps = sweep_speed(fitted.fits, condition, usual_speeds(campaign), watch)
-        return SpeedSweep(campaign, sweeps, fitted.fits[0].config)
+        return sweep_speed(campaign, fitted.fits, condition, usual_speeds(campaign), watch)
 
     return Request(("sweep", key, replace(condition, speed_mps=1.0)), f"{campaign.name}: predict over speed", compute)
 
