@@ -23,6 +23,7 @@ from crashfuse.reporting.plots.certification import validated_domain, verdict_ma
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion
+from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report
@@ -96,7 +97,9 @@ def certification(campaign: Campaign) -> Certification:
 
 
 REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
-    "prediction": lambda campaign, display: prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG, display),
+    "prediction": lambda campaign, display: prediction_report(
+        PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG), display
+    ),
     "study": lambda campaign, display: study_report(study(campaign), display),
     "sweep": lambda campaign, display: sweep_report(sweep(campaign), display),
     "next test": lambda campaign, display: next_test_report(ranking(campaign), display),

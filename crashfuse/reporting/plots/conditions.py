@@ -163,7 +163,7 @@ def next_tests_figure(ranking: NextTests, display: Display = DEFAULT) -> DrawnFi
     after, units, colour = ranking.after_mps2[places].tolist(), display.units, COLOURS["displacement_domain"]
     drawing.points(
         [display.speeds(v0) for v0 in vectors[places, 0].tolist()],
-        100 * ranking.gains[places],
+        (100 * ranking.gains[places]).tolist(),
         text=[f"{place + 1}" if place < BEST else "" for place in places],
         customdata=[[*w, ranking.before_mps2 * wide, own * wide] for w, own in zip(weights, after, strict=True)],
         name="Candidates, the best numbered", line_color=colour, line_width=2,
