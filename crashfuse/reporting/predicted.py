@@ -209,10 +209,8 @@ def predict(
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     run = Run.of(campaign, cache, watch)
     campaign, asked = run.bind(campaign), (approach,) if isinstance(approach, Fit) else several(approach)
-    for one in asked:
-        require_a(str | Fit, one, "the name of an approach, or crashfuse.Fit.of(campaign, approach)")
-    names = tuple(dict.fromkeys(name for name in asked if not isinstance(name, Fit)))
-    if names and len(names) == len(set(asked)):  # what is predicted is cached, too
+    names = tuple(dict.fromkeys(one for one in asked if isinstance(one, str)))
+    if names and all(isinstance(one, str) for one in asked):  # what is predicted is cached, too
         replace(config, approaches=names).check()
         estimates = [estimate_at(campaign, condition, name, config, run) for name in names]
     else:
