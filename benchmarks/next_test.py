@@ -53,9 +53,11 @@ def _study(seed: int, start: str) -> pd.DataFrame:
         held_out = world.test(world.over_speed(rng, _N_HELD_OUT), first=100)
         cache = Cache()
 
+        def campaign_of(tests: Sequence[CrashTest]) -> Campaign:
+            return Campaign("", world.library(tests), tuple(tests))
+
         def fit(tests: Sequence[CrashTest]) -> DisplacementDomain:
-            campaign = Campaign("", world.library(tests), tuple(tests))
-            return DisplacementDomain(DisplacementConfig(n_draws=100)).fit(campaign, Run(cache))
+            return DisplacementDomain(DisplacementConfig(n_draws=100)).fit(campaign_of(tests), Run(cache))
 
         def rows(way: str, domain: DisplacementDomain, more: int) -> list[dict[str, object]]:
             speeds = " ".join(f"{p.condition.speed_mps / MPH:.0f}" for p in domain.points_[len(begun) :])
@@ -68,7 +70,7 @@ def _study(seed: int, start: str) -> pd.DataFrame:
         at_random = world.conditions(rng, _MORE)
         tests, domain = begun, first
         for more in range(1, _MORE + 1):
-            best = rank_next_tests(domain, SAMPLE_RANGE)[0].condition
+            best = rank_next_tests(campaign_of(tests), domain, SAMPLE_RANGE).conditions[0]
             tests = (*tests, *world.test([best], first=9 + more))
             domain = fit(tests)
             found += rows("ranked", domain, more)

@@ -33,10 +33,6 @@ from .readers.record import PartialCondition as PartialCondition
 from .reporting.figure_data import figure_table as figure_table
 from .reporting.figures import EarlierPrediction as EarlierPrediction
 from .reporting.outgoing_pulses import PulseExport as PulseExport
-from .reporting.planning import NextTests as NextTests
-from .reporting.planning import SpeedSweep as SpeedSweep
-from .reporting.planning import next_test as next_test
-from .reporting.planning import sweep as sweep
 from .reporting.plots.display import Display as Display
 from .reporting.plots.drawing import darkened as darkened
 from .reporting.predicted import PredictedPulse as PredictedPulse
@@ -68,6 +64,10 @@ from .study.estimate import Fit as Fit
 from .study.expected_rating import ExpectedRating as ExpectedRating
 from .study.learning_curve import LearningCurve as LearningCurve
 from .study.learning_curve import learning_curve as learning_curve
+from .study.planning import NextTests as NextTests
+from .study.planning import SpeedSweep as SpeedSweep
+from .study.planning import next_test as next_test
+from .study.planning import sweep as sweep
 from .study.recommendation import Recommendation as Recommendation
 from .study.recommendation import recommend as recommend
 from .study.recommendation import worst_test as worst_test

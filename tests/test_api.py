@@ -172,7 +172,7 @@ CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which
     "sweep": ("campaign", "condition", "approach", "config"),
     "next_test": ("campaign", "config"),
     "worst_test": ("study", "window_ms", "approach"),
-    "prediction_report": ("campaign", "estimates", "config"),
+    "prediction_report": ("prediction",),
     "Condition": ("speed_mps", "front_weight_kg", "rear_weight_kg", "factors"),
     "Pulse": ("time_s", "accel_mps2"),
     "Matrix": ("ids", "conditions"),
@@ -198,7 +198,7 @@ def test_whatever_is_given_is_taken_or_refused_in_a_sentence(
     sound: dict[str, object] = {
         "accel_mps2": BRAKING, "time_s": TIME_S, "dt_s": 8e-5, "window_ms": 40.0, "windows_ms": (40.0,),
         "speed_mps": 28.0, "front_weight_kg": 950.0, "rear_weight_kg": 700.0, "campaign": campaign,
-        "condition": condition, "approach": "cae", "config": crashfuse.StudyConfig(("cae",)), "estimates": [],
+        "condition": condition, "approach": "cae", "config": crashfuse.StudyConfig(("cae",)),
         "criteria": [{"metric": "peak", "at_most": 30.0}], "matrix": pd.DataFrame(), "test": "T1", "text": "x",
         "ids": ("A",), "conditions": (condition,), "column": "a", "role": "time", "name": "x", "notes": [],
         **dict.fromkeys(("reference", "comparison"), BRAKING), "fit": crashfuse.Fit.of(campaign, "cae"),

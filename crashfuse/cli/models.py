@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from crashfuse.approaches.registry import CLASSES
@@ -13,8 +14,6 @@ from crashfuse.cli.conditions import AXES, condition_of, factor, require_positiv
 from crashfuse.errors import UsageError
 from crashfuse.execution.run import Run
 from crashfuse.reporting import predicted
-from crashfuse.reporting.planning import SpeedSweep, next_test
-from crashfuse.reporting.plots.conditions import BEST
 from crashfuse.reporting.result_tables import next_tests_table
 from crashfuse.reporting.results import replaced, write_files, write_pulses
 from crashfuse.reporting.training_progress import watching
@@ -23,7 +22,14 @@ from crashfuse.study import archive_learning
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.history import PastResult, keep
-from crashfuse.study.planning import ConditionRange, speeds_between, sweep_speed, usual_speeds, weights_sentence
+from crashfuse.study.planning import (
+    ConditionRange,
+    next_test,
+    speeds_between,
+    sweep_speed,
+    usual_speeds,
+    weights_sentence,
+)
 from crashfuse.study.saved_models import load_model, model_file, save_model
 from crashfuse.units import speed
 
@@ -88,10 +94,9 @@ def sweep(arguments: argparse.Namespace) -> None:
     fits = _fits(arguments, campaign)
     with output.writing(arguments.out), replaced("sweep", arguments.out) as folder:
         with watching() as watch:
-            sweeps = sweep_speed(
-                fits, condition, speeds, watch, each=lambda estimates: write_pulses(campaign, estimates, folder, export)
-            )
-        write_files("sweep", folder, SpeedSweep(campaign, sweeps, fits[0].config), display)
+            write = partial(write_pulses, campaign, folder, export)
+            swept = sweep_speed(campaign, fits, condition, speeds, watch, each=write)
+        write_files("sweep", folder, swept, display)
     output.say_facts(campaign, display)
     print(f"{len(speeds)} speeds from {display.words(speed(speeds[0], speeds[-1], between=' to '))}.")
     print(display.words(weights_sentence(condition, campaign.tests)))
@@ -117,8 +122,8 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     output.say_facts(campaign, display)
     low, high = display.condition(over.low), display.condition(over.high)
     print(f"The band of the displacement domain over {low} to {high}:")
-    print(next_tests_table(ranking.ranked[:BEST]).to_string(display))
-    output.say_written(arguments.out, ranking.kind)
+    print(next_tests_table(ranking).to_string(display))
+    output.say_written(arguments.out, "ranking of next tests")
 
 
 def _fits(arguments: argparse.Namespace, campaign: Campaign) -> list[Fit]:

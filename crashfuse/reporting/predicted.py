@@ -16,7 +16,7 @@ from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, require_a, several
+from crashfuse.errors import require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.run import Run
@@ -28,7 +28,7 @@ from crashfuse.reporting.result_tables import metrics_shown, metrics_table, puls
 from crashfuse.reporting.table import Table
 from crashfuse.signals.pulse import DT_S, motion
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, Fit, estimate_at, estimates_at
+from crashfuse.study.estimate import Estimate, Fit, check_factors, estimate_at, estimates_at, fits_of
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
 from crashfuse.study.facts import Fact, campaign_facts, condition_facts, distinct
 from crashfuse.study.recommendation import Recommendation, recommend_for
@@ -209,43 +209,14 @@ def predict(
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     run = Run.of(campaign, cache, watch)
     campaign, asked = run.bind(campaign), (approach,) if isinstance(approach, Fit) else several(approach)
-    for one in asked:
-        require_a(str | Fit, one, "the name of an approach, or crashfuse.Fit.of(campaign, approach)")
-    names = tuple(dict.fromkeys(name for name in asked if not isinstance(name, Fit)))
-    if names and len(names) == len(set(asked)):  # what is predicted is cached, too
+    names = tuple(dict.fromkeys(one for one in asked if isinstance(one, str)))
+    if names and all(isinstance(one, str) for one in asked):  # what is predicted is cached, too
         replace(config, approaches=names).check()
         estimates = [estimate_at(campaign, condition, name, config, run) for name in names]
     else:
         fits = fits_of(campaign, asked, config, run)
         estimates, config = estimates_at(fits, condition), fits[0].config
     return PredictedPulse(campaign, tuple(estimates), config)
-
-
-def fits_of(campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, run: Run) -> list[Fit]:
-    """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
-    for one in approaches:
-        require_a(str | Fit, one, "the name of an approach, or crashfuse.Fit.of(campaign, approach)")
-    asked = dict.fromkeys(approaches)
-    if not asked:
-        raise UsageError("A prediction takes an approach at least, such as fused.")
-    if names := tuple(one for one in asked if isinstance(one, str)):
-        replace(config, approaches=names).check()
-    for one in asked:
-        if isinstance(one, Fit) and one.campaign.fingerprint != campaign.fingerprint:
-            raise UsageError(f"The fit of {one.approach.name} learned from other data than {campaign.name} holds.")
-    return [one if isinstance(one, Fit) else Fit.of(campaign, one, config, run) for one in asked]
-
-
-def check_factors(campaign: Campaign, condition: Condition) -> None:
-    """Raise a UsageError if these are no campaign and condition, or no test has a factor of it, or its value."""
-    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
-    require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
-    for name, value in condition.factors:
-        if name not in campaign.factors:
-            known = ", ".join(campaign.factors) or "none"
-            raise UsageError(f"{campaign.name} has no factor {name!r}; its factors are: {known}.")
-        if value and value not in campaign.factors[name]:
-            raise UsageError(f"No test has {name} {value!r}; known are {', '.join(campaign.factors[name])}.")
 
 
 def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[PredictedPulse]:

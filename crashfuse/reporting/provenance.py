@@ -12,6 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.certification.certify import Certification
 from crashfuse.condition import Condition
+from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import TO_TTZV, StudyConfig
@@ -19,7 +20,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
-from crashfuse.study.recommendation import Recommendation, recommend, recommend_for, recommend_without, study_facts
+from crashfuse.study.recommendation import Recommendation, recommend, recommend_without, study_facts
 from crashfuse.study.study import Study
 from crashfuse.units import MASS, MPH_LB, SPEED, SYSTEMS, UnitSystem, read_out
 from crashfuse.version import COMPUTING, __version__
@@ -208,22 +209,21 @@ def study_record(study: Study) -> dict[str, object]:
     }
 
 
-def prediction_record(campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> dict[str, object]:
+def prediction_record(prediction: PredictedPulse) -> dict[str, object]:
     """``prediction.json``."""
-    condition = estimates[0].prediction.condition
-    recommended = recommend_for(estimates, campaign, condition)
+    campaign, condition, recommended = prediction.campaign, prediction.condition, prediction.recommendation
     advice = _recommendation(recommended)
     expected = advice.pop("expected_rating")
     here = distinct([*condition_facts(campaign, condition), *recommended.facts])
     return {
-        **provenance(campaign, (), config),
+        **provenance(campaign, (), prediction.config),
         "condition": {k: v for k, v in asdict(condition).items() if k != "units"},
         "extrapolation": list(campaign.cae.extrapolation(condition)),
         "facts_here": [fact.record for fact in here],
         "nearest": list(nearest_sentences(campaign, condition)),
         "recommendation": advice,
         "expected_rating": expected,
-        "fits": [_fit_record(estimate) for estimate in estimates],
+        "fits": [_fit_record(estimate) for estimate in prediction.estimates],
     }
 
 

@@ -19,10 +19,10 @@ from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, Metric
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, gains, summary
-from crashfuse.study.planning import NextTest, Sweep
+from crashfuse.study.planning import BEST, NextTests, SpeedSweep
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
-from crashfuse.units import KN, LB, MPH, MS, G, Quantity, Sentence
+from crashfuse.units import KN, LB, MPH, MS, G, Quantity, Sentence, speed
 
 _FOLDS = ("others", "apart")  # in names of columns: as most tests at about the speed fold, and as one that stands apart
 _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
@@ -168,55 +168,63 @@ def study_metrics(study: Study) -> pd.DataFrame:
     return metrics_table(rows, study.campaign)
 
 
-def sweep_table(sweeps: Sequence[Sweep], campaign: Campaign) -> pd.DataFrame:
+def sweep_table(sweep: SpeedSweep) -> pd.DataFrame:
     """Pulse metrics at every speed, then those of the tests, which have their own weights."""
+    campaign = sweep.campaign
     rows: list[tuple[object, str, Sequence[Metric]]] = [
-        (speed_mps / MPH, sweep.approach, metrics)
-        for sweep in sweeps
-        for speed_mps, metrics in zip(sweep.speeds_mps.tolist(), sweep.metrics, strict=True)
+        (speed_mps / MPH, approach, metrics)
+        for approach, at_speeds in sweep.metrics.items()
+        for speed_mps, metrics in zip(sweep.speeds_mps.tolist(), at_speeds, strict=True)
     ]
     rows += [(test.condition.speed_mps / MPH, "test", campaign.metrics_of(test)) for test in campaign.tests]
     return metrics_table(rows, campaign, "speed_mph")
 
 
-def next_tests_file(ranked: Sequence[NextTest]) -> pd.DataFrame:
+def speeds_table(sweep: SpeedSweep) -> Table:
+    """The main metrics by the last approach of a sweep, with its intervals, one row a speed."""
+    shown, headings = [*sweep.metrics][-1], sweep.campaign.metric_headings
+    frame = interval_frame({headings[name]: sweep.over_speed(shown, name) for name in MAIN_METRICS})
+    frame["Speed"] = [*map(speed, sweep.speeds_mps.tolist())]
+    columns = (Column(headings[name], "interval", METRIC_UNITS[name]) for name in MAIN_METRICS)
+    return Table("sweep", frame, (Column("Speed"), *columns))
+
+
+def next_tests_file(ranking: NextTests) -> pd.DataFrame:
     """Ranked tests in the columns of ``next_tests.csv``, one row each."""
+    after, gains = (
+        ranking.after_mps2.tolist(),
+        ranking.gains.tolist(),
+    )  # Python and NumPy round otherwise
+    rows = zip(ranking.conditions, after, gains, ranking.extrapolated, strict=True)
     return pd.DataFrame(
         {
             "rank": rank,
-            "speed (mph)": round(test.condition.speed_mps / MPH, 1),
-            "front weight (lb)": round(test.condition.front_weight_kg / LB),
-            "rear weight (lb)": round(test.condition.rear_weight_kg / LB),
-            **dict(test.condition.factors),
-            "band now (± g)": round(test.before_mps2 / G, 2),
-            "band then (± g)": round(test.after_mps2 / G, 2),
-            "gain (%)": round(100 * test.gain, 1),
-            "extrapolation": "yes" if test.extrapolation else "no",
+            "speed (mph)": round(condition.speed_mps / MPH, 1),
+            "front weight (lb)": round(condition.front_weight_kg / LB),
+            "rear weight (lb)": round(condition.rear_weight_kg / LB),
+            **dict(condition.factors),
+            "band now (± g)": round(ranking.before_mps2 / G, 2),
+            "band then (± g)": round(after / G, 2),
+            "gain (%)": round(100 * gain, 1),
+            "extrapolation": "yes" if extrapolated else "no",
         }
-        for rank, test in enumerate(ranked, start=1)
+        for rank, (condition, after, gain, extrapolated) in enumerate(rows, start=1)
     )
 
 
-def next_tests_table(ranked: Sequence[NextTest]) -> Table:
-    """Ranked tests, with the ranking criterion first."""
-    rows = [
-        {
-            "Rank": rank,
-            **of_condition(test.condition),
-            "Gain": test.gain,
-            "Extrapolation": bool(test.extrapolation),
-            "Band now": test.before_mps2 / G,
-            "Band then": test.after_mps2 / G,
-        }
-        for rank, test in enumerate(ranked, start=1)
-    ]
-    speed, *weights = CONDITION
+def next_tests_table(ranking: NextTests, most: int = BEST) -> Table:
+    """The best of the ranked tests, with the ranking criterion first."""
+    frame = pd.DataFrame([of_condition(condition) for condition in ranking.conditions]).assign(
+        **{"Rank": range(1, len(ranking.conditions) + 1), "Gain": ranking.gains, "Extrapolation": ranking.extrapolated},
+        **{"Band now": ranking.before_mps2 / G, "Band then": ranking.after_mps2 / G},
+    )
+    v0, *weights = CONDITION
     columns = (
-        *(Column("Rank", "number", form=".0f"), speed, Column("Gain", "share", "%"), Column("Extrapolation")),
-        *(*weights, *(Column(name.capitalize(), source=name) for name, _ in ranked[0].condition.factors)),
+        *(Column("Rank", "number", form=".0f"), v0, Column("Gain", "share", "%"), Column("Extrapolation")),
+        *(*weights, *(Column(name.capitalize(), source=name) for name, _ in ranking.conditions[0].factors)),
         *(Column(name, "spread", "g", ".2f") for name in ("Band now", "Band then")),
     )
-    return Table("next tests", pd.DataFrame(rows), columns)
+    return Table("next tests", frame[:most], columns)
 
 
 def repeat_scores(study: Study) -> pd.DataFrame:

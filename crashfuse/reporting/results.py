@@ -85,7 +85,7 @@ def replaced(kind: str, folder: Path) -> Iterator[Path]:
                 empty.rmdir()
 
 
-def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> None:
+def write_pulses(campaign: Campaign, folder: Path, export: PulseExport, estimates: Sequence[Estimate]) -> None:
     """Write the pulses at one speed of a sweep for an occupant model, into a folder by format and speed."""
     speed = estimates[0].prediction.condition.speed_name
     for name, files in export.files(campaign, estimates).items():
@@ -111,11 +111,9 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
         "pulses.parquet": lambda prediction, *_: parquet_bytes(prediction.pulses),
         "metrics.csv": lambda prediction, *_: csv_bytes(prediction.metrics),
-        "report.html": lambda own, _, display, form: reports.prediction_report(
-            own.campaign, own.estimates, own.config, display, form=form
-        ),
+        "report.html": lambda own, _, display, form: reports.prediction_report(own, display, form=form),
         **{f"{name}/": (lambda _, pulses, *_rest, name=name: pulses.get(name)) for name in PULSE_FORMATS},
-        "prediction.json": lambda own, *_: json_bytes(prediction_record(own.campaign, own.estimates, own.config)),
+        "prediction.json": lambda own, *_: json_bytes(prediction_record(own)),
     },
     "sweep": {
         "report.html": reports.sweep_report,

@@ -151,6 +151,33 @@ class Fit:
         return estimates_at([self], condition)[0]
 
 
+def fits_of(campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, run: Run) -> list[Fit]:
+    """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
+    for one in approaches:
+        require_a(str | Fit, one, "the name of an approach, or crashfuse.Fit.of(campaign, approach)")
+    asked = dict.fromkeys(approaches)
+    if not asked:
+        raise UsageError("A prediction takes an approach at least, such as fused.")
+    if names := tuple(one for one in asked if isinstance(one, str)):
+        replace(config, approaches=names).check()
+    for one in asked:
+        if isinstance(one, Fit) and one.campaign.fingerprint != campaign.fingerprint:
+            raise UsageError(f"The fit of {one.approach.name} learned from other data than {campaign.name} holds.")
+    return [one if isinstance(one, Fit) else Fit.of(campaign, one, config, run) for one in asked]
+
+
+def check_factors(campaign: Campaign, condition: Condition) -> None:
+    """Raise a UsageError if these are no campaign and condition, or no test has a factor of it, or its value."""
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+    require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
+    for name, value in condition.factors:
+        if name not in campaign.factors:
+            known = ", ".join(campaign.factors) or "none"
+            raise UsageError(f"{campaign.name} has no factor {name!r}; its factors are: {known}.")
+        if value and value not in campaign.factors[name]:
+            raise UsageError(f"No test has {name} {value!r}; known are {', '.join(campaign.factors[name])}.")
+
+
 def is_beyond(condition: Condition) -> bool:
     """Whether no barrier test is made at a condition."""
     return condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG

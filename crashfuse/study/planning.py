@@ -5,13 +5,17 @@ spots dominate the mean variance.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Self
+from pathlib import Path
+from typing import Self, Unpack, cast
 
 import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
 
+from crashfuse import views
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.registry import LABELS
@@ -19,45 +23,115 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, one_of, printable, require_a, require_number, several
+from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.run import one_thread
-from crashfuse.signals.metrics import Metric, missing_sentences
+from crashfuse.execution.run import Run, one_thread
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
-from crashfuse.study.estimate import Estimate, Fit, estimates_at
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import FASTEST_MPS, Estimate, Fit, check_factors, estimates_at, fits_of
 from crashfuse.units import MPH, Sentence, speed, weight
 
 _SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and 100 ms are too short for its occupant metrics
 _STEP = "Sweep over speed"
+BEST = 5  # next tests that are shown first
 _GAP_MPS = 3 * MPH  # widest gap between speeds of CAE runs that counts as covered
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Sweep:
-    """Metrics predicted by one approach over impact speed."""
+@dataclass(frozen=True, eq=False, repr=False)
+class SpeedSweep:
+    """Pulse metrics over impact speed, as one or several approaches predict them."""
 
-    approach: str
+    campaign: Campaign
     condition: Condition  # weights and factors at all speeds
     speeds_mps: FloatArray  # ascending, shape (n,)
-    metrics: tuple[tuple[Metric, ...], ...]  # all metrics of the pulse at each speed
+    metrics: Mapping[str, tuple[tuple[Metric, ...], ...]]  # by approach: all metrics of the pulse at each speed
+    config: StudyConfig = StudyConfig()
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a speed, approach (or ``test``) and metric, as ``sweep.csv``."""
+        return views.sweep_table(self)
+
+    def over_speed(self, approach: str, metric: str) -> tuple[Metric, ...]:
+        """One metric by one approach at each speed."""
+        return tuple(value for metrics in self.metrics[approach] for value in metrics if value.name == metric)
+
+    def missing(self, metric: str) -> list[str]:
+        """Sentences on the speeds at which a metric has no value, and why."""
+        missing = []
+        for approach in self.metrics:
+            over_speed = zip(self.speeds_mps.tolist(), self.over_speed(approach, metric), strict=True)
+            if gaps := [(v0, value) for v0, value in over_speed if value.value is None]:
+                (low, first), (high, _) = gaps[0], gaps[-1]
+                where = f"{{}} ({len(gaps)} of {len(self.speeds_mps)} speeds, from {{}})"
+                missing.append((Sentence(where, LABELS[approach], speed(low, high, between=" to ")), [first]))
+        return missing_sentences(missing)
+
+    def plot(self, metric: str = MAIN_METRICS[0], **display: Unpack[views.DisplayOptions]) -> go.Figure:
+        """A metric over impact speed, every approach with its band, the tests as points."""
+        one_of("metric", metric, METRIC_LABELS)
+        return views.sweep_figure(self, metric, views.Display.of(self.campaign.units, **display))
+
+    def write(self, folder: str | Path, **display: Unpack[views.DisplayOptions]) -> None:
+        """Write ``sweep.csv`` and ``report.html``."""
+        views.write_result("sweep", folder, self, views.Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
-        return f"<Sweep by {self.approach} over {len(self.metrics)} speeds>"
+        ends = speed(float(self.speeds_mps[0]), float(self.speeds_mps[-1]), between=" to ")
+        return f"<SpeedSweep, {', '.join(self.metrics)}, {len(self.speeds_mps)} speeds from {ends}>"
 
-    def over_speed(self, metric: str) -> tuple[Metric, ...]:
-        """One metric at each speed."""
-        return tuple(value for metrics in self.metrics for value in metrics if value.name == metric)
+    def _repr_html_(self) -> str:
+        display = views.Display(system=self.campaign.units)
+        return views.card(repr(self)[1:-1], views.speeds_table(self), (f"By {[*self.metrics][-1]}.",), display)
+
+
+def sweep(
+    campaign: Campaign,
+    condition: Condition,
+    speeds_mph: tuple[float, float] | None = None,
+    approach: str | Fit | Sequence[str | Fit] = "fused",
+    config: StudyConfig = StudyConfig(),
+    *,
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+) -> SpeedSweep:
+    """Predict the pulse metrics over impact speed; otherwise as :func:`crashfuse.reporting.predicted.predict`.
+
+    Parameters
+    ----------
+    condition : Condition
+        Its weights and factors hold at all speeds; its own speed does not matter.
+    speeds_mph : tuple of float, optional
+        The lowest and the highest speed, by default those of the CAE runs and tests; every full mph between them.
+    """
+    check_factors(campaign, condition)
+    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
+    speeds = usual_speeds(campaign)
+    if speeds_mph is not None:
+        for end in several(speeds_mph):
+            require_number("A speed of a sweep", end)
+        ends = [float(end) * MPH for end in several(speeds_mph)]
+        if len(ends) != 2 or not 0 < ends[0] < ends[1] <= FASTEST_MPS:
+            found, most = printable(repr(speeds_mph), 60), f"{FASTEST_MPS / MPH:.0f}"
+            raise UsageError(f"A sweep takes a speed above 0 and a higher one, up to {most} mph, not {found}.")
+        speeds = speeds_between(*ends)
+    run, asked = Run.of(campaign, cache, watch), (approach,) if isinstance(approach, Fit) else several(approach)
+    campaign = run.bind(campaign)
+    return sweep_speed(campaign, fits_of(campaign, asked, config, run), condition, speeds, watch)
 
 
 def sweep_speed(
+    campaign: Campaign,
     fits: Sequence[Fit],
     condition: Condition,
     speeds_mps: FloatArray,
     watch: Watch = SILENT,
     *,
     each: Callable[[Sequence[Estimate]], None] | None = None,
-) -> tuple[Sweep, ...]:
-    """One sweep for each fit, all of one campaign; ``each`` is called with the estimates at each speed."""
+) -> SpeedSweep:
+    """A sweep by approaches fitted to the campaign; ``each`` is called with the estimates at each speed."""
     speeds = np.unique(speeds_mps)
     rows = []
     for number, speed_mps in enumerate(speeds.tolist()):
@@ -67,8 +141,8 @@ def sweep_speed(
         if each is not None:
             each(estimates)
     watch.report(_STEP, len(speeds), len(speeds))
-    columns = zip(*rows, strict=True)
-    return tuple(Sweep(fit.approach.name, condition, speeds, column) for fit, column in zip(fits, columns, strict=True))
+    metrics = dict(zip([fit.approach.name for fit in fits], zip(*rows, strict=True), strict=True))
+    return SpeedSweep(campaign, condition, speeds, metrics, replace(fits[0].config, approaches=tuple(metrics)))
 
 
 def usual_speeds(campaign: Campaign) -> FloatArray:
@@ -101,18 +175,6 @@ def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tu
     parts = [(low_mps, float(speeds[0])), *inner, (float(speeds[-1]), high_mps)]
     clipped = ((max(start, low_mps), min(end, high_mps)) for start, end in parts)
     return tuple((start, end) for start, end in clipped if start < end)
-
-
-def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:
-    """Sentences on the speeds at which a metric has no value, and why."""
-    missing = []
-    for sweep in sweeps:
-        over_speed = zip(sweep.speeds_mps.tolist(), sweep.over_speed(metric), strict=True)
-        if gaps := [(v0, value) for v0, value in over_speed if value.value is None]:
-            (low, first), (high, _) = gaps[0], gaps[-1]
-            where = f"{{}} ({len(gaps)} of {len(sweep.metrics)} speeds, from {{}})"
-            missing.append((Sentence(where, LABELS[sweep.approach], speed(low, high, between=" to ")), [first]))
-    return missing_sentences(missing)
 
 
 def weights_sentence(condition: Condition, tests: Sequence[CrashTest]) -> str:
@@ -174,30 +236,97 @@ def _conditions(vectors: FloatArray, factors: tuple[tuple[str, str], ...]) -> tu
     return tuple(Condition.of_vector([v, front, rear], factors) for v, front, rear in vectors.tolist())
 
 
-@dataclass(frozen=True, slots=True)
-class NextTest:
-    """A possible next test, and its effect on half the width of the 95 % band of the bias, mean over the range."""
+@dataclass(frozen=True, eq=False, repr=False)
+class NextTests:
+    """Possible next tests, the best first, and half the width of the 95 % band of the bias, mean over a range."""
 
-    condition: Condition
+    campaign: Campaign
+    over: ConditionRange
+    conditions: tuple[Condition, ...]
     before_mps2: float
-    after_mps2: float
-    extrapolation: tuple[str, ...] = ()  # notes on its inputs outside the CAE runs' range
-
-    def __repr__(self) -> str:
-        return f"<NextTest at {self.condition}: {100 * self.gain:.1f} % narrower>"
+    after_mps2: FloatArray  # with a test at each of the conditions
+    config: StudyConfig = StudyConfig()
 
     @property
-    def gain(self) -> float:
-        """Share by which the band would shrink."""
+    def gains(self) -> FloatArray:
+        """Share by which each would shrink the band."""
         return 1 - self.after_mps2 / self.before_mps2
+
+    @property
+    def extrapolated(self) -> tuple[bool, ...]:
+        """Whether each lies outside the range of the CAE runs."""
+        return tuple(bool(self.campaign.cae.extrapolation(condition)) for condition in self.conditions)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a candidate, the best first, as ``next_tests.csv``."""
+        return views.next_tests_file(self)
+
+    def plot(self, **display: Unpack[views.DisplayOptions]) -> go.Figure:
+        """How much each candidate would narrow the band over its speed, as the page Predict shows it."""
+        return views.next_tests_figure(self, views.Display.of(self.campaign.units, **display))
+
+    def write(self, folder: str | Path, **display: Unpack[views.DisplayOptions]) -> None:
+        """Write ``next_tests.csv`` and ``report.html``."""
+        views.write_result("ranking of next tests", folder, self, views.Display.of(self.campaign.units, **display))
+
+    def __repr__(self) -> str:
+        share = f"{100 * self.gains[0]:.0f} % narrower"
+        return f"<NextTests, the best of {len(self.conditions)} at {self.conditions[0]}: {share}>"
+
+    def _repr_html_(self) -> str:
+        display = views.Display(system=self.campaign.units)
+        low, high = map(display.condition, (self.over.low, self.over.high))
+        title = f"The band over {low} to {high}: which test would narrow it most"
+        return views.card(title, views.next_tests_table(self), (), display)
+
+
+def next_test(
+    campaign: Campaign,
+    low: Condition | None = None,
+    high: Condition | None = None,
+    *,
+    candidates: Sequence[Condition] | None = None,
+    planned: Sequence[Condition] = (),
+    config: StudyConfig = StudyConfig(),
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+) -> NextTests:
+    """Rank tests that might be run next by how much each would narrow the band of the displacement domain.
+
+    Parameters
+    ----------
+    low, high : Condition, optional
+        The range of speeds and weights of interest, by default that of the tests.
+    candidates : sequence of Condition, optional
+        The tests that could be run; by default speeds over the range, at the middle weights.
+    planned : sequence of Condition
+        Tests that are going to be run anyway.
+    """
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
+    usual = ConditionRange.of(campaign.tests)
+    low, high = usual.low if low is None else low, usual.high if high is None else high
+    planned = cast(tuple[Condition, ...], several(planned))
+    candidates = None if candidates is None else cast(tuple[Condition, ...], several(candidates))
+    for condition in (low, high, *planned, *(candidates or ())):
+        check_factors(campaign, condition)
+    if candidates == ():
+        raise UsageError("There is no candidate: name one, or leave candidates out.")
+    over = ConditionRange(low, high)
+    fit = Fit.of(campaign, DisplacementDomain.name, config, Run.of(campaign, cache, watch))
+    assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
+    return rank_next_tests(fit.campaign, fit.approach, over, candidates, planned, config)
 
 
 def rank_next_tests(
+    campaign: Campaign,
     domain: DisplacementDomain,
     over: ConditionRange,
     candidates: Sequence[Condition] | None = None,
     planned: Sequence[Condition] = (),
-) -> tuple[NextTest, ...]:
+    config: StudyConfig = StudyConfig(),
+) -> NextTests:
     """Rank conditions by how much a test there would shrink the band over a range, the largest gain first.
 
     The band is that of a new test's bias, averaged over the range and over displacement up to the crush of the CAE
@@ -216,9 +345,6 @@ def rank_next_tests(
         bias = bias.also([domain.expected_points(condition) for condition in planned])
         now, then = bias.half_widths(targets, [domain.expected_points(condition) for condition in candidates])
     weights = np.concatenate([np.full(n := t.displacement_m.size, 1 / (n * len(targets))) for t in targets])
-    widening, cae = domain.calibration_.widening, domain.model_.cae_
-    before, after = (widening * half_width @ weights for half_width in (now, then))
+    before, after = (domain.calibration_.widening * half_width @ weights for half_width in (now, then))
     ranked = np.argsort(after, kind="stable")
-    return tuple(
-        NextTest(c := candidates[i], float(before), float(after[i]), cae.extrapolation(c)) for i in ranked.tolist()
-    )
+    return NextTests(campaign, over, tuple(candidates[i] for i in ranked), float(before), after[ranked], config)

@@ -1,7 +1,7 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -23,8 +23,6 @@ from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_tables import csv_as_given
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.fit_explanations import whole_sentences
-from crashfuse.reporting.planning import NextTests
-from crashfuse.reporting.plots.conditions import BEST
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import (
     PredictedPulse,
@@ -40,7 +38,7 @@ from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
-from crashfuse.study.planning import ConditionRange, NextTest, missing_over_speed, rank_next_tests, weights_sentence
+from crashfuse.study.planning import BEST, ConditionRange, NextTests, rank_next_tests, weights_sentence
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pinned
@@ -106,10 +104,10 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
         + patience(config, "This takes a minute or two, once; then every condition is answered at once."),
         button="Predict",
     )
-    prediction, advice = PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config), None
+    prediction, advice = PredictedPulse(campaign, tuple(answers(condition, fitted)), config), None
     if is_whole := fitted.approaches == config.approaches:
         window_ms = view.display.window_ms
-        advice = advised(request.key, condition, window_ms, prediction.estimates, campaign)
+        advice = advised(fitted.key, condition, window_ms, prediction.estimates, campaign)
     pins = [pin for text, pin in pinned().items() if is_whole and text != condition.text]
     at_pins = [found for pin in pins if (found := predicted(campaign, config, pin)) is not None]
     show_training(config, fitted.approaches)
@@ -117,30 +115,25 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
         use, expected, *reasons = advice.facts
         known = [fact.sentence for fact in reasons if fact.code != "condition.extrapolated"]  # said above
         results.show_recommendation([use.sentence, expected.sentence], known)
-    tabs = {"Pulses": _show_pulses, "Over speed": _show_over_speed, "Next test": _show_next_test}
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
-        tab = choose("Tab", list(tabs), key="predict_tab")
+        tab = choose("Tab", ["Pulses", "Over speed", "Next test"], key="predict_tab")
         best = by_preference(fitted.approaches)[0] if advice is None else advice.approach
         address.default("predict_approach", best, fitted.approaches)
         look = {"label_visibility": "collapsed", "width": 230, "format_func": lambda name: f"By {LABELS[name]}"}
         args = kept("predict_approach", on_change=address.publish, **look)
         approach = st.selectbox("Approach", fitted.approaches, **args)
-        answer = _Answer(view, request.key, fitted, prediction, advice, at_pins, approach)
         if advice is not None:
-            _show_pins(answer)
+            _show_pins(prediction)
         st.space("stretch")
-        export_button(partial(_show_files, answer))
-    tabs[tab](answer)
-
-
-class _Answer(NamedTuple):
-    view: View
-    fit_key: Hashable  # of the fits on all tests of the campaign
-    fitted: Fitted  # while networks train, fewer approaches than the settings ask for
-    prediction: PredictedPulse  # by all approaches that are fitted
-    advice: Recommendation | None  # None while approaches are still missing
-    at_pins: list[PredictedPulse]
-    approach: str  # that is chosen
+        export_button(partial(_show_files, prediction, at_pins, advice, view.display))
+    if tab == "Pulses":
+        _show_pulses(view, fitted, prediction, at_pins, approach, advice)
+    elif tab == "Next test":
+        _show_next_test(view, fitted, condition, approach)
+    elif advice is None:
+        st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
+    else:
+        _show_over_speed(view, fitted, condition, approach)
 
 
 def _choose_condition(campaign: Campaign, display: Display) -> Condition:
@@ -203,8 +196,8 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     return float(state[name] * in_si)
 
 
-def _show_pins(answer: _Answer) -> None:
-    pins, prediction, here = pinned(), answer.prediction, answer.prediction.condition.text
+def _show_pins(prediction: PredictedPulse) -> None:
+    pins, here = pinned(), prediction.text
 
     def pin() -> None:
         st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
@@ -223,11 +216,18 @@ def _show_pins(answer: _Answer) -> None:
                 st.button(f":material/close: {label}", key=key, on_click=unpin, args=(text,), type="tertiary")
 
 
-def _show_pulses(answer: _Answer) -> None:
-    view, prediction, condition = answer.view, answer.prediction, answer.prediction.condition
+def _show_pulses(
+    view: View,
+    fitted: Fitted,
+    prediction: PredictedPulse,
+    at_pins: Sequence[PredictedPulse],
+    approach: str,
+    advice: Recommendation | None,
+) -> None:
+    condition = prediction.condition
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
-        curves = choose_curves(view, condition, answer.approach, answer.fitted.approaches)
+        curves = choose_curves(view, condition, approach, fitted.approaches)
 
     def draw() -> go.Figure:
         drawn = prediction.plot(
@@ -238,23 +238,21 @@ def _show_pulses(answer: _Answer) -> None:
 
     alt = f"Prediction by {curves.by} at {view.display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
-    key = shown, answer.fit_key, answer.fitted.approaches, condition, view.display, curves.key
+    key = shown, fitted.key, fitted.approaches, condition, view.display, curves.key
     show_cached_figure(draw, alt, *key, name=name)
     estimates = [estimate for estimate in prediction.estimates if estimate.approach in curves.approaches]
     columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-    if answer.at_pins:
-        _show_differences(answer)
+    if at_pins:
+        _show_differences(by_one(approach, [prediction, *at_pins]), view.display)
     else:
         results.show_metrics(columns, view)
     weight = f"{view.display.weight(condition.mass_kg)} in all."
-    advice = () if answer.advice is None else answer.advice.sentences
     remarks = [weight, *nearest_sentences(view.campaign, condition), *whole_sentences(estimates)]
-    said = (*advice, *view.campaign.cae.extrapolation(condition))
+    said = (*(advice.sentences if advice else ()), *view.campaign.cae.extrapolation(condition))
     results.show_details(columns, estimates, view, said, remarks)
 
 
-def _show_differences(answer: _Answer) -> None:
-    display, shown = answer.view.display, by_one(answer.approach, [answer.prediction, *answer.at_pins])
+def _show_differences(shown: Sequence[PredictedPulse], display: Display) -> None:
     names = column_names(shown, display)
     first, second, *more = names
 
@@ -267,13 +265,9 @@ def _show_differences(answer: _Answer) -> None:
         st.caption(plain(sentence))
 
 
-def _show_over_speed(answer: _Answer) -> None:
-    view, condition = answer.view, answer.prediction.condition
-    if answer.advice is None:
-        st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
-        return
+def _show_over_speed(view: View, fitted: Fitted, condition: Condition, approach: str) -> None:
     sweep = result_or_none(
-        sweep_over_speed(view.campaign, answer.fit_key, answer.fitted, condition),
+        sweep_over_speed(view.campaign, fitted, condition),
         invitation="Some thirty speeds take some ten seconds.",
         button="Predict over speed",
     )
@@ -281,53 +275,58 @@ def _show_over_speed(answer: _Answer) -> None:
         return
     label = METRIC_LABELS.__getitem__
     metric = st.selectbox("Pulse metric", list(METRIC_LABELS), format_func=label, help=TTZV, **kept("sweep_metric"))
-    approaches = answer.approach, BASELINE
-    shown = replace(sweep, sweeps=tuple(own for own in sweep.sweeps if own.approach in approaches))
-    alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.approach]}, tests as points"
+    shown = replace(sweep, metrics={name: own for name, own in sweep.metrics.items() if name in (approach, BASELINE)})
+    alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[approach]}, tests as points"
     name = f"{metric} over speed {condition.text.partition(' ')[2]}"
     show_figure(shown.plot(metric, display=view.display), alt, name=name)
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
-    for sentence in missing_over_speed(shown.sweeps, metric):
+    for sentence in shown.missing(metric):
         st.caption(plain(sentence))
     files = {"sweep.csv": lambda: sweep.table, "sweep.html": lambda: sweep_report(sweep, view.display)}
     offer(view.campaign.name, files)
 
 
-def _show_next_test(answer: _Answer) -> None:
-    campaign = answer.view.campaign
-    domains = [fit.approach for fit in answer.fitted.fits if isinstance(fit.approach, DisplacementDomain)]
+def _show_next_test(view: View, fitted: Fitted, condition: Condition, approach: str) -> None:
+    campaign = view.campaign
+    domains = [fit.approach for fit in fitted.fits if isinstance(fit.approach, DisplacementDomain)]
     if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
         st.info("Ranking next tests needs the displacement domain with the fast settings.")
         return
     usual = ConditionRange.of(campaign.tests)
-    ends, display = [], answer.view.display
+    ends, display = [], view.display
     for place, (column, axis) in enumerate(zip(st.columns(3), _AXES, strict=True)):
         tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
-        ends.append(_range(column, axis, answer.view, campaign.cae.vectors[:, place], tests))
-    kind = answer.prediction.condition.factors or usual.low.factors
+        ends.append(_range(column, axis, view, campaign.cae.vectors[:, place], tests))
+    kind = condition.factors or usual.low.factors
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
-        candidates = NextTests(campaign, over, _ranked(answer.fit_key, over, domains[0]), chosen_config())
+        ranking = _ranked((fitted.key, campaign.name), over, chosen_config(), campaign, domains[0])
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     alt, name = "How much each candidate would narrow the band", f"next test {over.low.text} to {over.high.text}"
-    show_figure(candidates.plot(display=display), alt, name=name)
+    show_figure(ranking.plot(display=display), alt, name=name)
     st.caption(NEXT_TEST_MEANING)
-    if answer.approach != DisplacementDomain.name:
-        st.caption(f"By the displacement domain: {LABELS[answer.approach]} cannot rank tests.")
+    if approach != DisplacementDomain.name:
+        st.caption(f"By the displacement domain: {LABELS[approach]} cannot rank tests.")
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
-    usual_kind = "" if answer.prediction.condition.factors else ", of which there are most tests"
+    usual_kind = "" if condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
-    show_table(next_tests_table(candidates.ranked[:BEST]), "next tests")
-    report = partial(next_test_report, candidates, display)
-    offer(campaign.name, {"next_tests.csv": lambda: candidates.table, "next_test.html": report})
+    show_table(next_tests_table(ranking), "next tests")
+    report = partial(next_test_report, ranking, display)
+    offer(campaign.name, {"next_tests.csv": lambda: ranking.table, "next_test.html": report})
 
 
-@st.cache_data(show_spinner="Ranking candidates …", max_entries=32)
-def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> tuple[NextTest, ...]:  # noqa: ARG001
-    return rank_next_tests(_domain, over)
+@st.cache_resource(show_spinner="Ranking candidates …", max_entries=32)
+def _ranked(
+    key: object,  # noqa: ARG001 - of the fits
+    over: ConditionRange,
+    config: StudyConfig,
+    _campaign: Campaign,
+    _domain: DisplacementDomain,
+) -> NextTests:
+    return rank_next_tests(_campaign, _domain, over, config=config)
 
 
 def _range(
@@ -364,9 +363,10 @@ def _ends(text: str) -> tuple[float, float]:
     return math.nan, math.nan
 
 
-def _show_files(answer: _Answer) -> None:
-    campaign, prediction, others, display = answer.view.campaign, answer.prediction, answer.at_pins, answer.view.display
-    config, of = chosen_config(), f"{campaign.name} {display.words(prediction.condition.brief)}"
+def _show_files(
+    prediction: PredictedPulse, others: Sequence[PredictedPulse], advice: Recommendation | None, display: Display
+) -> None:
+    campaign = prediction.campaign
     form = choose_form(
         "recommendation, pulses, metrics and limits",
         "the pulse over displacement, the fits, the data, the method and its settings",
@@ -378,9 +378,8 @@ def _show_files(answer: _Answer) -> None:
     }
     if others:
         files["side_by_side.csv"] = lambda: csv_as_given(predictions_table([prediction, *others]))
-    if answer.advice is not None:
-        estimates = prediction.estimates
-        files["report.html"] = partial(prediction_report, campaign, estimates, config, display, others, form)
-    offer(of, files, form)
-    if answer.advice is not None:
-        offer_pulses(campaign, prediction.estimates, answer.advice.approach, config.seed)
+    if advice is not None:
+        files["report.html"] = partial(prediction_report, prediction, display, others, form)
+    offer(f"{campaign.name} {display.words(prediction.condition.brief)}", files, form)
+    if advice is not None:
+        offer_pulses(campaign, prediction.estimates, advice.approach, prediction.config.seed)

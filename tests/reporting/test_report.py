@@ -35,6 +35,10 @@ def estimate(test: CrashTest) -> Estimate:
     return Estimate("cae", prediction, {}, 0.1, {test.id: accel})
 
 
+def predicted(campaign: Campaign, test: CrashTest) -> PredictedPulse:
+    return PredictedPulse(campaign, (estimate(test),), CONFIG)
+
+
 @pytest.fixture(scope="module")
 def study(campaign: Campaign) -> Study:
     folds = tuple(Fold.of(test, [estimate(test)], CONFIG.windows_ms) for test in campaign.tests[:2])
@@ -118,7 +122,7 @@ def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(stu
     for own in (
         study_report(study, shown),
         study_report(study, shown, ReportOptions("short")),
-        prediction_report(study.campaign, study.folds[0].estimates, CONFIG, shown),
+        prediction_report(PredictedPulse(study.campaign, study.folds[0].estimates, CONFIG), shown),
     ):
         assert said in own
     assert "Shown in g, braking positive;" in study_report(study, Display(deceleration=True))
@@ -139,7 +143,7 @@ def test_a_report_is_light_and_equal_for_equal_results(study: Study, text: Repor
 
 def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     """Nothing was measured there; what may be expected, the nearest tests and the bias of the tests stand."""
-    text = prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG)
+    text = prediction_report(predicted(campaign, campaign.tests[0]))
     assert len(text.contents.figures) == 3
     assert '"name":"Test"' not in text
     assert "by speed</h2>" in text
@@ -150,19 +154,19 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
 
 def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campaign) -> None:
     here, other = campaign.tests[:2]
-    beside = [PredictedPulse(campaign, (estimate(other),), CONFIG)]
-    text = prediction_report(campaign, [estimate(here)], CONFIG, beside=beside, form="short")
+    beside = [predicted(campaign, other)]
+    text = prediction_report(predicted(campaign, here), beside=beside, form="short")
     assert len(text.contents.figures) == 2
     for kept in ("Expected over 0–60 ms", "Pulse metric", "Beside other predictions", "Limits</h2>", "--speed-mph 15 "):
         assert kept in text
     for left in ("Data: ", "Method and settings", "by speed</h2>", "Over displacement", "How the fit went"):
         assert left not in text
     assert text.index("Pulse metrics at") < text.index("Beside other predictions") < text.index("Limits</h2>")
-    whole = prediction_report(campaign, [estimate(here)], CONFIG, beside=beside)
+    whole = prediction_report(predicted(campaign, here), beside=beside)
     assert whole.count('<table class="metrics"') == text.count('<table class="metrics"') == 2
     assert whole.index("Pulse metrics at") < whole.index("Beside other predictions") < whole.index("Over displacement")
     with pytest.raises(UsageError, match="whole"):
-        prediction_report(campaign, [estimate(here)], CONFIG, form="brief")  # type: ignore[arg-type]
+        prediction_report(predicted(campaign, here), form="brief")  # type: ignore[arg-type]
 
 
 def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campaign) -> None:
@@ -170,7 +174,7 @@ def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campai
     speeds = [replace(first.prediction.condition, speed_mps=speed_mps) for speed_mps in (8.0, 9.0, 10.0, 11.0)]
     moved = (replace(first, prediction=replace(first.prediction, condition=at)) for at in speeds)
     pinned = [PredictedPulse(campaign, (each,), CONFIG) for each in moved]
-    text = prediction_report(campaign, [first], CONFIG, beside=pinned, form="short")
+    text = prediction_report(predicted(campaign, campaign.tests[0]), beside=pinned, form="short")
     told = text[text.index("Beside other predictions") :]
     assert [head.count(" − ") for head in re.findall(r"<thead>(.*?)</thead>", told)] == [2, 2]
     assert told.count('<table class="metrics"') == 2  # whose cells no line cuts

@@ -21,7 +21,7 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.planning import NextTest, sweep_speed
+from crashfuse.study.planning import ConditionRange, NextTests, sweep_speed
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import KPH, LB, MPH, G
@@ -142,27 +142,27 @@ def test_pulses_and_metrics_of_a_study_begin_with_those_measured(campaign: Campa
 
 def test_a_sweep_has_a_row_for_each_number(campaign: Campaign) -> None:
     fits = [Fit.of(campaign, name) for name in ("cae", "displacement_domain")]
-    sweeps = sweep_speed(fits, campaign.test("T2").condition, np.array([15.0, 20.0, 30.0]) * MPH)
-    table = tables.sweep_table(sweeps, campaign)
+    sweep = sweep_speed(campaign, fits, campaign.test("T2").condition, np.array([15.0, 20.0, 30.0]) * MPH)
+    table = sweep.table
     assert list(table.columns) == ["speed_mph", *METRIC_COLUMNS]
     assert set(table.basis) == {"filtered as supplied"}
     assert len(table) == 18 * (2 * 3 + 4)
     (row,) = table[(table.approach == "displacement_domain") & (table.metric == "peak") & (table.speed_mph == 20)].index
-    peak = sweeps[1].over_speed("peak")[1]
+    peak = sweep.over_speed("displacement_domain", "peak")[1]
     assert table.loc[row, ["value", "lower", "upper"]].tolist() == [peak.value, peak.lower, peak.upper]
     tests = table[(table.approach == "test") & (table.metric == "delta_v")]
     np.testing.assert_allclose(tests.speed_mph, [15, 25, 26, 35])
     np.testing.assert_allclose(tests.value, 1.1 * tests.speed_mph * MPH / KPH, rtol=0.01)
     slow_test = replace(campaign.tests[0], pulse=Pulse(GRID_S, np.full(GRID_S.size, -1.0)))
-    slow = tables.sweep_table((), replace(campaign, tests=(slow_test,)))
+    slow = replace(sweep, campaign=replace(campaign, tests=(slow_test,)), metrics={}).table
     assert slow[slow.metric == "t0"].value.isna().all()
 
 
-def test_candidates_are_told_in_mph_lb_and_g_rounded() -> None:
+def test_candidates_are_told_in_mph_lb_and_g_rounded(campaign: Campaign) -> None:
     condition = Condition.of_vector([50.04 * MPH, 2060.4 * LB, 1525 * LB])
     slower = replace(condition, speed_mps=12 * MPH, factors=(("drive", "AWD"),))
-    ranked = [NextTest(slower, 4 * G, 3 * G), NextTest(condition, 4.001 * G, 3.5 * G, ("Extrapolation: speed",))]
-    table = tables.next_tests_file(ranked)
+    over, after = ConditionRange.of(campaign.tests), np.array([3.0, 3.501]) * G
+    table = NextTests(campaign, over, (slower, condition), 4.001 * G, after).table
     numbers = {"rank": 2, "speed (mph)": 50.0, "front weight (lb)": 2060, "rear weight (lb)": 1525}
     bands = {"band now (± g)": 4.0, "band then (± g)": 3.5, "gain (%)": 12.5, "extrapolation": "yes"}
     assert table.drop(columns="drive").iloc[1].to_dict() == numbers | bands

@@ -19,11 +19,11 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
-from crashfuse.reporting.plots.conditions import condition_space, next_tests, sweep_figure
+from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion
+from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report
@@ -31,7 +31,7 @@ from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.planning import ConditionRange, NextTest, Sweep
+from crashfuse.study.planning import ConditionRange, NextTests, SpeedSweep
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, Sentence, UnitSystem, speed
 
@@ -61,16 +61,17 @@ def estimate(test: CrashTest) -> Estimate:
     return Estimate("cae", prediction, state, 0.1, {test.id: accel})
 
 
-def sweeps(campaign: Campaign) -> list[Sweep]:
+def sweep(campaign: Campaign) -> SpeedSweep:
     """One approach at two speeds, slower than all runs and faster, so that both ends are shaded."""
     speeds = np.array([1.0, 40.0])
     metrics = tuple(checked_metrics(-300 * np.exp(-GRID_S / 0.03), v0) for v0 in speeds)
-    return [Sweep("cae", campaign.tests[1].condition, speeds, metrics)]
+    return SpeedSweep(campaign, campaign.tests[1].condition, speeds, {"cae": metrics}, CONFIG)
 
 
-def ranked(campaign: Campaign) -> list[NextTest]:
+def ranking(campaign: Campaign) -> NextTests:
     first, second = (test.condition for test in campaign.tests[:2])
-    return [NextTest(first, 30.0, 25.0), NextTest(second, 30.0, 28.0, ("Extrapolation.",))]
+    far = replace(second, speed_mps=90 * MPH)
+    return NextTests(campaign, ConditionRange.of(campaign.tests), (first, far), 30.0, np.array([25.0, 28.0]), CONFIG)
 
 
 def certification(campaign: Campaign) -> Certification:
@@ -96,12 +97,12 @@ def certification(campaign: Campaign) -> Certification:
 
 
 REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
-    "prediction": lambda campaign, display: prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG, display),
-    "study": lambda campaign, display: study_report(study(campaign), display),
-    "sweep": lambda campaign, display: sweep_report(SpeedSweep(campaign, tuple(sweeps(campaign)), CONFIG), display),
-    "next test": lambda campaign, display: next_test_report(
-        NextTests(campaign, ConditionRange.of(campaign.tests), tuple(ranked(campaign)), CONFIG), display
+    "prediction": lambda campaign, display: prediction_report(
+        PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG), display
     ),
+    "study": lambda campaign, display: study_report(study(campaign), display),
+    "sweep": lambda campaign, display: sweep_report(sweep(campaign), display),
+    "next test": lambda campaign, display: next_test_report(ranking(campaign), display),
     "certification": lambda campaign, display: certification_report(certification(campaign), display),
 }
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
@@ -111,8 +112,8 @@ FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "tests": lambda campaign, display: measured_pulses(campaign.tests, display=display),
     "runs": lambda campaign, display: library_band(campaign.cae, campaign.tests, display=display),
     "conditions": lambda campaign, display: condition_space(campaign.cae, campaign.tests, display=display),
-    "sweep of ΔV": lambda campaign, display: sweep_figure(sweeps(campaign), "delta_v", campaign, display),
-    "next test": lambda campaign, display: next_tests(ranked(campaign), campaign.tests, display),
+    "sweep of ΔV": lambda campaign, display: sweep(campaign).plot("delta_v", display=display),
+    "next test": lambda campaign, display: ranking(campaign).plot(display=display),
     "verdicts": lambda campaign, display: verdict_matrix(certification(campaign), display),
     "domain": lambda campaign, display: validated_domain(certification(campaign), display),
     "record": lambda campaign, display: certification(campaign).plot("record", display=display),

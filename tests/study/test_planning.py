@@ -14,16 +14,13 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled, NotFittedError, UsageError
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.reporting.plots.conditions import next_tests
-from crashfuse.reporting.result_tables import next_tests_file
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.estimate import Fit
 from crashfuse.study.planning import (
     ConditionRange,
-    NextTest,
-    Sweep,
-    missing_over_speed,
+    NextTests,
+    SpeedSweep,
     rank_next_tests,
     sweep_speed,
     uncovered_speeds,
@@ -41,42 +38,41 @@ def fits(campaign: Campaign) -> list[Fit]:
 
 
 @pytest.fixture(scope="module")
-def sweeps(campaign: Campaign, fits: list[Fit]) -> tuple[Sweep, ...]:
+def sweep(campaign: Campaign, fits: list[Fit]) -> SpeedSweep:
     """At the weights of T2."""
-    return sweep_speed(fits, campaign.test("T2").condition, SPEEDS_MPS)
+    return sweep_speed(campaign, fits, campaign.test("T2").condition, SPEEDS_MPS)
 
 
-def test_each_speed_is_what_approaches_say(campaign: Campaign, fits: list[Fit], sweeps: tuple[Sweep, ...]) -> None:
-    for fit, sweep in zip(fits, sweeps, strict=True):
-        assert sweep.approach == fit.approach.name
-        for speed, metrics in zip(SPEEDS_MPS.tolist(), sweep.metrics, strict=True):
+def test_each_speed_is_what_approaches_say(campaign: Campaign, fits: list[Fit], sweep: SpeedSweep) -> None:
+    for fit, (approach, at_speeds) in zip(fits, sweep.metrics.items(), strict=True):
+        assert approach == fit.approach.name
+        for speed, metrics in zip(SPEEDS_MPS.tolist(), at_speeds, strict=True):
             assert metrics == fit.estimate(replace(campaign.test("T2").condition, speed_mps=speed)).metrics
 
 
-def test_the_cae_sweep_is_the_closed_form(campaign: Campaign, sweeps: tuple[Sweep, ...]) -> None:
+def test_the_cae_sweep_is_the_closed_form(campaign: Campaign, sweep: SpeedSweep) -> None:
     """A half sine that throws the vehicle back at a tenth of v0: ΔV is 1.1 v0, the peak grows in proportion to v0."""
-    cae = sweeps[0]
-    delta_v = np.array([metric.value for metric in cae.over_speed("delta_v")], dtype=float)
+    delta_v = np.array([metric.value for metric in sweep.over_speed("cae", "delta_v")], dtype=float)
     np.testing.assert_allclose(delta_v, 1.1 * SPEEDS_MPS / KPH, rtol=0.01)
     duration = 80e-3 * campaign.test("T2").condition.mass_kg / 1700
-    peaks = np.array([metric.value for metric in cae.over_speed("peak")], dtype=float)
+    peaks = np.array([metric.value for metric in sweep.over_speed("cae", "peak")], dtype=float)
     # runs at these speeds have other weights, so their duration is the emulator's
     np.testing.assert_allclose(peaks, 1.1 * SPEEDS_MPS * np.pi / (2 * duration) / G, rtol=0.05)
 
 
 def test_a_speed_that_is_none_is_refused(campaign: Campaign, fits: list[Fit]) -> None:
     with pytest.raises(UsageError, match="speed and weights above 0"):
-        sweep_speed(fits[:1], campaign.tests[0].condition, np.array([0.0, 9.0]))
+        sweep_speed(campaign, fits[:1], campaign.tests[0].condition, np.array([0.0, 9.0]))
 
 
 def test_a_sweep_tells_how_far_it_is_and_can_be_cancelled(campaign: Campaign, fits: list[Fit]) -> None:
     reports: list[Progress] = []
-    sweep_speed(fits[:1], campaign.tests[0].condition, SPEEDS_MPS, Watch(reports.append))
+    sweep_speed(campaign, fits[:1], campaign.tests[0].condition, SPEEDS_MPS, Watch(reports.append))
     assert [report.done for report in reports] == [0, 1, 2, 3]
     seen: list[Progress] = []
     watch = cancelled_after(lambda progress: progress.done == 1, seen)
     with pytest.raises(Cancelled, match="Sweep over speed"):
-        sweep_speed(fits[:1], campaign.tests[0].condition, SPEEDS_MPS, watch)
+        sweep_speed(campaign, fits[:1], campaign.tests[0].condition, SPEEDS_MPS, watch)
     assert [report.done for report in seen] == [0, 1]
 
 
@@ -105,14 +101,15 @@ def test_speeds_without_runs_are_found(campaign: Campaign) -> None:
     assert uncovered_speeds(library, 10 * MPH, 14 * MPH) == ()
 
 
-def test_a_sentence_tells_where_numbers_are_missing_and_why(campaign: Campaign, sweeps: tuple[Sweep, ...]) -> None:
+def test_a_sentence_tells_where_numbers_are_missing_and_why(sweep: SpeedSweep) -> None:
     """At 10 mph an occupant needs 0.535 m / v0 = 120 ms for the OLC's way, even if the vehicle stops dead."""
-    condition, crawl = campaign.tests[0].condition, 10 * MPH
+    crawl = 10 * MPH
     late = pulse_metrics(np.where(GRID_S < 0.001, -crawl / 0.001, 0.0), crawl)
-    sweep = Sweep("fused", condition, np.array([crawl, SPEEDS_MPS[2]]), (late, sweeps[0].metrics[2]))
-    (sentence,) = missing_over_speed([sweep], "olc")
+    metrics = {"fused": (late, sweep.metrics["cae"][2])}
+    late_at_first = replace(sweep, speeds_mps=np.array([crawl, SPEEDS_MPS[2]]), metrics=metrics)
+    (sentence,) = late_at_first.missing("olc")
     assert sentence.startswith("Fused (1 of 2 speeds, from 10.0 to 10.0 mph): The record ends before the OLC's")
-    assert missing_over_speed([sweep], "peak") == []
+    assert late_at_first.missing("peak") == []
 
 
 FEW = DisplacementConfig(n_draws=20)
@@ -141,49 +138,48 @@ def domain(clustered: Campaign) -> DisplacementDomain:
     return DisplacementDomain(FEW).fit(clustered)
 
 
-def test_no_test_widens_the_band_and_the_best_comes_first(domain: DisplacementDomain) -> None:
+def test_no_test_widens_the_band_and_the_best_comes_first(domain: DisplacementDomain, clustered: Campaign) -> None:
     """Far and near, inside the range and outside: every gain is a share between 0 and 1, in falling order."""
     candidates = (*RANGE.grid(5, 2), at(3.0), at(60.0))
-    ranked = rank_next_tests(domain, RANGE, candidates)
-    gains = [test.gain for test in ranked]
-    assert {test.condition for test in ranked} == set(candidates)
+    ranking = rank_next_tests(clustered, domain, RANGE, candidates)
+    gains = ranking.gains.tolist()
+    assert set(ranking.conditions) == set(candidates)
     assert gains == sorted(gains, reverse=True)
     assert all(0 <= gain < 1 for gain in gains)
-    assert len({test.before_mps2 for test in ranked}) == 1
 
 
 def test_a_repeat_gains_less_than_a_speed_that_was_not_tested(domain: DisplacementDomain, clustered: Campaign) -> None:
     """Tests at 25, 26 and 35 mph: none is better repeated than 15 mph tried, and the best of all is slower than 20."""
     repeats = [test.condition for test in clustered.tests]
-    assert rank_next_tests(domain, RANGE, [*repeats, at(15.0)])[0].condition == at(15.0)
-    assert rank_next_tests(domain, RANGE)[0].condition.speed_mps < 20 * MPH
+    assert rank_next_tests(clustered, domain, RANGE, [*repeats, at(15.0)]).conditions[0] == at(15.0)
+    assert rank_next_tests(clustered, domain, RANGE).conditions[0].speed_mps < 20 * MPH
 
 
-def test_the_range_decides(domain: DisplacementDomain) -> None:
+def test_the_range_decides(domain: DisplacementDomain, clustered: Campaign) -> None:
     """Who cares for fast crashes only is sent to another speed than who cares for slow ones."""
     candidates = RANGE.grid(8, 1)
     slow, fast = (
-        rank_next_tests(domain, ConditionRange(at(low), at(high)), candidates)[0].condition.speed_mps / MPH
+        rank_next_tests(clustered, domain, ConditionRange(at(low), at(high)), candidates).conditions[0].speed_mps / MPH
         for low, high in ((8.0, 14.0), (29.0, 32.0))
     )
     assert slow <= 16
     assert 26 < fast < 36
 
 
-def test_a_planned_test_counts_as_run(domain: DisplacementDomain) -> None:
+def test_a_planned_test_counts_as_run(domain: DisplacementDomain, clustered: Campaign) -> None:
     """The band with the best one planned is what the best one promised, and the next is another speed."""
-    best, *_ = rank_next_tests(domain, RANGE)
-    ranked = rank_next_tests(domain, RANGE, planned=[best.condition])
-    assert ranked[0].before_mps2 == pytest.approx(best.after_mps2, rel=1e-6)
-    again = next(test for test in ranked if test.condition == best.condition)
-    assert again.gain < 0.5 * best.gain
-    assert ranked[0].condition.speed_mps != best.condition.speed_mps
+    first = rank_next_tests(clustered, domain, RANGE)
+    best = first.conditions[0]
+    then = rank_next_tests(clustered, domain, RANGE, planned=[best])
+    assert then.before_mps2 == pytest.approx(first.after_mps2[0], rel=1e-6)
+    assert then.gains[then.conditions.index(best)] < 0.5 * first.gains[0]
+    assert then.conditions[0].speed_mps != best.speed_mps
 
 
-def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain) -> None:
+def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain, clustered: Campaign) -> None:
     """Half of what lies between the 2.5 % and 97.5 % quantiles of the bias that predictions draw."""
     low, high = at(20.0), replace(at(20.0), speed_mps=20.001 * MPH)
-    now = rank_next_tests(domain, ConditionRange(low, high), [low])[0].before_mps2
+    now = rank_next_tests(clustered, domain, ConditionRange(low, high), [low]).before_mps2
     points = domain.expected_points(low)
     moving = points.speed_share > domain.bias_.end_share
     stopping = np.zeros(1)  # the two are drawn apart; the stop comes on top
@@ -223,18 +219,17 @@ def test_an_expected_test_lies_where_a_real_one_would(domain: DisplacementDomain
     np.testing.assert_allclose(points.bias_mps2, 0, atol=1e-9)
 
 
-def test_a_candidate_outside_the_cae_runs_is_flagged(domain: DisplacementDomain) -> None:
-    flags = {test.condition: test.extrapolation for test in rank_next_tests(domain, RANGE, [at(20.0), at(50.0)])}
-    assert flags[at(20.0)] == ()
-    assert "speed" in flags[at(50.0)][0]
+def test_a_candidate_outside_the_cae_runs_is_flagged(domain: DisplacementDomain, clustered: Campaign) -> None:
+    ranking = rank_next_tests(clustered, domain, RANGE, [at(20.0), at(50.0)])
+    assert dict(zip(ranking.conditions, ranking.extrapolated, strict=True)) == {at(20.0): False, at(50.0): True}
 
 
 def test_table_4_and_an_unfitted_approach_are_refused(clustered: Campaign) -> None:
     with pytest.raises(NotFittedError, match="fit"):
-        rank_next_tests(DisplacementDomain(), RANGE)
+        rank_next_tests(clustered, DisplacementDomain(), RANGE)
     paper = DisplacementDomain(replace(DisplacementConfig.paper(), projected_points=4, restarts=0, n_draws=4))
     with pytest.raises(UsageError, match="fast"):
-        rank_next_tests(paper.fit(clustered), RANGE)
+        rank_next_tests(clustered, paper.fit(clustered), RANGE)
 
 
 @pytest.mark.slow
@@ -246,13 +241,14 @@ def test_a_factor_that_tells_tests_apart_must_be_given(campaign: Campaign) -> No
     tests = [CrashTest("", c, braking(c, decel)) for c, decel in zip(conditions, decels, strict=True)]
     runs = np.array([braking(c, 200.0).accel_mps2 for c in campaign.cae.conditions], np.float32)
     library = replace(campaign.cae, accel_mps2=runs)
-    domain = DisplacementDomain(FEW).fit(replace(campaign, cae=library, tests=tuple(tests)))
+    campaign = replace(campaign, cae=library, tests=tuple(tests))
+    domain = DisplacementDomain(FEW).fit(campaign)
     over = ConditionRange.of(tests)
     assert over.low == tests[0].condition
     assert over.high == tests[-1].condition
-    assert next_tests_file(rank_next_tests(domain, over, over.grid(3, 1)))["powertrain"].tolist() == ["A"] * 3
+    assert rank_next_tests(campaign, domain, over, over.grid(3, 1)).table["powertrain"].tolist() == ["A"] * 3
     with pytest.raises(UsageError, match="powertrain"):
-        rank_next_tests(domain, RANGE)
+        rank_next_tests(campaign, domain, RANGE)
 
 
 def test_a_grid_has_the_limits_and_a_single_value_is_the_middle() -> None:
@@ -285,15 +281,9 @@ def test_a_range_that_makes_no_sense_is_refused() -> None:
         ConditionRange.of([])
 
 
-RANKED = (
-    NextTest(at(12.0), 4 * G, 3 * G),
-    NextTest(at(50.0), 4 * G, 3.5 * G, ("Extrapolation: speed",)),
-    NextTest(at(20.0), 4 * G, 4 * G),
-)
-
-
 def test_the_figure_shows_the_gain_over_speed(clustered: Campaign) -> None:
-    figure = next_tests(RANKED, clustered.tests)
+    ranking = NextTests(clustered, RANGE, (at(12.0), at(50.0), at(20.0)), 4 * G, np.array([3.0, 3.5, 4.0]) * G)
+    figure = ranking.plot()
     candidates, run = figure.data[:2]
     np.testing.assert_allclose(candidates.x, [12, 20, 50], rtol=1e-6)
     np.testing.assert_allclose(candidates.y, [25, 0, 12.5], atol=1e-5)
@@ -301,5 +291,5 @@ def test_the_figure_shows_the_gain_over_speed(clustered: Campaign) -> None:
     assert candidates.marker.symbol == ("circle", "circle", "circle-open")
     assert "lines" in candidates.mode
     np.testing.assert_allclose(run.x, [25, 26, 35], rtol=1e-6)
-    other = replace(RANKED[0], condition=replace(at(12.0), rear_weight_kg=700.0))
-    assert "lines" not in next_tests((*RANKED, other), clustered.tests).data[0].mode
+    others = (at(12.0), at(50.0), replace(at(12.0), rear_weight_kg=700.0))
+    assert "lines" not in replace(ranking, conditions=others).plot().data[0].mode

@@ -18,7 +18,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.result_tables import metrics_shown, next_tests_table
 from crashfuse.reporting.table import Column, Table
 from crashfuse.signals.occupant import OccupantModel
-from crashfuse.study.planning import NextTest
+from crashfuse.study.planning import ConditionRange, NextTests
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.results import styled
 from crashfuse.units import KPH_KG, LB, MPH, G
@@ -69,20 +69,18 @@ def test_an_interval_that_does_not_hold_what_the_test_measured_is_coloured(campa
     assert set(cells) == {"2"}  # after the metric's name and the test
 
 
-def test_the_next_tests_show_their_gain_first_and_equal_digits() -> None:
+def test_the_next_tests_show_their_gain_first_and_equal_digits(campaign: Campaign) -> None:
     """3.10 beside 3.09, not 3.1; whether it is an extrapolation stands beside the gain."""
-    ranked = [
-        NextTest(Condition.of_vector([mph * MPH, 2000 * LB, 1500 * LB]), 3.5 * G, then * G, why)
-        for mph, then, why in ((30, 3.1, ()), (31.5, 3.09, ("Extrapolation.",)))
-    ]
-    table = next_tests_table(ranked).texts()
+    conditions = tuple(Condition.of_vector([mph * MPH, 2000 * LB, 1500 * LB]) for mph in (30, 61.5))
+    over, after = ConditionRange.of(campaign.tests), np.array([3.1, 3.09]) * G
+    table = next_tests_table(ranking := NextTests(campaign, over, conditions, 3.5 * G, after)).texts()
     assert table.columns[:4].tolist() == ["Rank", "Speed (mph)", "Gain (%)", "Extrapolation"]
     assert table["Band then (± g)"].tolist() == ["3.10", "3.09"]
-    assert table["Speed (mph)"].tolist() == ["30.0", "31.5"]
+    assert table["Speed (mph)"].tolist() == ["30.0", "61.5"]
     assert table["Gain (%)"].tolist() == ["11.4", "11.7"]
     assert table["Extrapolation"].tolist() == ["no", "yes"]
-    metric = next_tests_table(ranked).texts(Display(unit="m/s²", system=KPH_KG))
-    assert metric["Speed (km/h)"].tolist() == ["48.3", "50.7"]
+    metric = next_tests_table(ranking).texts(Display(unit="m/s²", system=KPH_KG))
+    assert metric["Speed (km/h)"].tolist() == ["48.3", "99.0"]
     assert metric["Front weight (kg)"].tolist() == ["907", "907"]
     assert metric["Band then (± m/s²)"].tolist() == ["30.40", "30.30"]
 

@@ -15,7 +15,7 @@ from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, Look
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
 from crashfuse.signals.metrics import METRIC_UNITS, Metric
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.study.planning import NextTest, Sweep, uncovered_speeds
+from crashfuse.study.planning import BEST, NextTests, SpeedSweep, uncovered_speeds
 from crashfuse.units import MPH
 
 _MAX_RUNS = 600  # more points only fill the same cloud, and browsers draw each one separately
@@ -100,11 +100,11 @@ def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
     return chosen
 
 
-def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, display: Display = DEFAULT) -> DrawnFigure:
+def sweep_figure(sweep: SpeedSweep, metric: str, display: Display = DEFAULT) -> DrawnFigure:
     """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points."""
+    campaign, speeds = sweep.campaign, sweep.speeds_mps
     drawing = drawing_of_points(460, *display.axis("Impact speed", "mph"))
-    readings = {sweep.approach: list(map(display.metric, sweep.over_speed(metric))) for sweep in sweeps}
-    speeds = sweeps[0].speeds_mps
+    readings = {name: list(map(display.metric, sweep.over_speed(name, metric))) for name in sweep.metrics}
     curves = {name: _curve(display.speeds(speeds), metrics) for name, metrics in readings.items()}
     draw_curves(drawing, curves, mode="lines+markers", marker_size=4, connectgaps=False)
     for look in [mark.look for mark in drawing.marks if mark.look["mode"] == "lines+markers"]:
@@ -153,28 +153,25 @@ def _mark_speeds(drawing: Drawing, campaign: Campaign, low_mps: float, high_mps:
         drawing.shade(v0, v0, type="line", y1=0.03, layer=None, line_color=MEASURED_COLOUR, line_width=1.5)
 
 
-BEST = 5
-
-
-def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> DrawnFigure:
+def next_tests_figure(ranking: NextTests, display: Display = DEFAULT) -> DrawnFigure:
     """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run."""
     drawing = drawing_of_points(420, *display.axis("Impact speed", "mph"))
-    by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
-    weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
-    wide, units, colour = 1 / display.units.in_si("g"), display.units, COLOURS["displacement_domain"]
-    sizes = [11 if rank <= BEST else 7 for rank, _ in by_speed]
-    symbols = ["circle-open" if c.extrapolation else "circle" for _, c in by_speed]
+    vectors = np.array([condition.vector for condition in ranking.conditions])
+    places = np.argsort(vectors[:, 0], kind="stable")
+    tests, wide = ranking.campaign.tests, 1 / display.units.in_si("g")
+    weights = [display.vectors(vector)[1:].tolist() for vector in vectors[places]]
+    after, units, colour = ranking.after_mps2[places].tolist(), display.units, COLOURS["displacement_domain"]
     drawing.points(
-        [display.speeds(c.condition.speed_mps) for _, c in by_speed],
-        [100 * c.gain for _, c in by_speed],
-        text=[f"{rank}" if rank <= BEST else "" for rank, _ in by_speed],
-        customdata=[
-            [*w, c.before_mps2 * wide, c.after_mps2 * wide] for w, (_, c) in zip(weights, by_speed, strict=True)
-        ],
+        [display.speeds(v0) for v0 in vectors[places, 0].tolist()],
+        (100 * ranking.gains[places]).tolist(),
+        text=[f"{place + 1}" if place < BEST else "" for place in places],
+        customdata=[[*w, ranking.before_mps2 * wide, own * wide] for w, own in zip(weights, after, strict=True)],
         name="Candidates, the best numbered", line_color=colour, line_width=2,
         mode="lines+markers+text" if all(own == weights[0] for own in weights) else "markers+text",
         textposition="top center", cliponaxis=False, textfont_size=14,
-        marker_color=colour, marker_size=sizes, marker_symbol=symbols, marker_line_width=1.5,
+        marker_color=colour, marker_size=[11 if place < BEST else 7 for place in places],
+        marker_symbol=["circle-open" if ranking.extrapolated[place] else "circle" for place in places],
+        marker_line_width=1.5,
         hovertemplate=f"%{{x:.1f}} {units.speed}, front %{{customdata[0]:.0f}} {units.weight}, "
         f"rear %{{customdata[1]:.0f}} {units.weight}<br>band ± %{{customdata[2]:.2f}} {units.acceleration} now, "
         f"± %{{customdata[3]:.2f}} {units.acceleration} with this test (− %{{y:.1f}} %)<extra></extra>",
@@ -185,7 +182,7 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
         marker_color=MEASURED_COLOUR, marker_symbol="line-ns-open", marker_size=16, marker_line_width=2,
         hovertemplate=f"%{{text}}, %{{x:.1f}} {units.speed}<extra></extra>",
     )  # fmt: skip
-    if any(test.extrapolation for test in ranked):
+    if any(ranking.extrapolated):
         drawing.entry(
             "Outside the CAE runs", marker_color=colour, marker_symbol="circle-open", marker_size=9,
             marker_line_width=1.5,

@@ -4,22 +4,17 @@ from collections.abc import Sequence
 
 from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
-from crashfuse.campaign import Campaign
-from crashfuse.errors import one_of, require_a, several
+from crashfuse.errors import one_of, require_a
 from crashfuse.reporting.figure_files import Report
-from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse, by_one, cautions, side_by_side
 from crashfuse.reporting.provenance import learning_curve_command, next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import ReportForm, details, render
 from crashfuse.reporting.result_tables import curve_table, gains_table, next_tests_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
-from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, sentences
-from crashfuse.study.planning import missing_over_speed, weights_sentence
-from crashfuse.study.recommendation import recommend_for
+from crashfuse.study.planning import NextTests, SpeedSweep, weights_sentence
 
 _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
@@ -28,37 +23,32 @@ NEXT_TEST_MEANING = "How a test narrows the band of the bias (RMS) follows from 
 
 
 def prediction_report(
-    campaign: Campaign,
-    estimates: Sequence[Estimate],
-    config: StudyConfig,
+    prediction: PredictedPulse,
     display: Display = DEFAULT,
     beside: Sequence[PredictedPulse] = (),
     form: ReportForm = "whole",
 ) -> Report:
-    """HTML report of a prediction, from one estimate per approach; others by the same approaches ``beside`` it."""
-    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
-    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
-    for estimate in several(estimates):
-        require_a(Estimate, estimate, "crashfuse.Fit.of(campaign, approach).estimate(condition)")
-    condition = estimates[0].prediction.condition
-    prediction = PredictedPulse(campaign, tuple(estimates), config)
-    advice = recommend_for(estimates, campaign, condition)
+    """HTML report of a prediction; others by the same approaches ``beside`` it."""
+    require_a(PredictedPulse, prediction, "crashfuse.predict(campaign, condition)")
+    campaign, condition, advice = prediction.campaign, prediction.condition, prediction.recommendation
     whole = one_of("form of a report", form, {"whole": True, "short": False})
     commands = [
         prediction_command(own.campaign, own.condition, own.config, display.system) for own in (prediction, *beside)
     ]
-    title, origin = f"prediction at {display.condition(condition)}", (campaign, config, "; ".join(commands), display)
     return render(
         "prediction" if whole else "short_prediction",
-        title,
-        *origin,
+        f"prediction at {display.condition(condition)}",
+        campaign,
+        prediction.config,
+        "; ".join(commands),
+        display,
         condition=condition,
         verdict=advice.sentences,
         nearest=nearest_sentences(campaign, condition),
         motion=prediction.plot(display=display),
         over_displacement=prediction.plot("displacement", display=display),
         beside=beside and _beside([prediction, *beside], advice.approach, display),
-        about=details(campaign, estimates, said=advice.sentences),
+        about=details(campaign, prediction.estimates, said=advice.sentences),
         **({"bias": campaign.plot("bias", display=display)} if whole else {}),
     )
 
@@ -78,11 +68,9 @@ def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Displ
 
 def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> Report:
     """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
-    campaign, sweeps, config = sweep.campaign, sweep.sweeps, sweep.config
-    condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
-    origin = campaign, config, sweep_command(campaign, condition, speeds, config, display.system), display
-    shown = [(name, sweep.plot(name, display=display), missing_over_speed(sweeps, name)) for name in MAIN_METRICS]
-    metrics = [(METRIC_LABELS[name], figure, missing) for name, figure, missing in shown]
+    campaign, condition, config = sweep.campaign, sweep.condition, sweep.config
+    origin = campaign, config, sweep_command(campaign, condition, sweep.speeds_mps, config, display.system), display
+    metrics = [(METRIC_LABELS[name], sweep.plot(name, display=display), sweep.missing(name)) for name in MAIN_METRICS]
     weights = weights_sentence(condition, campaign.tests)
     return render("sweep", "pulse metrics over impact speed", *origin, weights=weights, metrics=metrics)
 
@@ -98,8 +86,8 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> Report:
         over=over,
         meaning=NEXT_TEST_MEANING,
         drawn=ranking.plot(display=display),
-        best=next_tests_table(ranking.ranked[:_SHOWN]),
-        ranked=len(ranking.ranked),
+        best=next_tests_table(ranking, _SHOWN),
+        ranked=len(ranking.conditions),
     )
 
 

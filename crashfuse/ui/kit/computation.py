@@ -19,12 +19,11 @@ from crashfuse.execution.progress import Watch
 from crashfuse.execution.run import Run
 from crashfuse.files.archive import zipped
 from crashfuse.reporting.figures import otherwise
-from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.learning_curve import LearningCurve, is_curve_cached, learning_curve
-from crashfuse.study.planning import sweep_speed, usual_speeds
+from crashfuse.study.planning import SpeedSweep, sweep_speed, usual_speeds
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.study.running import fold_key, run_study
 from crashfuse.study.saved_models import model_bytes, model_file
@@ -132,6 +131,7 @@ class Fitted:
     """Approaches fitted to all tests of a campaign, ready to predict any condition at once."""
 
     fits: tuple[Fit, ...]
+    key: Hashable  # of what they learned from, and of their settings
 
     @property
     def approaches(self) -> tuple[str, ...]:
@@ -146,6 +146,7 @@ class Fitted:
 def fit_request(campaign: Campaign, config: StudyConfig) -> Request[Fitted]:
     """Fit approaches to all tests of a campaign."""
     names = config.approaches
+    key = "fit", said_of(campaign), names, config.preset, config.seed, config.device
 
     def work(watch: Watch) -> Fitted:
         early_first = sorted(names, key=lambda name: CLASSES[name].trains_networks)
@@ -153,22 +154,22 @@ def fit_request(campaign: Campaign, config: StudyConfig) -> Request[Fitted]:
         for name in early_first:
             fits[name] = Fit.of(campaign, name, config, Run(watch=watch))
             if set(fits) - {BASELINE}:  # the raw CAE model alone answers nothing
-                watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits)))
-        fitted = Fitted(tuple(fits[name] for name in names))
+                watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits), key))
+        fitted = Fitted(tuple(fits[name] for name in names), key)
         at_no_test = np.median(campaign.cae.vectors, axis=0)  # where nothing is known from earlier
         estimates_at(fitted.fits, Condition.of_vector(at_no_test))  # computes what all later answers share
         return fitted
 
     return Request(
-        ("fit", said_of(campaign), names, config.preset, config.seed, config.device),
+        key,
         f"{campaign.name}: fit on all {len(campaign.tests)} tests{_unlike_usual(config)}",
         work,
         lambda: all(config.create(name).is_cached(campaign) for name in names),
     )
 
 
-@st.cache_resource(max_entries=12, show_spinner=False, hash_funcs={Fitted: lambda fitted: fitted.approaches})
-def answers(key: Hashable, condition: Condition, fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fits
+@st.cache_resource(max_entries=12, show_spinner=False, hash_funcs={Fitted: lambda own: (own.key, own.approaches)})
+def answers(condition: Condition, fitted: Fitted) -> list[Estimate]:
     """Each approach's estimate at a condition, cached because a page asks at every click."""
     return estimates_at(fitted.fits, condition)
 
@@ -185,14 +186,14 @@ def advised(
     return recommend_for(_estimates, _campaign, condition, window_ms)
 
 
-def sweep_over_speed(campaign: Campaign, key: Hashable, fitted: Fitted, condition: Condition) -> Request[SpeedSweep]:
-    """Predict over impact speed with approaches fitted to a campaign, by the key of these fits."""
+def sweep_over_speed(campaign: Campaign, fitted: Fitted, condition: Condition) -> Request[SpeedSweep]:
+    """Predict over impact speed with approaches fitted to a campaign."""
 
     def compute(watch: Watch) -> SpeedSweep:
-        sweeps = sweep_speed(fitted.fits, condition, usual_speeds(campaign), watch)
-        return SpeedSweep(campaign, sweeps, fitted.fits[0].config)
+        return sweep_speed(campaign, fitted.fits, condition, usual_speeds(campaign), watch)
 
-    return Request(("sweep", key, replace(condition, speed_mps=1.0)), f"{campaign.name}: predict over speed", compute)
+    key = "sweep", fitted.key, replace(condition, speed_mps=1.0)
+    return Request(key, f"{campaign.name}: predict over speed", compute)
 
 
 def learn_vehicles(folders: Sequence[Path], seed: int) -> Request[VehicleArchive]:

@@ -60,10 +60,9 @@ class Shown:
 
 def predicted(campaign: Campaign, config: StudyConfig, condition: Condition) -> PredictedPulse | None:
     """What is predicted at a condition from all tests with some settings, if it is ready."""
-    request = fit_request(campaign, config)
-    if (fitted := request.result) is None:
+    if (fitted := fit_request(campaign, config).result) is None:
         return None
-    return PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config)
+    return PredictedPulse(campaign, tuple(answers(condition, fitted)), config)
 
 
 def choose_curves(view: View, condition: Condition, approach: str, known: Sequence[str], test: str = "") -> Shown:

@@ -9,10 +9,10 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.conditions import condition_space, sweep_figure
+from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.palette import COLOURS
 from crashfuse.signals.metrics import Metric
-from crashfuse.study.planning import Sweep
+from crashfuse.study.planning import SpeedSweep
 from crashfuse.units import LB, MPH
 
 INSIDE, OUTSIDE = "Tests", "Tests outside it: extrapolation"
@@ -71,16 +71,15 @@ LOWER = (8.0, 18.0, 28.0, None, 45.0)
 UPPER = (12.0, 22.0, 32.0, None, None)
 
 
-def _sweep(approach: str, *, band: bool) -> Sweep:
-    none = (None,) * len(VALUES)
-    ends = zip(VALUES, LOWER if band else none, UPPER if band else none, strict=True)
-    metrics = tuple((Metric("olc", value, lower, upper, "g"),) for value, lower, upper in ends)
-    return Sweep(approach, Condition.of_vector([1.0, 2050 * LB, 1500 * LB]), SPEEDS_MPH * MPH, metrics)
-
-
 @pytest.fixture
 def figure(campaign: Campaign) -> Figure:
-    return sweep_figure([_sweep("cae", band=False), _sweep("fused", band=True)], "olc", campaign)
+    """The raw CAE model without a band, the fused approach with one."""
+    metrics = {
+        "cae": tuple((Metric("olc", value, None, None, "g"),) for value in VALUES),
+        "fused": tuple((Metric("olc", *ends, "g"),) for ends in zip(VALUES, LOWER, UPPER, strict=True)),
+    }
+    condition = Condition.of_vector([1.0, 2050 * LB, 1500 * LB])
+    return SpeedSweep(campaign, condition, SPEEDS_MPH * MPH, metrics).plot("olc")
 
 
 def test_missing_numbers_leave_gaps_and_the_cursor_reads_the_interval(figure: Figure) -> None:
