@@ -18,7 +18,7 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.criteria import WINDOW_MS, Criteria, varied
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import Earlier, LaterTests, read_earlier
-from crashfuse.certification.forecasts import Forecast, Forecasts, Query, paired_runs, quantity
+from crashfuse.certification.forecasts import SEEDS, Forecast, Forecasts, Query, paired_runs, quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
 from crashfuse.certification.verdict import (
@@ -249,7 +249,7 @@ def certify_matrix(
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")
     windows_ms = criteria.windows_ms or (WINDOW_MS,)
-    config = replace(config, approaches=config.approaches[:1], windows_ms=windows_ms, leave_out="both")
+    config = replace(config, approaches=config.approaches[:1], seed=SEEDS[0], windows_ms=windows_ms, leave_out="both")
     config.check()
     for window in criteria.windows_ms:
         for test in campaign.tests:

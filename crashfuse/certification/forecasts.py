@@ -196,7 +196,7 @@ def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> floa
 
 
 _KIND = "forecasts"  # kind of cache entry
-_SEEDS = (0, 1)
+SEEDS = (0, 1)
 """Averaged over, the same for everyone: nobody can choose others."""
 _LEAST_RUNS = 2  # that are left to learn from
 _CHUNK = 16  # conditions predicted by one task, a usual matrix as a whole: each task has to restore the fit
@@ -245,7 +245,7 @@ class Forecasts:
 
     def _by_seed(self, asked: Query) -> list[Query]:
         is_random = hasattr(self.config.create(asked.approach), "seed")
-        return [asked._replace(seed=seed) for seed in (_SEEDS if is_random else _SEEDS[:1])]
+        return [asked._replace(seed=seed) for seed in (SEEDS if is_random else SEEDS[:1])]
 
     def all(self, asked: Sequence[Query], step: str, learn_for: Sequence[Query] = ()) -> dict[Query, Forecast]:
         """All forecasts asked for, and one of ``learn_for``, so that the fit to all tests is made beside the others."""

@@ -81,7 +81,8 @@ def parser() -> argparse.ArgumentParser:
     _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one, held against tests run since")
-    _add_settings(certify)
+    _add_settings(certify, seeded=False)
+    certify.add_argument("--seed", type=_no_seed, help=argparse.SUPPRESS)
     certify.add_argument("--robustness", action="store_true", help="judge without each test, too")
     _add_units(certify)
     _add_workers(certify)
@@ -276,11 +277,12 @@ def _add_approaches(parser: argparse.ArgumentParser, usual: str) -> None:
     parser.add_argument("--approach", nargs="+", metavar="NAME", choices=_Approaches(), help=help_)
 
 
-def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
+def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False, seeded: bool = True) -> None:
     preset, more = _one_of("fast", "paper"), _SEVERAL if several else ""
     kind, help_ = _listed(preset) if several else preset, f"settings: ours (default) or the paper's{more}"
     parser.add_argument("--preset", type=kind, metavar="fast|paper", help=help_)
-    _add_seed(parser, several=several)
+    if seeded:
+        _add_seed(parser, several=several)
     _add_device(parser)
     _add_archive(parser)
 
@@ -292,6 +294,10 @@ def _add_archive(parser: argparse.ArgumentParser) -> None:
 def _add_seed(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
     seed, more = whole(0, 2**32 - 1), _SEVERAL if several else ""
     parser.add_argument("--seed", type=_listed(seed) if several else seed, help=f"of all random (default: 0){more}")
+
+
+def _no_seed(_: str) -> None:
+    raise argparse.ArgumentTypeError("verdicts rest on fixed seeds, the same for everyone; leave it out")
 
 
 def _add_device(parser: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from crashfuse.approaches.registry import APPROACHES, label_of
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.certification.certify import Certification
+from crashfuse.certification.forecasts import SEEDS
 from crashfuse.condition import Condition
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.signals.pulse import FloatArray
@@ -96,7 +97,7 @@ def certification_settings(campaign: Campaign, config: StudyConfig, confidence: 
         "version": __version__,
         "approach": label_of(approach),
         **({"preset": config.preset} if config.under_preset else {}),
-        "seed": str(config.seed),
+        "seeds": " and ".join(map(str, SEEDS)),
         "confidence": f"{confidence:g}",
         "CAE runs": f"{len(campaign.cae):,}, fingerprint {campaign.cae.fingerprint[:12]}",
         "tests' filter class": campaign.filter_class or "not given",
@@ -110,7 +111,8 @@ def certify_command(certification: Certification, units: UnitSystem = MPH_LB) ->
     costs, options = certification.criteria.costs, ["--criteria", "criteria.toml", "--matrix", "matrix.csv"]
     options += ["--since", "EARLIER"] * (certification.since is not None) + ["--seal", "KEY"] * bool(certification.key)
     options += [] if costs is None else ["--costs", f"{costs.test:.10g}", f"{costs.wrong_answer:.10g}"]
-    options += ["--robustness"] * any(own.left_out for own in certification.variants) + _settings(certification.config)
+    options += ["--robustness"] * any(own.left_out for own in certification.variants)
+    options += _settings(certification.config, ("device",))
     return _command("certify", [*options, *_archive(certification.campaign)], units)
 
 
@@ -145,10 +147,10 @@ def _factors(condition: Condition) -> list[str]:
     return [f"--factor={name}={value}" for name, value in condition.factors if value]  # names may begin with a dash
 
 
-def _settings(config: StudyConfig) -> list[str]:
+def _settings(config: StudyConfig, others: Sequence[str] = ("seed", "device")) -> list[str]:
     approaches = [] if config.approaches == APPROACHES else ["--approach", *config.approaches]
     preset = ["--preset", config.preset] if config.under_preset else []
-    return [*approaches, *preset, "--seed", str(config.seed), "--device", config.device]
+    return [*approaches, *preset, *(text for name in others for text in (f"--{name}", str(getattr(config, name))))]
 
 
 def _archive(campaign: Campaign) -> list[str]:

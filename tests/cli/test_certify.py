@@ -130,12 +130,12 @@ def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path
 @pytest.mark.slow
 def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Path) -> None:
     """Criteria, matrix, fingerprint and settings as used are in it; so are numbers, to the digits of the table."""
-    assert run(*certifying(planned, tmp_path / "first", "--seed", 3)) == cli.DONE
+    assert run(*certifying(planned, tmp_path / "first")) == cli.DONE
     record = json.loads((tmp_path / "first" / "certification.json").read_text(encoding="utf-8"))
     campaign = load_campaign(planned)
     assert record["fingerprint"] == campaign.fingerprint
     assert record["config"]["approaches"] == ["cae"]
-    assert record["seed"] == 3
+    assert record["settings"]["seeds"] == "0 and 1"
     assert read_earlier(tmp_path / "first").criteria == read_criteria(planned / "criteria.toml")
     frame = pd.DataFrame(record["matrix"])
     for again, own in zip(
@@ -144,7 +144,7 @@ def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Pa
     ):  # fmt: skip
         np.testing.assert_allclose(again.vector, own.vector, rtol=1e-9)
     frame.to_csv(tmp_path / "matrix.csv", index=False)
-    assert run(*certifying(planned, tmp_path / "again", "--seed", 3, "--matrix", tmp_path / "matrix.csv")) == cli.DONE
+    assert run(*certifying(planned, tmp_path / "again", "--matrix", tmp_path / "matrix.csv")) == cli.DONE
     for name in ("certification.csv", "track_record.csv"):
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 
@@ -176,6 +176,7 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     said = shell.wrong_data(*certifying(planned, tmp_path / "third", *grid, "--since", planned))
     assert "certification.json: expected the record of a certification" in said
     assert not (tmp_path / "third").exists()
+    assert "fixed seeds, the same for everyone" in shell.no_command(*certifying(planned, first, "--seed", "1"))
     assert "holds the earlier certification" in shell.wrong_usage(*certifying(planned, first, *grid, "--since", first))
 
 
