@@ -54,6 +54,7 @@ def test_tests_are_left_out_of_use_used_again_added_and_undone(
     assert not (own / "tests" / "T1.csv").exists()
     user.press("Undo")
     user.wait((own / "tests" / "T1.csv").exists, "T1 never came back.")
+    user.wait(lambda: not (own / ".in-use").exists(), "The change never ended.")
     before = content_of(own)
     user.press("km/h, kg", f"{SIDEBAR} button")  # in which the import then begins
     user.wait(lambda: "system=kph-kg" in user.browser.current_url)

@@ -88,7 +88,7 @@ CHOICES: dict[str, Choice] = {
     "leave_out": Choice(str, "test", ("test", "speed group"), ("train", "compare")),
     "approaches": Choice(tuple, _APPROACHES, _APPROACHES),
     "preset": Choice(str, "fast", PRESETS),
-    "seed": Choice(int, 0, range(2**32), ("train", "compare", "study", "predict")),
+    "seed": Choice(int, 0, range(2**32), ("data", "train", "compare", "study", "predict")),
     "device": Choice(str, "auto", DEVICES),
     # how it is shown
     "window": Choice(window_of, WINDOWS_MS[-1], (), ("data", "train", "compare", "study", "predict")),
