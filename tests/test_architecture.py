@@ -122,7 +122,7 @@ def test_nothing_shown_is_read_back() -> None:
 
 MOST = {
     "modules": 229,
-    "lines": 44_291,
+    "lines": 44_290,
     "words of docstrings": 48_541,
     "words of other texts": 28_284,
     "of tests": 35_005,

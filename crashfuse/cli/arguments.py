@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
     _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one, held against tests run since")
-    _add_settings(certify, seeded=False)
+    _add_settings(certify)
     certify.add_argument("--seed", type=_no_seed, help=argparse.SUPPRESS)
     certify.add_argument("--robustness", action="store_true", help="judge without each test, too")
     _add_units(certify)
@@ -270,6 +270,7 @@ def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
 def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
     _add_approaches(parser, "all")
     _add_settings(parser, several=several)
+    _add_seed(parser, several=several)
 
 
 def _add_approaches(parser: argparse.ArgumentParser, usual: str) -> None:
@@ -277,12 +278,10 @@ def _add_approaches(parser: argparse.ArgumentParser, usual: str) -> None:
     parser.add_argument("--approach", nargs="+", metavar="NAME", choices=_Approaches(), help=help_)
 
 
-def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False, seeded: bool = True) -> None:
+def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
     preset, more = _one_of("fast", "paper"), _SEVERAL if several else ""
     kind, help_ = _listed(preset) if several else preset, f"settings: ours (default) or the paper's{more}"
     parser.add_argument("--preset", type=kind, metavar="fast|paper", help=help_)
-    if seeded:
-        _add_seed(parser, several=several)
     _add_device(parser)
     _add_archive(parser)
 

@@ -23,7 +23,7 @@ from crashfuse.certification.verdict import all_met
 from crashfuse.execution.cache import remembered
 from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
-from crashfuse.study.facts import Fact, campaign_facts, tuning_fact
+from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.units import Quantity, Sentence, counted, joined, probability_text, speed, weight
 
 _INTERVALS = (
@@ -175,8 +175,7 @@ def _fact(code: str, *about: str, **values: object) -> Fact:
 def facts(certification: Certification) -> tuple[Fact, ...]:
     """All facts of a certification, the most important first."""
     kinds = _campaign, _matrix, _costs, _record, _domain, _conditions, _not_used, _criteria, _since
-    found = chain.from_iterable(kind(certification) for kind in kinds)
-    return tuple(sorted(found, key=lambda fact: [*CATALOGUE].index(fact.code)))
+    return by_importance(chain.from_iterable(kind(certification) for kind in kinds), CATALOGUE)
 
 
 def sentences(certification: Certification, place: Place) -> tuple[Sentence, ...]:

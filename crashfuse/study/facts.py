@@ -113,9 +113,10 @@ class Fact:
         return {"code": self.code, "about": list(self.about), **self.values, "sentence": str(self.sentence)}
 
 
-def by_importance(facts: Iterable[Fact]) -> tuple[Fact, ...]:
-    """Facts in the order of their catalogue; of one code, as they come."""
-    return tuple(sorted(facts, key=lambda fact: [*fact.catalogue].index(fact.code)))
+def by_importance(facts: Iterable[Fact], catalogue: Iterable[str] = CATALOGUE) -> tuple[Fact, ...]:
+    """Facts in the order of a catalogue; of one code, as they come."""
+    order = [*catalogue]
+    return tuple(sorted(facts, key=lambda fact: order.index(fact.code)))
 
 
 def distinct(facts: Iterable[Fact]) -> tuple[Fact, ...]:
