@@ -19,7 +19,7 @@ from tables import add_data_option, write
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.reporting.rating_tables import REPEAT, TABLE_3, rating_table
+from crashfuse.results.rating_tables import REPEAT, TABLE_3, rating_table
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import LeaveOut, StudyConfig

@@ -48,7 +48,7 @@ ROOMS = {
     "recommendation": Room(
         14, "study/recommendation.py study/study.py", "study/test_recommendation.py study/test_study.py"
     ),
-    "tables": Room(6, "reporting/result_tables.py", "reporting/test_result_tables.py"),
+    "tables": Room(6, "results/result_tables.py", "results/test_result_tables.py"),
     "writer": Room(
         12,
         "campaign_folder/writer.py campaign_folder/editing.py",

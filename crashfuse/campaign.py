@@ -161,7 +161,7 @@ class Campaign:
         also : sequence of str, PredictedPulse or EarlierPrediction
             Shown beside the pulses of tests or CAE runs: others by their ids, and predictions.
         **display
-            See :class:`crashfuse.reporting.plots.display.DisplayOptions`.
+            See :class:`crashfuse.results.display.DisplayOptions`.
         """
         return views.campaign_figure(self, figure, tests=tests, held_out=held_out, cfc=cfc, also=also, **display)
 

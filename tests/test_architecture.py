@@ -16,7 +16,7 @@ ROOMS = (
     "testing",
     "cli",
     "ui",
-    "reporting",
+    "results",
     "certification",
     "study",
     "approaches",
@@ -100,7 +100,7 @@ def test_no_module_imports_itself_in_a_circle() -> None:
 def test_what_data_show_of_themselves_is_made_where_things_are_shown() -> None:
     """Data know no rooms above them but by their views: figures, cards and files; and tables, to and from frames."""
     homes = re.findall(r"^from \.([\w.]+) import", (PACKAGE / "views.pyi").read_text(encoding="utf-8"), re.MULTILINE)
-    assert {home for home in homes if not home.startswith("reporting.")} == {"campaign_folder.writer"}
+    assert {home for home in homes if not home.startswith("results.")} == {"campaign_folder.writer"}
 
 
 def test_one_module_alone_writes_csv() -> None:
@@ -113,7 +113,7 @@ def test_one_module_alone_writes_csv() -> None:
 
 def test_nothing_shown_is_read_back() -> None:
     """Numbers of a figure or a page come from what it was made of, never from its drawing, its HTML or its cells."""
-    shows = [path for path in MODULES if _room(_name(path)) in ("reporting", "ui", "cli")]
+    shows = [path for path in MODULES if _room(_name(path)) in ("results", "ui", "cli")]
     reading = re.compile(r"to_plotly_json|HTMLParser|\bimport re\b")
     reads = {_name(path) for path in shows if reading.search(path.read_text(encoding="utf-8"))}
     # what users wrote: web addresses in a text, a window in a field; and options in the advice of the command line

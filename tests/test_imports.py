@@ -40,7 +40,7 @@ def test_the_package_itself_loads_nothing_heavy_and_a_rating_numpy_alone() -> No
 @pytest.mark.slow
 def test_the_pages_load_no_networks() -> None:
     """Names and figures of all approaches are drawn without torch, which takes as long to load as all else."""
-    (pages,) = loaded("import sys, crashfuse.ui.kit.frame, crashfuse.reporting.report; print(*sys.modules)")
+    (pages,) = loaded("import sys, crashfuse.ui.kit.frame, crashfuse.results.render; print(*sys.modules)")
     assert not {"torch", "scipy.stats", "scipy.signal", "sklearn", "pytest"} & pages
 
 

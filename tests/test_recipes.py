@@ -85,10 +85,10 @@ with contextlib.redirect_stdout(io.StringIO()) as of_reader:
 import numpy as np
 from crashfuse import cli, load_campaign
 from crashfuse.approaches.registry import CLASSES, LABELS
-from crashfuse.reporting.plots.jerk import jerk
-from crashfuse.reporting.plots.palette import (COLOURS)
-from crashfuse.reporting.report.study import study_report
-from crashfuse.reporting.result_tables import scores_table
+from crashfuse.results.plots.jerk import jerk
+from crashfuse.results.plots.palette import (COLOURS)
+from crashfuse.results.study_report import study_report
+from crashfuse.results.result_tables import scores_table
 from crashfuse.signals.metrics import METRIC_LABELS, pulse_metrics
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.recommendation import recommend

@@ -192,7 +192,7 @@ def _outside(installed: Path, folder: Path) -> dict[str, str]:
 _FIRST_PAGE = """
 from pathlib import Path
 from streamlit.testing.v1 import AppTest
-import crashfuse.cli, crashfuse.reporting.report
+import crashfuse.cli, crashfuse.results.render
 print(crashfuse.__file__)
 app = AppTest.from_file(str(Path(crashfuse.__file__).parent / "dashboard" / "app.py"), default_timeout=120).run()
 next(button for button in app.button if button.label == "Load the sample campaign").click().run()

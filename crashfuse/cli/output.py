@@ -15,11 +15,11 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.execution.cache import resume
 from crashfuse.files.atomic import sole_writer, written_together
-from crashfuse.reporting import figure_files
-from crashfuse.reporting.outgoing_pulses import PulseExport
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.results import RESULT_FILES
-from crashfuse.reporting.solver_curves import SOLVERS, UNIT_SYSTEMS, SolverCurve
+from crashfuse.results.display import Display
+from crashfuse.results.export.outgoing_pulses import PulseExport
+from crashfuse.results.export.solver_curves import SOLVERS, UNIT_SYSTEMS, SolverCurve
+from crashfuse.results.files import RESULT_FILES
+from crashfuse.results.render import figure_files
 from crashfuse.study.facts import campaign_facts
 from crashfuse.units import MS, SYSTEMS
 

@@ -11,7 +11,7 @@ from crashfuse.cli.conditions import ACCELERATION_UNITS
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.importing.ratings import WINDOWS_MS, RatingChoices, explain_files, rate_channels, rate_files, rate_pairs
-from crashfuse.reporting.rating_tables import explanation_record
+from crashfuse.results.rating_tables import explanation_record
 
 _SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
 

@@ -22,13 +22,13 @@ from crashfuse.cli.output import claim, opened, require_output, say_facts, say_w
 from crashfuse.errors import UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes, read_csv_table
-from crashfuse.reporting.past_results import comparison_means, history_table, read_study
-from crashfuse.reporting.rating_tables import REPEAT, mean_values
-from crashfuse.reporting.report.page import ReportOptions
-from crashfuse.reporting.report.study import comparison_report
-from crashfuse.reporting.result_tables import gains_table, studies_table
-from crashfuse.reporting.results import begin_study, read_begun
-from crashfuse.reporting.training_progress import watching
+from crashfuse.results.files import begin_study, read_begun
+from crashfuse.results.past_results import comparison_means, history_table, read_study
+from crashfuse.results.rating_tables import REPEAT, mean_values
+from crashfuse.results.render.html import ReportOptions
+from crashfuse.results.result_tables import gains_table, studies_table
+from crashfuse.results.study_report import comparison_report
+from crashfuse.results.training_progress import watching
 from crashfuse.study import learning_curve as curves
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig, StudyPlan

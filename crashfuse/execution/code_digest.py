@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[1]
-_NOT_COMPUTING = {"execution", "files", "errors", "wording", "version", "extensions", "reporting", "campaign_folder"}
+_NOT_COMPUTING = {"execution", "files", "errors", "wording", "version", "extensions", "results", "campaign_folder"}
 """Rooms that run, store, report and read, but determine no number: data are known by their fingerprint."""
 _alone = threading.Lock()  # two threads that parse at once may make Python before 3.11.8 and 3.12.2 raise a SystemError
 

@@ -199,7 +199,7 @@ class Study:
         notes : sequence of Note
             Drawn as marks over time, those that are about this test.
         **display
-            See :class:`crashfuse.reporting.plots.display.DisplayOptions`; by default the longest window.
+            See :class:`crashfuse.results.display.DisplayOptions`; by default the longest window.
         """
         if not held_out:
             return views.overview(self, figure or "ratings", approaches, **display)

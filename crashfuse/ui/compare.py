@@ -9,10 +9,10 @@ import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.fit_explanations import whole_sentences
-from crashfuse.reporting.plots.curves import TEST
-from crashfuse.reporting.rating_tables import REPEAT, excursions_table, humps_table
-from crashfuse.reporting.report.study import study_report
+from crashfuse.results.fit_explanations import whole_sentences
+from crashfuse.results.plots.curves import TEST
+from crashfuse.results.rating_tables import REPEAT, excursions_table, humps_table
+from crashfuse.results.study_report import study_report
 from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.facts import window_facts

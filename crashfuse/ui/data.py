@@ -12,7 +12,7 @@ from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.campaign_folder.load import unread_files
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.formats import all_formats
-from crashfuse.reporting.result_tables import about_table, quality_table, wall_table
+from crashfuse.results.result_tables import about_table, quality_table, wall_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import import_step
 from crashfuse.ui.kit import address, campaigns, editing, results

@@ -18,9 +18,9 @@ from crashfuse.importing import Settled, add_settled
 from crashfuse.importing.campaign_import import Label, parts_of, role_of
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
-from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.previews import Preview
-from crashfuse.reporting.table import CONDITION, Column, Table, frame_of, of_condition
+from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.previews import Preview
+from crashfuse.results.table import CONDITION, Column, Table, frame_of, of_condition
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui.import_fields import choices_of, reading_of
 from crashfuse.ui.kit import campaigns, uploads

@@ -11,9 +11,9 @@ from crashfuse.certification import file_store
 from crashfuse.certification.certify import APPROACH
 from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import Problem, UsageError
-from crashfuse.reporting.past_results import comparison_means, described, history_table, left_out_in_words
-from crashfuse.reporting.plots.ratings import rating_differences
-from crashfuse.reporting.report.study import comparison_report
+from crashfuse.results.past_results import comparison_means, described, history_table, left_out_in_words
+from crashfuse.results.plots.ratings import rating_differences
+from crashfuse.results.study_report import comparison_report
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, past_results
 from crashfuse.ui.certify import criteria, matrix

@@ -20,11 +20,10 @@ from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.reporting.certification_tables import csv_as_given
-from crashfuse.reporting.exports import parquet_bytes
-from crashfuse.reporting.fit_explanations import whole_sentences
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.predicted import (
+from crashfuse.results.certification_tables import csv_as_given
+from crashfuse.results.display import Display
+from crashfuse.results.fit_explanations import whole_sentences
+from crashfuse.results.predicted import (
     PredictedPulse,
     by_one,
     cautions,
@@ -32,8 +31,9 @@ from crashfuse.reporting.predicted import (
     predictions_table,
     side_by_side,
 )
-from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
-from crashfuse.reporting.result_tables import next_tests_table
+from crashfuse.results.prediction_report import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
+from crashfuse.results.render.text import parquet_bytes
+from crashfuse.results.result_tables import next_tests_table
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import condition_facts

@@ -55,7 +55,7 @@ net_util._external_ip = ""
 PagesManager.uses_pages_directory = False
 _SLOW = (  # what the pages need; most of the time is that of SciPy, Plotly and pandas
     "crashfuse.ui.kit.frame",
-    "crashfuse.reporting.report",
+    "crashfuse.results.render",
     "crashfuse.ui.data",
     "pandas.io.formats.style",
     "streamlit.elements.plotly_chart",

@@ -12,12 +12,12 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.certification.verdict import with_decided
 from crashfuse.errors import DataError
-from crashfuse.reporting import rating_tables
-from crashfuse.reporting.figures import how_left_out
-from crashfuse.reporting.fit_explanations import coverage_table
-from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING, learning_curve_report
-from crashfuse.reporting.report.study import study_report
-from crashfuse.reporting.result_tables import gains_table
+from crashfuse.results import rating_tables
+from crashfuse.results.figures import how_left_out
+from crashfuse.results.fit_explanations import coverage_table
+from crashfuse.results.prediction_report import LEARNING_CURVE_MEANING, ONE_MORE_MEANING, learning_curve_report
+from crashfuse.results.result_tables import gains_table
+from crashfuse.results.study_report import study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
 from crashfuse.study.one_more_test import Cost, sentences

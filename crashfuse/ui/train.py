@@ -16,10 +16,10 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError, DataError
-from crashfuse.reporting.figures import ONE_PROCESS, Draw
-from crashfuse.reporting.fit_explanations import events_sentences, events_table
-from crashfuse.reporting.plots.displacement import missing_force
-from crashfuse.reporting.result_tables import archive_table
+from crashfuse.results.figures import ONE_PROCESS, Draw
+from crashfuse.results.fit_explanations import events_sentences, events_table
+from crashfuse.results.plots.displacement import missing_force
+from crashfuse.results.result_tables import archive_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
 from crashfuse.ui.certify.entry import show_wrong

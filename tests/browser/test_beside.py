@@ -2,7 +2,7 @@
 
 from selenium.webdriver.common.keys import Keys
 
-from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
+from crashfuse.results.plots.curves import POINTWISE, WHOLE
 from tests.browser.conftest import FIGURE, MAIN, PILL, TABLE, Server, User
 
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}

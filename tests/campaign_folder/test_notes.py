@@ -11,7 +11,7 @@ from crashfuse.campaign_folder.load import lay_out
 from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, change_notes, read_notes, write_notes
 from crashfuse.errors import DataError, UsageError
 from crashfuse.files.archive import zipped
-from crashfuse.reporting.figure_files import read_figures
+from crashfuse.results.render.figure_files import read_figures
 from tests.conftest import Capture, content_of
 
 NOTES = (

@@ -17,10 +17,10 @@ from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.errors import DataError, UsageError
 from crashfuse.execution.run import Run
 from crashfuse.execution.workers import Local
-from crashfuse.reporting.certification_facts import facts
-from crashfuse.reporting.certification_record import certification_record
-from crashfuse.reporting.certification_tables import certification_table, track_record_table
-from crashfuse.reporting.verdicts import planned
+from crashfuse.results.certification_facts import facts
+from crashfuse.results.certification_record import certification_record
+from crashfuse.results.certification_tables import certification_table, track_record_table
+from crashfuse.results.verdicts import planned
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows

@@ -23,11 +23,11 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
-from crashfuse.reporting.certification_facts import facts, outcomes, sentences
-from crashfuse.reporting.certification_record import _criterion, certification_json
-from crashfuse.reporting.certification_tables import SHOWN, track_record_table
-from crashfuse.reporting.plots.display import DEFAULT
-from crashfuse.reporting.report.certification import certification_report
+from crashfuse.results.certification_facts import facts, outcomes, sentences
+from crashfuse.results.certification_record import _criterion, certification_json
+from crashfuse.results.certification_report import certification_report
+from crashfuse.results.certification_tables import SHOWN, track_record_table
+from crashfuse.results.display import DEFAULT
 from crashfuse.signals.metrics import METRIC_UNITS, metric_values
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.study.config import StudyConfig

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
-from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
+from crashfuse.results.certification_tables import csv_as_given, matrix_table
 from crashfuse.units import KPH, LB, MPH
 from tests.conftest import problems_of
 

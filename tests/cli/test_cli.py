@@ -20,7 +20,7 @@ import pytest
 from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.results import RESULT_FILES
+from crashfuse.results.files import RESULT_FILES
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.testing import small_campaign
 from crashfuse.version import __version__

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from crashfuse import cli
-from crashfuse.reporting.past_results import read_study
+from crashfuse.results.past_results import read_study
 from crashfuse.study.history import past_results
 from crashfuse.testing import small_campaign
 from tests.cli.conftest import Shell, run

@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 import pytest
 
 from crashfuse import cli
-from crashfuse.reporting import figure_files
+from crashfuse.results.render import figure_files
 from crashfuse.units import MS, G
 from tests.cli.conftest import Shell, run
 

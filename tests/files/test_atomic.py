@@ -104,7 +104,7 @@ def test_a_disk_that_is_full_at_the_end_of_a_study_costs_nothing_but_time(
 
     out = tmp_path / "out"
     command = ["study", str(campaign_on_disk), "--out", str(out), "--approach", "cae", "--held-out", "T1"]
-    monkeypatch.setattr("crashfuse.reporting.results.write_atomically", full)
+    monkeypatch.setattr("crashfuse.results.files.write_atomically", full)
     assert cli.main(command) == cli.WRONG_DATA
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert said.startswith(f"crashfuse: Nothing was written to {out}: No space left on device. What was finished")

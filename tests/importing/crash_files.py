@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from crashfuse.readers.isomme import Channel, IsommeTest
-from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.results.export.isomme import isomme_files
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.testing.readers import written
 from crashfuse.units import KPH, MS, G

@@ -16,7 +16,7 @@ from crashfuse.importing.ratings import rate_channels
 from crashfuse.importing.sources import Reading
 from crashfuse.readers.isomme import Channel, IsommeTest, record_of
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.results.export.isomme import isomme_files
 from crashfuse.signals.pulse import kinematics
 from crashfuse.testing.readers import written
 from crashfuse.units import MS, G

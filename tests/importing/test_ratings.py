@@ -15,7 +15,7 @@ from crashfuse.files.archive import zipped
 from crashfuse.importing import import_source
 from crashfuse.importing.ratings import COLUMNS, RatingChoices, rate_channels, rate_files, rate_pairs
 from crashfuse.readers.isomme import Channel, IsommeTest
-from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.results.export.isomme import isomme_files
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.metrics import FURTHER_METRICS
 from crashfuse.signals.pulse import FloatArray, Pulse

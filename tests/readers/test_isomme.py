@@ -13,7 +13,7 @@ from crashfuse.importing import Choices, settle
 from crashfuse.readers.isomme import Channel, IsommeTest, read_isomme, read_isomme_record, record_of
 from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.readers.record import PartialCondition
-from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.results.export.isomme import isomme_files
 from crashfuse.testing.readers import written
 from crashfuse.units import KPH, G
 from tests.conftest import SHARED, needs_shared

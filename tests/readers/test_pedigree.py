@@ -15,7 +15,7 @@ from crashfuse.readers.isomme import read_isomme_record
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.readers.radioss import read_radioss
-from crashfuse.reporting.result_tables import about_table
+from crashfuse.results.result_tables import about_table
 from crashfuse.study.facts import campaign_facts
 from crashfuse.testing.readers import written
 from tests.conftest import SHARED, needs_shared

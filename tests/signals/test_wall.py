@@ -14,7 +14,7 @@ from crashfuse.importing import import_source, settle
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.readers.radioss import read_binary, read_radioss
-from crashfuse.reporting.result_tables import wall_table
+from crashfuse.results.result_tables import wall_table
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.signals.wall import BEGIN_S, Wall
 from crashfuse.testing.readers import written

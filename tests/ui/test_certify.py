@@ -17,9 +17,9 @@ from streamlit.testing.v1.element_tree import Selectbox
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import Certification
-from crashfuse.reporting.certification_facts import exceptions, sentences
-from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.verdicts import planned
+from crashfuse.results.certification_facts import exceptions, sentences
+from crashfuse.results.certification_record import certification_json
+from crashfuse.results.verdicts import planned
 from crashfuse.ui.certify.entry import Field
 from crashfuse.ui.certify.results import Judgement, last_verdicts
 from crashfuse.ui.kit.campaigns import View

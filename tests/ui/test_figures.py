@@ -11,9 +11,9 @@ import pytest
 import crashfuse
 from crashfuse import Campaign, Condition, Display, StudyConfig, load_campaign
 from crashfuse.files.archive import zipped
-from crashfuse.reporting.figures import Further
-from crashfuse.reporting.plots.canvas import new_drawing
-from crashfuse.reporting.plots.drawing import Drawing, drawing_of
+from crashfuse.results.drawing import Drawing, drawing_of
+from crashfuse.results.figures import Further
+from crashfuse.results.plots.canvas import new_drawing
 from crashfuse.ui.kit.figures import SentFigure
 from crashfuse.ui.predict import _ends
 from crashfuse.units import KPH_KG

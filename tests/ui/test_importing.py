@@ -14,7 +14,7 @@ from crashfuse.campaign_folder.history import sample_folder
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.files.archive import zipped
 from crashfuse.readers.isomme import Channel, IsommeTest
-from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.results.export.isomme import isomme_files
 from crashfuse.ui.kit import visitors
 from crashfuse.units import KPH, MPH, G
 from tests.files.test_archive import tarred

@@ -27,7 +27,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.run import UNKEPT, Run
-from crashfuse.reporting.plots.drawing import drawing_of
+from crashfuse.results.drawing import drawing_of
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import learning_curve

@@ -7,8 +7,8 @@ import pytest
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.file_store import keep_certification
 from crashfuse.condition import Condition
-from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.verdicts import certify
+from crashfuse.results.certification_record import certification_json
+from crashfuse.results.verdicts import certify
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import PastResult, annotate, keep, past_results
 from crashfuse.units import KPH

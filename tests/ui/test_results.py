@@ -12,11 +12,11 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.domain import Domain
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting import result_tables
-from crashfuse.reporting.plots.conditions import condition_space
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.result_tables import metrics_shown, next_tests_table
-from crashfuse.reporting.table import Column, Table
+from crashfuse.results import result_tables
+from crashfuse.results.display import Display
+from crashfuse.results.plots.conditions import condition_space
+from crashfuse.results.result_tables import metrics_shown, next_tests_table
+from crashfuse.results.table import Column, Table
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.planning import ConditionRange, NextTests
 from crashfuse.ui.kit import results

@@ -15,8 +15,8 @@ from crashfuse.certification import file_store
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, DataError, Problem
 from crashfuse.files.csv_text import without_formulas
-from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
-from crashfuse.reporting.table import CONDITION, Table, of_condition
+from crashfuse.results.certification_tables import csv_as_given, matrix_table
+from crashfuse.results.table import CONDITION, Table, of_condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.certify.entry import (
     SEPARATOR,

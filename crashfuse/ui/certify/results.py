@@ -15,14 +15,14 @@ from crashfuse.certification.criteria import Criteria, criteria_text, varied
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError
-from crashfuse.reporting.certification_facts import DECISIVE, Place, exceptions, sentences
-from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.certification_tables import SHOWN, changed_text, csv_as_given, matrix_table
-from crashfuse.reporting.plots.certification import MOST_WORDS
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.report.certification import certification_report
-from crashfuse.reporting.table import Table
-from crashfuse.reporting.verdicts import Planned, certify, planned
+from crashfuse.results.certification_facts import DECISIVE, Place, exceptions, sentences
+from crashfuse.results.certification_record import certification_json
+from crashfuse.results.certification_report import certification_report
+from crashfuse.results.certification_tables import SHOWN, changed_text, csv_as_given, matrix_table
+from crashfuse.results.display import Display
+from crashfuse.results.plots.certification import MOST_WORDS
+from crashfuse.results.table import Table
+from crashfuse.results.verdicts import Planned, certify, planned
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong

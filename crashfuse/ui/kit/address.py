@@ -20,7 +20,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
-from crashfuse.reporting.plots.curves import TEST
+from crashfuse.results.plots.curves import TEST
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, require_window
 from crashfuse.units import IN_SI, SYSTEMS

@@ -19,7 +19,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import sole_writer, write_atomically
-from crashfuse.reporting.plots.display import Display
+from crashfuse.results.display import Display
 from crashfuse.ui.kit import visitors
 from crashfuse.ui.kit.visitors import logged_in, note_in_log, visitor
 

@@ -18,7 +18,7 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.run import Run
 from crashfuse.files.archive import zipped
-from crashfuse.reporting.figures import otherwise
+from crashfuse.results.figures import otherwise
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.history import PastResult, keep

@@ -9,11 +9,11 @@ from crashfuse.approaches.neighbours import nearest_tests
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.reporting import figures
-from crashfuse.reporting.plots.curves import TEST
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.drawing import DrawnFigure, drawing_of
-from crashfuse.reporting.predicted import PredictedPulse, by_one
+from crashfuse.results import figures
+from crashfuse.results.display import Display
+from crashfuse.results.drawing import DrawnFigure, drawing_of
+from crashfuse.results.plots.curves import TEST
+from crashfuse.results.predicted import PredictedPulse, by_one
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures_near
 from crashfuse.ui.kit import address

@@ -11,10 +11,10 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.figure_data import figure_table
-from crashfuse.reporting.plots.canvas import room_above, without_links
-from crashfuse.reporting.plots.drawing import Drawing, DrawnFigure, drawing_of
-from crashfuse.reporting.plots.palette import in_the_dark
+from crashfuse.results.drawing import Drawing, DrawnFigure, drawing_of
+from crashfuse.results.plots.canvas import room_above, without_links
+from crashfuse.results.plots.palette import in_the_dark
+from crashfuse.results.render.figure_data import figure_table
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.files import Caption, caption, export_button

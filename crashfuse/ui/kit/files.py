@@ -13,12 +13,12 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.files.archive import zipped
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.figure_files import figure_files, hyphened, missing_for
-from crashfuse.reporting.figures import LEFT_OUT
-from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.report.page import REPORT_FORMS, ReportForm, ReportOptions
-from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
+from crashfuse.results.display import Display
+from crashfuse.results.export.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
+from crashfuse.results.export.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
+from crashfuse.results.figures import LEFT_OUT
+from crashfuse.results.render.figure_files import figure_files, hyphened, missing_for
+from crashfuse.results.render.html import REPORT_FORMS, ReportForm, ReportOptions
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import kept, page_config

@@ -18,7 +18,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import not_kept
-from crashfuse.reporting.plots.display import Display
+from crashfuse.results.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, telling_test
 from crashfuse.study.facts import campaign_facts
 from crashfuse.ui.kit import address, campaigns, navigation, visitors

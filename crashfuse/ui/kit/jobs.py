@@ -12,7 +12,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.reporting.training_progress import Watched
+from crashfuse.results.training_progress import Watched
 from crashfuse.ui.kit.address import Place
 from crashfuse.ui.kit.visitors import Visitor, note_in_log
 

@@ -13,13 +13,13 @@ from crashfuse.approaches.registry import LABELS, label_of
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.exports import spreadsheet_text
-from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
-from crashfuse.reporting.rating_tables import REPEAT, TTZV_COLUMN
-from crashfuse.reporting.result_tables import metrics_shown
-from crashfuse.reporting.table import CONDITION, Cell, Column, Table, of_condition
+from crashfuse.results.display import Display
+from crashfuse.results.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
+from crashfuse.results.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
+from crashfuse.results.rating_tables import REPEAT, TTZV_COLUMN
+from crashfuse.results.render.text import spreadsheet_text
+from crashfuse.results.result_tables import metrics_shown
+from crashfuse.results.table import CONDITION, Cell, Column, Table, of_condition
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, rate_windows

@@ -1,0 +1,419 @@
+"""What is said of a certification: every fact once, with its code and values, and where each of them is shown."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from itertools import chain, groupby
+from typing import ClassVar, Literal
+
+from crashfuse.approaches.base import WHOLE_SHARE
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.earlier import LaterTests
+from crashfuse.certification.track_record import (
+    TrackRecord,
+    Trial,
+    WrongShare,
+    at_most,
+    counted_wrong,
+    largest_share,
+    strictest_per_metric,
+    trial_bounds,
+)
+from crashfuse.certification.verdict import all_met
+from crashfuse.execution.cache import remembered
+from crashfuse.results.figures import how_left_out
+from crashfuse.results.fit_explanations import whole_sentence
+from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
+from crashfuse.units import Quantity, Sentence, counted, joined, probability_text, speed, weight
+
+_INTERVALS = (
+    "{inside} of {n} intervals, made to hold 95 %, held what left-out tests measured.",
+    "Outside the validated domain: {inside_outside} of {n_outside}.",
+    "Missed: {missed}.",
+)
+_WRONG = (
+    "{about}, {how}: {criterion} ({limits}) at {condition} was said to be {said} (probability {probability}); measured "
+    "{measured}."
+)
+_BOUNDS = "{bound}, exact one-sided 95 % bound; {bound_by_test} if verdicts on one test count as one"
+CATALOGUE: Mapping[str, tuple[str, ...]] = {
+    "matrix.saved": ("", "{n:,} of {planned} need not be run to know these pulse criteria."),
+    "matrix.skipping_loses": ("", "Skipping does not pay on this record: none of {planned} is skipped."),
+    "matrix.counted_once": ("", "Counted once, within 1 km/h and 2 % of each weight: {alike}."),
+    "costs.confidence": (
+        "",
+        "At {test:,.10g} a test and {wrong_answer:,.10g} a wrong answer skipping pays from a confidence of "
+        "{pays_from:g}; {confidence:g} is asked for.",
+    ),
+    "costs.saving": (
+        "",
+        "Skipping {tests} that would meet all criteria {expected_text} on average.",
+        "If as many answers are wrong as the record cannot rule out ({wrong_at_most:.0%}), it {cautious_text}.",
+    ),
+    "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Tested, and learned from: {run}."),
+    "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, and certify again."),
+    "test.stands_apart": ("Tests that stand apart",),
+    "since.wrong": ("Verdicts contradicted since", _WRONG),
+    "record.none": ("No record", "There is no record: {why}."),
+    "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
+    "record.waived": (
+        "",
+        "Each of {tests} was left out, alone and with its speed group, and judged like a planned one: {n} would have "
+        "been skipped.",
+        "Of these {wrong} missed a criterion ({bound}, exact one-sided 95 % bound).",
+    ),
+    "record.decided": (
+        "",
+        "Near the limits, where it matters: {near} verdicts on left-out tests, {near_wrong} wrong ({near_bound}).",
+        f"In all {{n:,}} verdicts on left-out tests, {{wrong}} wrong ({_BOUNDS}).",
+        "No bound holds for another vehicle.",
+    ),
+    "record.with_runs": (
+        "",
+        "Left-out tests are predicted without their CAE runs, as planned conditions have none.",
+        "With these runs: {n:,} verdicts, {wrong} wrong, and {skipped} tests would have been skipped.",
+    ),
+    "since.beside": (
+        "",
+        "Beside the earlier certification of {conditions} from {tests}, made {date} by its own account (SHA-256 "
+        "{digest}…).",
+        "Tests that it did not know: {new}.",
+        "Repeats, which do not count: {repeats}.",
+    ),
+    "since.outcomes": (
+        "",
+        f"Tests run since, ratings aside: verdicts on {{metrics}} of {{tests}}, {{wrong}} wrong ({_BOUNDS}).",
+    ),
+    "record.wrong": ("Wrong verdicts on left-out tests", _WRONG),
+    "test.extrapolated": ("Tests outside the CAE runs", "{about}: {notes}"),
+    "cae.runs_fail": ("CAE runs in doubt",),
+    "tests.left_out_of_use": ("Tests left out of use",),
+    "test.not_used": (
+        "Tests that are not used",
+        "{about} was run at {condition}, but is not used ({reason}).",
+    ),
+    "tests.cae_tuned": ("What the CAE model has seen",),
+    "campaign.archive": ("What past vehicles teach",),
+    "condition.no_factor": (
+        "Factors not given",
+        "{about}: no {factor} given, so verdicts cover every {factor}.",
+    ),
+    "condition.new_together": (
+        "Factors never tested together",
+        "{about}: no test has {factors}.",
+    ),
+    "campaign.warning": ("Warnings",),
+    "condition.outside": ("Outside the validated domain", "{about}: {why}"),
+    "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
+    "criterion.occupant": (
+        "Another occupant model",
+        "{about}: by {model} (campaign.toml).",
+    ),
+    "record.too_narrow": ("Intervals too narrow", *_INTERVALS),
+    "record.intervals": ("", *_INTERVALS),
+    "record.whole": ("", "{sentence}", "No verdict rests on this band."),
+    "record.bin": (
+        "Probabilities contradicted",
+        "{low:g} to {high:g}, {probability:.3f} on average: {met:.0%} of {n} met it (95 % bounds {lower:.0%} to "
+        "{upper:.0%}).",
+    ),
+    "record.no_gain": (
+        "No better than the raw CAE",
+        "Brier score of the probabilities of metrics (0 is perfect): {brier:.4f}; of the raw CAE {brier_cae:.4f}.",
+    ),
+    "criterion.untouched": ("Limits that no left-out test came near", "{about}: {why}"),
+    "criterion.few": ("Too few verdicts", "{about}: {why}"),
+    "domain.checked": (
+        "",
+        "{sentence}",
+        "Validated domain: {speeds}, {masses} in all, within the range of the CAE runs.",
+        "Factors: {factors}.",
+        "By rule it goes beyond {n_tests} tests at {tested_speeds} and {tested_masses}: up to {reach_mps}.",
+        "Left out with their speed group, inside that of the others: {inside}.",
+    ),
+}
+"""By code, the most important first: the heading among the exceptions of what speaks against verdicts, and sentences.
+Those without a sentence are of the campaign."""
+SUBJECTS: Mapping[str, str] = {code: heading for code, (heading, *_) in CATALOGUE.items() if heading}
+DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
+"""The subjects that stand beside the answer itself: down to factors that no test has together."""
+
+Place = Literal["answer", "headline", "costs", "summary", "record", "domain", "since"]
+_ANSWER, _COSTS = ("matrix.saved", "matrix.skipping_loses"), ("costs.confidence", "costs.saving")
+_RECORD = (
+    *("record.waived", "record.decided", "record.with_runs", "record.no_gain", "record.none"),
+    *("tests.cae_tuned", "since.outcomes"),
+)
+PLACES: Mapping[Place, tuple[str, ...]] = {
+    "answer": _ANSWER,
+    "headline": ("matrix.counts", "record.waived", *_COSTS),
+    "costs": _COSTS,
+    "summary": (
+        *(*_ANSWER, "matrix.counted_once", *_COSTS, "matrix.counts", "matrix.run_first", *_RECORD),
+        *("test.not_used", "condition.no_factor", "condition.new_together"),
+        *("criterion.unsupported", "criterion.untouched", "criterion.few"),
+    ),
+    "record": (*_RECORD, "record.intervals", "record.too_narrow", "record.whole"),
+    "domain": ("domain.checked",),
+    "since": ("since.beside", "since.outcomes", "since.wrong"),
+}
+"""The codes that are shown at each place: at and below the head of page, terminal, report and slides, in sections."""
+
+
+@dataclass(frozen=True, slots=True)
+class CertificationFact(Fact):
+    """A fact of a certification."""
+
+    catalogue: ClassVar[Mapping[str, tuple[str, ...]]] = CATALOGUE
+
+
+def _fact(code: str, *about: str, **values: object) -> Fact:
+    return CertificationFact(code, values, about)
+
+
+@remembered  # asked for by every place
+def facts(certification: Certification) -> tuple[Fact, ...]:
+    """All facts of a certification, the most important first."""
+    kinds = _campaign, _matrix, _costs, _record, _domain, _conditions, _not_used, _criteria, _since
+    return by_importance(chain.from_iterable(kind(certification) for kind in kinds), CATALOGUE)
+
+
+def sentences(certification: Certification, place: Place) -> tuple[Sentence, ...]:
+    """The sentences that a place shows."""
+    return tuple(fact.sentence for fact in facts(certification) if fact.code in PLACES[place])
+
+
+def exceptions(certification: Certification) -> dict[str, tuple[Sentence, ...]]:
+    """Everything that a reviewer has to know against the verdicts, by subject; subjects without any are left out."""
+    against = [fact for fact in facts(certification) if fact.code in SUBJECTS]
+    grouped = groupby(against, lambda fact: SUBJECTS[fact.code])
+    return {subject: tuple(fact.sentence for fact in group) for subject, group in grouped}
+
+
+def _campaign(certification: Certification) -> Iterator[Fact]:
+    campaign = certification.campaign
+    yield from (fact for fact in campaign_facts(campaign) if fact.code in SUBJECTS and fact.code != "tests.cae_tuned")
+    if any(test.cae_tuned is not False for test in campaign.tests):
+        yield tuning_fact(campaign)
+    for test in campaign.tests:
+        if notes := campaign.cae.extrapolation(test.condition):
+            yield _fact("test.extrapolated", test.id, notes=joined(notes))
+
+
+def _matrix(certification: Certification) -> Iterator[Fact]:
+    ids, confidence = certification.matrix.ids, certification.criteria.confidence
+    size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
+    counts = ", ".join(f"{n} {word}" for word, n in certification.n_by_word.items())
+    yield _fact("matrix.counts", size=size, counts=counts, confidence=confidence, run=[*certification.run])
+    n, of = certification.saved
+    code = "matrix.skipping_loses" if certification.sure and certification.skipping_loses else "matrix.saved"
+    yield _fact(code, n=n, of=of, planned=counted(of, "planned test"))
+    if once := [f"{i} as {other}" for i, other in certification.counted_once.items()]:
+        yield _fact("matrix.counted_once", alike=once)
+    if first := certification.run_first:
+        yield _fact("matrix.run_first", first)
+
+
+def _costs(certification: Certification) -> Iterator[Fact]:
+    criteria, costs = certification.criteria, certification.criteria.costs
+    if costs is None:
+        return
+    asked = {"confidence": criteria.confidence, "follows": criteria.declared is None}
+    yield _fact("costs.confidence", **asdict(costs), pays_from=costs.confidence, **asked)
+    sure = [all_met(certification.rows[i]) for i in certification.sure if i not in certification.counted_once]
+    if not sure:
+        return
+    expected, n = sum(costs.saving(1 - met.probability) for met in sure), len(sure)
+    most, each = certification.record.bounds()["tests"].at_most, certification.cautious_saving
+    savings = {"expected": expected, "cautious": None if each is None else n * each}
+    verbs = {name: "loses" if (v or 0.0) < 0 else "saves" for name, v in savings.items()}
+    texts = {f"{n}_text": v and f"{verbs[n]} {float(f'{abs(v):.3g}'):,.10g}" for n, v in savings.items()}
+    yield _fact("costs.saving", n=n, tests=counted(n, "test"), wrong_at_most=most, **savings, **texts)
+
+
+def _record(certification: Certification) -> Iterator[Fact]:
+    record, criteria = certification.record, certification.criteria
+    if not record.trials:
+        why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
+        yield _fact("record.none", why=why)
+        return
+    (n, wrong), (near_n, missed) = record.decided, record.near_limit.decided
+    near = {"near": near_n or None, "near_wrong": missed, "near_bound": at_most(missed, near_n)}
+    yield _fact("record.decided", n=n, wrong=wrong, **near, **_bounds(record.bounds()))
+    tests, saved, missed = record.waived(criteria)
+    bound = at_most(missed, saved) if saved else None
+    yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)
+    if (with_runs := certification.record_with_runs) is not None:
+        n, wrong = with_runs.decided
+        yield _fact("record.with_runs", n=n, wrong=wrong, skipped=with_runs.waived(criteria)[1])
+    yield from _intervals(record)
+    if whole := record.whole_pulses:
+        narrow = any(largest_share(*counts) < WHOLE_SHARE for counts in whole.values())
+        sentence = whole_sentence({how_left_out(way): counts for way, counts in whole.items()})
+        yield _fact("record.whole", sentence=sentence, narrow=narrow, **whole)
+    if record.brier is not None and record.brier[0] >= record.brier[1]:
+        yield _fact("record.no_gain", brier=record.brier[0], brier_cae=record.brier[1])
+    for trial in record.counted:
+        if trial.wrong:
+            yield _wrong("record.wrong", trial, how_left_out(trial.left_out), criteria.confidence)
+    yield from (_fact("record.bin", **asdict(own)) for own in record.reliability if not own.holds)
+
+
+def _bounds(bounds: Mapping[str, WrongShare]) -> dict[str, str]:
+    return {"bound": at_most(*bounds["verdicts"]), "bound_by_test": at_most(*bounds["tests"])}
+
+
+def _criteria(certification: Certification) -> Iterator[Fact]:
+    record, occupant = certification.record, certification.campaign.occupant
+    confidence = certification.criteria.confidence
+    names: dict[tuple[str, str], list[str]] = {}
+    for criterion in certification.criteria.items:
+        support = record.support(criterion)
+        if shortfall := support.shortfall(confidence):
+            names.setdefault(("criterion.unsupported", shortfall), []).append(criterion.name)
+        if record.trials and (reservation := support.reservation(confidence)) and not (support.near and shortfall):
+            code = "criterion.few" if support.near else "criterion.untouched"
+            names.setdefault((code, reservation), []).append(criterion.name)
+        if model := {"olc": occupant.olc_words, "vpi": occupant.vpi_words}.get(criterion.metric):
+            yield _fact("criterion.occupant", criterion.name, model=model)
+    for (code, why), criteria in names.items():
+        yield _fact(code, *criteria, why=why)
+
+
+def support_text(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
+    """What the record says of a criterion at this confidence."""
+    support = record.support(criterion)
+    return (
+        support.shortfall(confidence)
+        or support.reservation(confidence)
+        or f"It supports the confidence: {counted(support.own_decided, 'verdict')}, one a test, "
+        f"{counted_wrong(support.own_wrong)}."
+    )
+
+
+def _domain(certification: Certification) -> Iterator[Fact]:
+    domain = certification.domain
+    if not domain.speed_ranges_mps:
+        nothing = "No test lies within the speeds of the CAE runs."
+        yield from (_fact("domain.checked", sentence=text) for text in domain.too_few_tests or (nothing,))
+        return
+    yield _fact(
+        "domain.checked",
+        speeds=[speed(*ends, between=" to ") for ends in domain.speed_ranges_mps],
+        masses=weight(*domain.checked_masses_kg, between=" to "),
+        factors=[f"{name} {', '.join(values)}" for name, values in domain.factors.items()],
+        n_tests=domain.n_tests,
+        tested_speeds=speed(domain.speeds_mps[0], domain.speeds_mps[-1], between=" to "),
+        tested_masses=weight(*domain.tested_kg, between=" to "),
+        reach_mps=domain.reach_mps,
+        inside=domain.inside,
+    )
+
+
+def _since(certification: Certification) -> Iterator[Fact]:
+    if (since := certification.since) is None:
+        return
+    earlier = since.earlier
+    yield _fact(
+        "since.beside",
+        conditions=counted(len(earlier.matrix.ids), "condition"),
+        tests=counted(len(earlier.tests), "test"),
+        date=earlier.date,
+        digest=earlier.digest[:12],
+        new=since.new,
+        repeats=[test for test, condition in since.made_for.items() if condition in earlier.run],
+    )
+    bounds = outcomes(since)
+    (wrong, n), (_, n_tests) = bounds["verdicts"], bounds["tests"]
+    if n:
+        of = counted(n, "metric"), counted(n_tests, "test")
+        yield _fact("since.outcomes", metrics=of[0], tests=of[1], wrong=wrong, **_bounds(bounds))
+    for trial in since.trials:
+        if trial.wrong:
+            yield _wrong("since.wrong", trial, "before it was run", earlier.criteria.confidence)
+
+
+def outcomes(since: LaterTests) -> dict[str, WrongShare]:
+    """:func:`trial_bounds` of the verdicts on tests run since, each metric once."""
+    return trial_bounds(strictest_per_metric(since.counted))
+
+
+def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
+    verdict, criterion = trial.verdict, trial.verdict.criterion
+    return _fact(
+        code,
+        trial.held_out,
+        how=how,
+        criterion=criterion.name,
+        limits=criterion.limits,
+        condition=verdict.condition,
+        said=verdict.word,
+        probability=probability_text(verdict.probability, confidence),
+        measured=measured_text(criterion, trial.measured, trial.shift),
+    )
+
+
+def _intervals(record: TrackRecord) -> Iterator[Fact]:
+    (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
+    missed = [
+        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured, limit.interval(v.lower, v.upper))
+        for trial in record.missed_intervals
+        for v, limit in [(trial.verdict, trial.verdict.criterion)]
+        for measured in [measured_text(limit, trial.measured, trial.shift)]
+    ]
+    code = "record.too_narrow" if record.too_narrow else "record.intervals"
+    outside = {"inside_outside": inside_outside, "n_outside": n_outside or None}
+    if n:
+        yield _fact(code, inside=inside, n=n, missed=missed, **outside)
+
+
+def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:
+    """What a test measured where it was run and, if that was off its condition, there by the CAE model."""
+    if value is None or not shift:
+        return criterion.shown(value)
+    template = "{} ({} at its condition, by the CAE model)"
+    return Sentence(template, criterion.shown(value + shift), criterion.shown(value))
+
+
+def new_together(certification: Certification) -> dict[str, str]:
+    """Factors of conditions that no test has together, by the condition's id."""
+    tested, known = [dict(t.condition.factors) for t in certification.campaign.tests], certification.domain.factors
+    found = {}
+    for i, condition in certification.matrix.items:
+        given = {name: value for name, value in condition.factors if value and name in known}
+        new = not any(given.items() <= factors.items() for factors in tested)
+        if new and all(value in known[name] for name, value in given.items()):
+            found[i] = ", ".join(f"{name} {value}" for name, value in given.items())
+    return found
+
+
+def unused_at(certification: Certification) -> dict[str, list[str]]:
+    """Tests that were run at a condition and are not used, by its id."""
+    matrix = certification.matrix
+    unused = matrix.run(certification.campaign.unused)
+    return {i: list(tests) for i, tests in zip(matrix.ids, unused, strict=True) if tests}
+
+
+def _conditions(certification: Certification) -> Iterator[Fact]:
+    domain, items = certification.domain, certification.matrix.items
+    for sentence in domain.too_few_tests:
+        yield _fact("condition.outside", *certification.matrix.ids, why=sentence)
+    for i, condition in items:
+        if not domain.too_few_tests and (why := domain.exceeded_by(condition)):
+            yield _fact("condition.outside", i, why=joined(why))
+        short = [v.criterion.name for v in certification.rows[i] if v.word == "open" and v.probability is None]
+        if short:
+            yield _fact("condition.too_short", i, criteria=short)
+    together = new_together(certification)
+    for factors in dict.fromkeys(together.values()):
+        yield _fact("condition.new_together", *(i for i, own in together.items() if own == factors), factors=factors)
+    for name in domain.factors:
+        if without := [i for i, condition in items if not dict(condition.factors).get(name)]:
+            yield _fact("condition.no_factor", *without, factor=name)
+
+
+def _not_used(certification: Certification) -> Iterator[Fact]:
+    campaign = certification.campaign
+    unused = dict(campaign.unused)
+    for name in dict.fromkeys(chain.from_iterable(unused_at(certification).values())):
+        yield _fact("test.not_used", name, condition=unused[name], reason=campaign.reason_of(name))

@@ -1,0 +1,245 @@
+"""Every table of a certification: those of its files, and those that pages and reports show."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import pandas as pd
+
+from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import Certification, Variant
+from crashfuse.certification.criteria import RATING, Criterion
+from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.track_record import TrackRecord, Trial, WrongShare
+from crashfuse.certification.verdict import WORDS, Verdict, all_met
+from crashfuse.condition import Condition
+from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results.certification_facts import measured_text, support_text
+from crashfuse.results.display import Display
+from crashfuse.results.plots.canvas import tick_name
+from crashfuse.results.table import Column, Table, frame_of
+from crashfuse.study.outliers import departures_near
+from crashfuse.units import MASS, SPEED, Sentence, joined, probability_text, read_out, unbroken
+
+ANSWER = "A test there"
+_NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
+_TRIAL_COLUMNS = (
+    *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
+    *("value", "lower", "upper", "basis", "metric", "at_least", "at_most", "unit", "counted", "shift"),
+    *("bounds.verdicts", "bounds.tests", "tuned"),
+)
+_JUDGED = ("met", "not met", "decided")
+
+
+def certification_table(certification: Certification) -> pd.DataFrame:
+    """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
+    factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
+    answers, at_once = certification.answers, {i: all_met(row) for i, row in certification.rows.items()}
+    though_met = {i: Sentence("{}.", at_once_text(certification, i)) for i in certification.uncertain}
+    return _numbers_of(
+        {
+            **condition_columns(i, verdict.condition, factors, certification.matrix.conditions[0]),
+            **_limit_columns(verdict.criterion),
+            **{name: getattr(verdict, name) for name in ("value", "lower", "upper", "probability")},
+            "verdict": verdict.word,
+            "reason": joined([verdict.reason, *([though_met[i]] if i in though_met else [])]),
+            "basis": basis[verdict.criterion.metric],
+            "need_not_be_run": answers[i] == "skip",
+            "all_met_at_least": at_once[i].at_least,
+            "answer": answers[i],
+            "all_met": at_once[i].probability,
+            **({"test": " ".join(verdict.run)} if run else {}),
+        }
+        for i, verdict in certification.cells
+    )
+
+
+def track_record_table(certification: Certification) -> pd.DataFrame:
+    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion."""
+    basis, record = _bases(certification.campaign), certification.record
+    bounds = [share.at_most for share in record.bounds().values()]
+    tuned = {test.id: test.cae_tuned for test in certification.campaign.tests}  # None where nobody says
+    rows = [
+        (
+            t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
+            v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
+            v.criterion.unit, is_counted and not record.repeats(t), t.shift, *bounds, tuned.get(t.held_out),
+        )
+        for is_counted, trials in ((True, (*record.trials, *record.since)), (False, record.tuned))
+        for t in trials
+        for v in [t.verdict]
+    ]  # fmt: skip
+    return _numbers_of(rows, _TRIAL_COLUMNS)
+
+
+def matrix_table(matrix: Matrix) -> pd.DataFrame:
+    """The conditions, in the form of ``matrix.csv``."""
+    factors = factors_of(matrix)
+    return pd.DataFrame(condition_columns(i, c, factors, matrix.conditions[0]) for i, c in matrix.items)
+
+
+def factors_of(matrix: Matrix) -> tuple[str, ...]:
+    """Names of the factors that conditions of a matrix have."""
+    return tuple(dict.fromkeys(name for condition in matrix.conditions for name, _ in condition.factors))
+
+
+def condition_columns(
+    condition_id: str, condition: Condition, factors: Sequence[str], like: Condition
+) -> dict[str, object]:
+    """A condition in the columns of ``matrix.csv``, in the units that another one was given in."""
+    return {
+        "id": condition_id,
+        **replace(condition, units=like.units).columns,
+        **{name: dict(condition.factors).get(name, "") for name in factors},
+    }
+
+
+_AS_GIVEN = {f"speed_{unit}" for unit in SPEED} | {f"{end}_weight_{unit}" for end in ("front", "rear") for unit in MASS}
+
+
+def csv_as_given(table: pd.DataFrame) -> bytes:
+    """A table with :func:`condition_columns` as CSV: speeds and weights with all digits that were given."""
+    given = _AS_GIVEN.intersection(table)
+    return csv_bytes(table.assign(**{name: table[name].map("{:.12g}".format) for name in given}))
+
+
+def _limit_columns(criterion: Criterion) -> dict[str, object]:
+    return {
+        "criterion": criterion.name,
+        **{name: getattr(criterion, name) for name in ("metric", "window_ms", "at_least", "at_most", "unit")},
+    }
+
+
+def _numbers_of(rows: Iterable[object], columns: Sequence[str] | None = None) -> pd.DataFrame:
+    table = pd.DataFrame(list(rows), columns=columns)
+    return table.astype({name: float for name in table if name in _NUMBERS})
+
+
+def _bases(campaign: Campaign) -> dict[str, str]:
+    return {**campaign.metric_bases, RATING: campaign.rating_basis}
+
+
+def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, float | None]]:
+    """Left-out verdicts of each kind, wrong ones and the 95 % bound of their share; *decided* is both."""
+    counts = {word: WrongShare(wrong, n) for word, (n, wrong) in record.counts(criterion).items()}
+    counts["decided"] = record.bounds(criterion)["verdicts"]
+    return {word: share_columns(share) if word in _JUDGED else {"n": share.n} for word, share in counts.items()}
+
+
+def share_columns(share: WrongShare) -> dict[str, float | None]:
+    """A share of wrong ones with its bound, as in JSON."""
+    return {"n": share.n, "wrong": share.wrong, "wrong_at_most": share.at_most}
+
+
+def counts_frame(certification: Certification) -> pd.DataFrame:
+    """Number of verdicts of each kind by criterion, with its limits."""
+    columns = [[verdict.word for verdict in column] for column in zip(*certification.verdicts, strict=True)]
+    return frame_of(
+        {"criterion": criterion.name, "limit": criterion.limits, **{word: words.count(word) for word in WORDS}}
+        for criterion, words in zip(certification.criteria.items, columns, strict=True)
+    )
+
+
+def answer_texts(certification: Certification) -> dict[str, str]:
+    """The answer at each condition, shortly, with the tests there, the condition it counts as, and what is apart."""
+    run, same, texts = certification.run, certification.counted_once, {}
+    for i, condition in certification.matrix.items:
+        tests = run.get(i, ())
+        by = f"{len(tests)} tests" if len(tests) > 1 else "".join(map(tick_name, tests))
+        alike = f", as {tick_name(same[i])}" if i in same else ""
+        apart = [tick_name(departure.test) for departure in departures_near(certification.campaign, condition)]
+        texts[i] = certification.answers[i] + (f": {by}" if tests else "") + alike
+        texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
+    return texts
+
+
+def changed_text(variant: Variant) -> str:
+    """Which answers a variant changes, in words; empty if none."""
+    return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in variant.changed.items())
+
+
+def at_once_text(certification: Certification, condition: str) -> str:
+    """The probability that all criteria are met at once, and whether a test is needed nevertheless."""
+    only, but = ("", ", but skipping does not pay") if condition in certification.sure else ("only ", "")
+    but *= condition in certification.uncertain
+    probability = all_met(certification.rows[condition]).probability
+    return f"all met at once: {only}{probability_text(probability, certification.criteria.confidence)}{but}"
+
+
+def _cells(verdict: Verdict) -> dict[str, object]:
+    criterion = verdict.criterion
+    return {
+        "Criterion": criterion.name,
+        "Limit": criterion.limits,
+        "Expected": criterion.shown(verdict.value),
+        "95 % of tests": criterion.interval(verdict.lower, verdict.upper),
+        "Probability": verdict.probability,
+        "Verdict": verdict.word,
+        "Reason": verdict.reason,
+    }
+
+
+def _probability(certification: Certification) -> Column:
+    return Column("Probability", "probability", confidence=certification.criteria.confidence)
+
+
+def _verdicts(certification: Certification, _: Display) -> Table:
+    rows = ({"Condition": i, **_cells(verdict)} for i, verdict in certification.cells)
+    return Table.of("verdicts", rows, _probability(certification))
+
+
+def _trials(name: str, certification: Certification, trials: Sequence[Trial]) -> Table:
+    rows = (
+        {
+            "Test": trial.held_out,
+            "Left out": {"test": "alone", "planned": "before it was run"}.get(trial.left_out, trial.left_out),
+            **_cells(trial.verdict),
+            "Measured": measured_text(trial.verdict.criterion, trial.measured, trial.shift),
+            "The test": ("met it" if trial.met else "missed it") + ", wrong" * trial.wrong,
+        }
+        for trial in trials
+    )
+    return Table.of(name, rows, _probability(certification)).without("Limit", "Reason")
+
+
+def _record(certification: Certification, _: Display) -> Table:
+    record, confidence = certification.record, certification.criteria.confidence
+    bounds = {unit: unbroken(f"Wrong at most (95 %), by {unit[:-1]}") for unit in record.bounds()}
+    rows = (
+        {
+            "Criterion": "All" if criterion is None else criterion.name,
+            "Limit": "" if criterion is None else criterion.limits,
+            **{
+                word.capitalize(): Sentence("{}, {} wrong", n, wrong) if wrong else n
+                for word, (n, wrong) in record.counts(criterion).items()
+            },
+            **{bounds[unit]: share.at_most for unit, share in record.bounds(criterion).items()},
+            "What this record supports": "" if criterion is None else support_text(record, criterion, confidence),
+        }
+        for criterion in (*certification.criteria.items, None)
+    )
+    return Table.of("counts", rows, *(Column(title, "share") for title in bounds.values()))
+
+
+def _criteria(certification: Certification, display: Display) -> Table:
+    rows = (  # in both, if the reader's units are not those that limits are declared in
+        {"Criterion": own.name, "Quantity": own.label, "Limit": own.limits, "As declared": str(own.limits)}
+        for own in certification.criteria.items
+    )
+    differ = any(display.words(own.limits) != str(own.limits) for own in certification.criteria.items)
+    return Table.of("criteria", rows).without(*([] if differ else ["As declared"]))
+
+
+def _counts(certification: Certification, _: Display) -> Table:
+    counts = counts_frame(certification).rename(columns=str.capitalize)
+    return Table.of("counts", counts, *(Column(word.capitalize(), "number", form=".0f") for word in WORDS))
+
+
+SHOWN: Mapping[str, Callable[[Certification, Display], Table]] = {
+    "criteria": _criteria,
+    "counts": _counts,
+    "verdicts": _verdicts,
+    "record": _record,
+    "trials": lambda own, _: _trials("trials", own, own.record.counted),
+    "since": lambda own, _: _trials("earlier verdicts", own, own.since.trials if own.since else ()),
+}
+"""Tables for readers, by name; the last has verdicts that were given before their tests were run."""

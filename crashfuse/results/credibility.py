@@ -1,0 +1,111 @@
+"""The credibility sheet: the factors of ASME V&V 40 (``credibility.toml``), filled with what a certification knows."""
+
+import tomllib
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from functools import cache
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from crashfuse.certification.certify import Certification
+from crashfuse.condition import ABOUT, about_label
+from crashfuse.results.certification_facts import facts
+from crashfuse.results.certification_tables import changed_text
+from crashfuse.results.display import DEFAULT, Display
+from crashfuse.study.facts import campaign_facts
+from crashfuse.study.repeatability import repeatability, repeats_of
+from crashfuse.units import joined, number, read_out, speed, statements, weight
+from crashfuse.version import __version__
+
+_MOST = 3  # sentences of a code
+
+
+@cache
+def factors() -> list[dict[str, Any]]:
+    """The rows of the sheet before they are filled."""
+    return list(tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["factor"])
+
+
+def credibility_table(certification: Certification, display: Display = DEFAULT) -> pd.DataFrame:
+    """One row a factor: what is asked, what the data say, and which table or file says it; no level, no compliance."""
+    known: dict[str, dict[str, None]] = {}
+    for own in (*campaign_facts(certification.campaign), *facts(certification)):
+        known.setdefault(own.code, {})[own.sentence] = None
+    values = {**_of_tests(certification), **_of_answers(certification)}
+    return pd.DataFrame(
+        {
+            **{name: row[name] for name in ("activity", "factor", "question")},
+            "data_say": display.words(joined([*_sentences(row, values, known)])),
+            "source": row["source"],
+        }
+        for row in factors()
+    )
+
+
+def _sentences(
+    row: Mapping[str, Any], values: Mapping[str, object], known: Mapping[str, Mapping[str, None]]
+) -> Iterator[str]:
+    of_codes = [[*known.get(code, ())] for code in row.get("facts", ())]
+    if stated := statements(row.get("says", ()), values):
+        yield stated
+    for sentences in of_codes:
+        yield from sentences[:_MOST]
+        if len(sentences) > _MOST:
+            yield f"({len(sentences) - _MOST} more are in report.html.)"
+    if "otherwise" in row and not (stated or any(of_codes)):
+        yield row["otherwise"]
+    if "unknown" in row:
+        yield f"The data do not say: {row['unknown']}."
+
+
+def _of_tests(certification: Certification) -> dict[str, object]:
+    campaign, tests, config = certification.campaign, certification.campaign.tests, certification.config
+    repeats = repeatability(campaign, config.windows_ms, seed=config.seed)
+    rated = [own[max(own)].value for own in repeats.values() if own]
+    ends = [dict(about).get(f"{ABOUT}termination") for about in campaign.cae.about]
+    stated = Counter(about_label(name) for name, _ in chain.from_iterable(test.about for test in tests))
+    speeds, masses = ([getattr(t.condition, name) for t in tests] for name in ("speed_mps", "mass_kg"))
+    return {
+        "version": __version__,
+        "quality": joined(campaign.quality.sentences),
+        "runs": f"{len(campaign.cae):,}",
+        "ended": f"{ends.count('normal'):,}" if any(ends) else None,
+        "tests": len(tests),
+        "repeated": sum(bool(repeats_of(test, campaign)) for test in tests),
+        "repeat": f"{np.mean(rated):.3f}" if rated else None,
+        "speeds": speed(min(speeds), max(speeds), between=" to "),
+        "masses": weight(min(masses), max(masses), between=" to "),
+        "filter": campaign.filter_class or "not given",
+        "pedigree": ", ".join(f"{name} {n}" for name, n in stated.items()) or None,
+        "doubtful": read_out([test.id for test in tests if test.faults]) or "none",
+        "paired": sum(campaign.cae.paired_run(test.condition) is not None for test in tests),
+        "walls": sum(test.wall is not None for test in tests),
+    }
+
+
+def _of_answers(certification: Certification) -> dict[str, object]:
+    criteria, record = certification.criteria.items, certification.record
+    conditions, brier = certification.matrix.conditions, record.brier or (None, None)
+    outside = sum(bool(certification.domain.outside(condition)) for condition in conditions)
+    told = ["{} of {} need not be run as asked for".format(*certification.saved)]
+    told += [
+        f"{own.name}: {own.saved[0]} of {own.saved[1]} ({changed_text(own) or 'no change'})"
+        for own in certification.variants
+    ]
+    return {
+        "planned": len(conditions),
+        "criteria": ", ".join(criterion.name for criterion in criteria),
+        **{name: score and f"{score:.4f}" for name, score in zip(("brier", "brier_cae"), brier, strict=True)},
+        "planned_paired": sum(certification.campaign.cae.paired_run(own) is not None for own in conditions),
+        "covered": sum(not certification.campaign.cae.extrapolation(condition) for condition in conditions),
+        "near": sum(record.support(criterion).near for criterion in criteria),
+        "asked": len(criteria),
+        "inside": len(conditions) - outside,
+        "outside": number(100 * outside / len(conditions), ".0f"),
+        "variants": "; ".join(told),
+        "untried": None if any(own.left_out for own in certification.variants) else "certify --robustness",
+    }

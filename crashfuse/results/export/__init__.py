@@ -1,0 +1,1 @@
+"""Pulses for other programs: ISO-MME and curves of solvers."""

@@ -1,0 +1,232 @@
+"""What fits have learned: their quality, the reliability of their bands, and what to mend in the CAE model."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields
+from typing import Any
+
+import pandas as pd
+
+from crashfuse.approaches.calibration import Calibration
+from crashfuse.approaches.displacement_domain.events import CaeEvent, CaeEvents, cae_events
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.results.display import Display
+from crashfuse.results.table import Column, Table, frame_of
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.study import Study
+from crashfuse.units import IN_SI, MS, Quantity, Sentence, joined, statements
+
+_HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
+_COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration", "whole": "Whole pulse, 0–60 ms"}
+_SAME = 0.02  # differences of a metric up to here are not told: others are what repeats scatter
+
+
+def coverage_table(coverage: Mapping[str, Calibration]) -> Table:
+    """One row per approach: shares of time inside the band, and counts of tests."""
+    rows = (
+        {
+            "Approach": LABELS[name],
+            **{heading: calibration.share(column) for column, heading in _HEADINGS.items()},
+            **{title: f"{calibration.count(column)} of {len(calibration.tests)}" for column, title in _COUNTS.items()},
+        }
+        for name, calibration in coverage.items()
+    )
+    return Table.of("coverage", rows, *(Column(heading, "share", form=".0f") for heading in _HEADINGS.values()))
+
+
+_FIT = (
+    Column("Hyperparameter", source="name"),
+    Column("Value", "number", units="unit", form=".3g", source="value"),
+    Column("Known to a factor of", "number", form=".2f", source="spread"),
+    Column("At its bound", source="touched"),
+)
+
+
+def fit_table(approach: str, state: Mapping[str, Any]) -> Table:
+    """Hyperparameters of a bias model and their uncertainty; empty for an approach without any."""
+    spread, touched, rows = state.get("spread_factors", {}), state.get("touched_bounds", []), []
+    for name, value in state.get("hyperparameters", {}).items():
+        quantity, _, si = name.rpartition(" in ")
+        unit = {"m/s": "mph", "kg": "lb"}.get(si, "")
+        row = {"name": name, "value": value, "spread": spread.get(name), "touched": name in touched, "unit": unit}
+        if unit:
+            row |= {"name": Sentence("{} in {}", quantity, Quantity((), unit)), "value": value / IN_SI[unit]}
+        rows.append(row)
+    return Table(f"fit of {approach}", frame_of(rows), _FIT)
+
+
+def fit_sentences(state: Mapping[str, Any]) -> list[str]:
+    """Sentences on the quality of an approach's fit and the reliability of its band; empty without a fit."""
+    check = state.get("band_check")
+    values = {name: state.get(name) for name in ("points", "bias_rms_g", "factors", "members", "weights", "penalty")}
+    values["verdict"] = _VERDICTS[state["dead"]] if "hyperparameters" in state else None
+    values["misfit"] = state.get("left_out_delta_v_misfit")
+    if len(densities := state.get("left_out_log_density", {})) > 1:
+        values["densities"] = [f"{name} {_whole(value)}" for name, value in densities.items()]
+        values["factors"] = state["factors"] or "none"
+    if equal := state.get("weights_at_equal_bands"):
+        values["equal"] = [f"{name} {weight:.2f}" for name, weight in equal.items()]
+    told = [statements(_OF_FIT, values), *([_band_sentence(check)] if check else [])]
+    return [sentence for sentence in told if sentence]
+
+
+_VERDICTS = {False: "more than noise", True: "no more than noise: treat the result as uncorrected"}
+_OF_FIT = (
+    "Fitted to {points} points of a bias of {bias_rms_g} RMS; it explains {verdict}.",
+    "Factors: {factors}; log predictive density of left-out tests (higher is better): {densities}.",
+    "Fine-tuning: {members} networks of {weights:,} weights; {penalty:g} of the increments are a test's own. ΔV of "
+    "left-out tests was met to {misfit:.1%} of impact speed.",
+    "Weights at equally wide bands, by left-out tests: {equal}.",
+)
+_BAND = (
+    "The band, scaled by {widening:g} for {left_out_tests} left-out tests, holds a(t) {accel_inside:.0%} and v(t) "
+    "{velocity_inside:.0%} of the time up to TTZV; crush in {crush_inside} tests, peak in {peak_inside}.",
+    "After TTZV it is scaled by {late_widening:g}.",
+    "After TTZV it holds a(t) {rebound_inside:.0%} of the time.",
+)
+
+
+def whole_sentences(estimates: Iterable[Estimate]) -> list[str]:
+    """How many left-out tests lie inside the band of whole pulses of each approach, if any has one: a sentence."""
+    states: dict[str, Any] = {LABELS[own.approach]: own.state.get("band_check") for own in estimates}
+    counts = {who: (check["whole_inside"], check["left_out_tests"]) for who, check in states.items() if check}
+    return [whole_sentence(counts)] if counts else []
+
+
+def whole_sentence(counts: Mapping[str, tuple[int, int]]) -> str:
+    """How many left-out tests lie inside bands of whole pulses, and of how many, by whose band or how left out."""
+    shown = ", ".join(f"{key} {inside} of {n}" for key, (inside, n) in counts.items())
+    return f"Left-out tests inside as a whole (0–60 ms; nine of ten are meant to be): {shown}."
+
+
+def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
+    """Each note once, with the labels of the approaches it applies to."""
+    makers: dict[str, list[str]] = {}
+    for estimate in estimates:
+        for note in estimate.prediction.notes:
+            makers.setdefault(note, []).append(LABELS[estimate.approach])
+    return makers
+
+
+def metric_remarks(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[list[str], list[str]]:
+    """Sentences on metrics that are missing or not those of the averaged pulse: on the main ones, and on the others."""
+
+    def of(is_main: bool) -> list[str]:
+        shown = [(who, [metric for metric in own if (metric.name in MAIN_METRICS) is is_main]) for who, own in columns]
+        return [*missing_sentences(shown), *(text for who, own in shown if (text := _averaged(who, own)))]
+
+    return of(True), of(False)
+
+
+def _averaged(who: str, metrics: Sequence[Metric]) -> str:
+    away = {m.name: m.of_pulse / m.value - 1 for m in metrics if m.drawn and m.value and m.of_pulse is not None}
+    texts = [f"{METRIC_LABELS[name]} {100 * x:+.0f} %" for name, x in away.items() if abs(x) > _SAME]
+    return f"{who}: values are those of a single test; the averaged pulse has {', '.join(texts)}." if texts else ""
+
+
+def _band_sentence(check: Mapping[str, Any]) -> str:
+    verdict = "" if check["holds"] else "That is too little for a 95 % band."
+    return joined([statements(_BAND, check), *filter(None, [verdict])])
+
+
+def _whole(value: float) -> Quantity:
+    return Quantity((value,), "", ".0f")
+
+
+_MM, _KN = 1e-3, 1e3
+_SHOWN = {"_m": ("_mm", _MM), "_s": ("_ms", MS), "_n": ("_kn", _KN)}
+_LEARNS = {"displacement_domain", "fused"}  # approaches that rest on this bias
+_NAMED, _WORTH_NAMING = 3, 0.05  # events in sentences; share of what is lost
+_SUPERLATIVES = {"fast": "fastest", "slow": "slowest", "heavy": "heaviest", "light": "lightest"}
+
+
+def study_events(study: Study) -> CaeEvents | None:
+    """The events of a study's campaign, over its longest window; None if the study has not learned the bias."""
+    learned = _LEARNS.intersection(study.config.approaches)
+    return cae_events(study.campaign, max(study.config.windows_ms)) if learned else None
+
+
+def campaign_events(campaign: Campaign, window_ms: float) -> pd.DataFrame:
+    """See :meth:`Campaign.cae_events`."""
+    return events_frame(cae_events(campaign, float(Display(window_ms).window_ms)))
+
+
+def events_frame(found: CaeEvents) -> pd.DataFrame:
+    """One row an event, the most expensive first, as in ``cae_events.csv`` (see *Read the report*)."""
+    frame = pd.DataFrame(map(asdict, found.events), columns=[field.name for field in fields(CaeEvent)])
+    for ending, (shown, unit) in _SHOWN.items():
+        names = [name for name in frame if name.endswith(ending)]
+        frame[names] = (frame[names] / unit).round(6)
+        frame = frame.rename(columns={name: name.removesuffix(ending) + shown for name in names})
+    frame[["tests", "reached"]] = frame[["tests", "reached"]].map(" ".join)
+    frame.insert(0, "rank", range(1, len(frame) + 1))
+    return frame.assign(rating_cae=found.rating_cae, rating_mended=found.rating_mended, window_ms=found.window_ms)
+
+
+_EVENTS = (
+    Column("Rank", "number", form=".0f", source="rank"),
+    Column("Crush", "range", "mm", ".0f", further=("from_mm", "to_mm")),
+    Column("Time (ms)", source="time"),
+    Column("The CAE model is", source="size"),
+    Column("95 %", "range", "kN", ".0f", further=("least", "most")),
+    Column("Probability", "probability", source="probability"),
+    Column("Tests", source="which"),
+    Column("Rating, this alone mended", "number", form=".3f", source="rating_alone"),
+    Column("Rating, all but this mended", "number", form=".3f", source="rating_but"),
+    Column("Share of what is lost", "share", "%", ".0f", source="share"),
+)
+
+
+def events_table(found: CaeEvents) -> Table:
+    """The events, one row each."""
+    rows = [
+        {
+            "time": Sentence("{} in {}", Quantity((event.from_s / MS, event.to_s / MS), ""), event.timed_in),
+            "size": _size(event),
+            "which": _which(event),
+            **dict(zip(("least", "most"), _ends_kn(event), strict=True)),
+        }
+        for event in found.events
+    ]
+    return Table("CAE events", events_frame(found).join(frame_of(rows)), _EVENTS)
+
+
+def events_sentences(found: CaeEvents) -> list[str]:
+    """What to mend first, and what that is worth."""
+    named = [event for event in found.events[:_NAMED] if event.share >= _WORTH_NAMING]
+    worth = {name: getattr(found, name) for name in ("rating_cae", "window_ms", "n_rated", "rating_all")}
+    worth["mended"] = found.rating_mended if found.events else None
+    return [
+        *(
+            f"{Quantity((e.from_m / _MM, e.to_m / _MM), 'mm', '.0f')}: {_size(e)} ({Quantity(_ends_kn(e), '', '.0f')}) "
+            f"in {_which(e)} tests; {100 * e.share:.0f} % of what is lost."
+            for e in named
+        ),
+        *([] if named else ["In no range of crush do two tests agree and would mending raise the rating."]),
+        statements(_WORTH, worth),
+    ]
+
+
+_WORTH = (
+    "The CAE model rates {rating_cae:.3f} over 0–{window_ms:g} ms (mean of {n_rated} tests).",
+    "With all events mended: {mended:.3f}.",
+    "Without its bias over displacement: {rating_all:.3f}.",
+)
+
+
+def _size(event: CaeEvent) -> str:
+    return f"{abs(event.force_n) / _KN:.0f} kN too {'soft' if event.force_n > 0 else 'stiff'}"
+
+
+def _ends_kn(event: CaeEvent) -> tuple[float, float]:
+    lower, upper = (event.lower_n, event.upper_n) if event.force_n > 0 else (-event.upper_n, -event.lower_n)
+    return lower / _KN, upper / _KN
+
+
+def _which(event: CaeEvent) -> str:
+    shown, reached = len(event.tests), len(event.reached)
+    if shown == reached:
+        return f"all {reached}"
+    extreme = _SUPERLATIVES.get(event.conditions)
+    return f"the {shown} {extreme} of {reached}" if extreme else f"{shown} of {reached}"

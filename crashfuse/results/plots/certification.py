@@ -1,0 +1,283 @@
+"""Figures of a certification: the matrix of verdicts, and the validated domain."""
+
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.track_record import TrackRecord, Trial
+from crashfuse.certification.verdict import WORDS, Verdict, Word
+from crashfuse.condition import Condition
+from crashfuse.results.certification_tables import ANSWER, answer_texts
+from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.drawing import Drawing, DrawnFigure, Look, Sheer
+from crashfuse.results.figures import WITH_GROUP, how_left_out
+from crashfuse.results.plots.canvas import (
+    PROMISED,
+    drawing_of_points,
+    fix_cells,
+    make_clickable,
+    marks_of_runs,
+    stack,
+    tick_name,
+)
+from crashfuse.results.plots.palette import CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import probability_text, unbroken
+
+MOST_WORDS = 400  # of more conditions only colours are drawn: a browser would take many seconds for the words
+
+_ROW_PX, _ALL_ROWS_PX = 34, 1600
+_BELOW_PX = 44  # of the legend
+_LETTER_PX, _LINE_PX = 7, 19  # of names beside and above the cells, rather more than they take
+_HEADER_CHARACTERS = 45  # of all columns together, on paper
+_LETTERS = 130  # size in px, times the columns, with which "not met", or "<0.001" below it, fits into a cell
+_WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
+_SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
+_MAX_RUNS = 600  # more points only fill the same cloud
+_CHECKED = _AGREES = "#0072B2"
+_DISAGREES, _INTERVAL = "#D55E00", "#868D98"
+_NONE = "No test was left out: nothing to compare with."
+
+
+def verdict_matrix(
+    certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, words: bool = True
+) -> DrawnFigure:
+    """Draw verdicts as a table of conditions, sorted by speed, by criteria, with the answer beside each row.
+
+    A mark carries ``"<condition> | <criterion>"``. ``part`` takes some of the sorted conditions.
+    """
+    by_speed = sorted(certification.rows.items(), key=lambda row: row[1][0].condition.speed_mps)  # else as they come
+    ids, rows = zip(*by_speed[part], strict=True)
+    criteria, confidence = certification.criteria.items, certification.criteria.confidence
+    width = min(max(_HEADER_CHARACTERS // len(criteria), 9), 22)
+    names = [_header(criterion, width, display) for criterion in criteria]
+    speeds = [display.speed(row[0].condition.speed_mps) for row in rows]
+    labels, short = ([f"{name(i)} · {v}" for i, v in zip(ids, speeds, strict=True)] for name in (str, tick_name))
+    with_words = words and len(rows) <= MOST_WORDS
+    above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
+    drawing = drawing_of_points(above + _BELOW_PX + _ROW_PX * len(rows) if with_words else _ALL_ROWS_PX)
+    hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
+    answer_of = answer_texts(certification)
+    answers = [answer_of[i] for i in ids]
+    codes = np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8)
+    scale = [(end / len(WORDS), VERDICT_COLOURS[w]) for i, w in enumerate(WORDS) for end in (i, i + 1)]
+    texts, cells = ([[_cell(own, confidence, between) for own in row] for row in rows] for between in ("<br>", " "))
+    heads = (" ".join(f"{own.name} {display.words(own.limits)}".split()) for own in criteria)
+    table = {"Row": labels, **dict(zip(heads, zip(*cells, strict=True), strict=True)), ANSWER: answers}
+    size = min(12, max(_LETTERS // len(names), 6))
+    heat = Look(type="heatmap", z=codes, x=names, y=labels, colorscale=scale, zmin=-0.5, zmax=len(WORDS) - 0.5)
+    heat |= Look(showscale=False, xgap=2, ygap=2 if with_words else 0)
+    if with_words:
+        heat |= Look(text=texts, texttemplate="%{text}", textfont={"color": MEASURED_COLOUR, "size": size})
+    drawing.add(heat | ({"hoverinfo": "skip"} if with_words else _over(hover)), table)
+    if with_words:
+        clicked = [f"{i} | {verdict.criterion.name}" for i, row in zip(ids, rows, strict=True) for verdict in row]
+        over = _over([text for row in hover for text in row])
+        make_clickable(drawing, names, labels, clicked, 20, yaxis="y2", **over)
+    told = [verdict.word for row in rows for verdict in row]
+    for word in WORDS:
+        marker = _marker(VERDICT_COLOURS[word], "square", 13, 1, None)
+        drawing.entry(f"{word} ({told.count(word)})", marker=marker, hoverinfo="skip")
+    fix_cells(drawing, len(names), len(rows))
+    left = max(map(len, short), default=0) * _LETTER_PX + 6
+    drawing.update(hoverlabel_align="left", margin_l=left, margin_t=above, margin_b=_BELOW_PX)
+    drawing.update(legend_y=0, legend_yanchor="bottom")
+    if with_words:
+        drawing.axis("y", tickvals=labels, ticktext=short)
+        drawing.axis("y2", **drawing.axes["y"].look)  # at an axis, which is drawn as marks are on it
+        drawing.axis("y2", overlaying="y", side="right", categoryarray=labels, ticktext=answers, ticklabelstandoff=4)
+        drawing.update(margin_r=max(map(len, [*answers, ANSWER])) * _LETTER_PX + 10)
+        drawing.note(f"<b>{ANSWER}</b>", 1, 1, xanchor="left", yanchor="bottom", xshift=3)
+    return drawing.figure()
+
+
+def _header(criterion: Criterion, width: int, display: Display) -> str:
+    name = [f"<b>{line}</b>" for line in wrap(criterion.name, width)]
+    return "<br>".join(name + wrap(unbroken(display.words(criterion.limits)), width))
+
+
+def _cell(verdict: Verdict, confidence: float, between: str) -> str:
+    if verdict.word == "outside" or verdict.probability is None:
+        return verdict.word
+    return f"{verdict.word}{between}{probability_text(verdict.probability, confidence)}"
+
+
+def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
+    lines = [
+        f"<b>{condition_id}, {verdict.criterion.name}: {verdict.word}</b>",
+        display.condition(verdict.condition),
+        *wrap(display.words(verdict.reason), 78),
+    ]
+    if verdict.word == "outside":  # else the reason has the numbers
+        lines.append(display.words(verdict.expected))
+    return "<br>".join(lines)
+
+
+def validated_domain(certification: Certification, display: Display = DEFAULT) -> DrawnFigure:
+    """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
+    domain, campaign = certification.domain, certification.campaign
+    drawing = drawing_of_points(480, *display.axis("Impact speed", "mph"))
+    mass_low, mass_high = map(display.weights, domain.checked_masses_kg)
+    for number, ends in enumerate(domain.speed_ranges_mps):
+        low, high = map(display.speeds, ends)
+        drawing.points(
+            [low, high, high, low, low], [mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
+            name="Validated domain", legendgroup="checked", showlegend=number == 0, fill="toself",
+            fillcolor=Sheer(_CHECKED), line_color=_CHECKED, line_width=1, line_dash="dash", hoverinfo="skip",
+        )  # fmt: skip
+    runs = campaign.cae.vectors[:: -(-len(campaign.cae) // _MAX_RUNS)]
+    speeds, weights = display.speeds(runs[:, 0]), display.weights(runs[:, 1:].sum(axis=1))
+    name = f"{len(campaign.cae):,} CAE runs"
+    drawing.points(speeds, weights, name=name, hoverinfo="skip", marker=marks_of_runs(len(runs)))
+
+    def draw(name: str, some: Sequence[tuple[str, Condition, str]], marker: Look) -> None:
+        speeds = [display.speeds(condition.speed_mps) for _, condition, _ in some]
+        weights = [display.weights(condition.mass_kg) for _, condition, _ in some]
+        over = _over([f"<b>{i}</b><br>{display.condition(at)}{more}" for i, at, more in some])
+        drawing.points(speeds, weights, name=name, marker=marker, **over)
+
+    rows = certification.rows.items()
+    for word in _WORST_FIRST:
+        some = [
+            (i, row[0].condition, "".join(f"<br>{verdict.criterion.name}: {verdict.word}" for verdict in row))
+            for i, row in rows
+            if worst(row) == word
+        ]
+        if some:
+            marker = _marker(VERDICT_COLOURS[word], _SYMBOLS[word], 13, 1.5, INK)
+            draw(f"Worst verdict: {word} ({len(some)})", some, marker)
+    tests = [(f"Test {test.id}", test.condition, "") for test in campaign.tests]
+    draw(f"{len(tests)} tests", tests, _marker(None, "cross-thin", 11, 2, MEASURED_COLOUR))
+    drawing.axis("y", *display.axis("Front and rear weight together", "lb"))
+    return drawing.figure()
+
+
+def worst(verdicts: Sequence[Verdict]) -> Word:
+    """The worst word among verdicts on one condition."""
+    return min((verdict.word for verdict in verdicts), key=_WORST_FIRST.index)
+
+
+def reliability(record: TrackRecord) -> DrawnFigure:
+    """Draw the share of left-out tests that met a criterion over the probability given, open if bounds exclude it."""
+    axis = Look(range=[-0.09, 1.09], tickvals=[0, 0.2, 0.4, 0.6, 0.8, 1], zeroline=False)
+    drawing = drawing_of_points(440, "Probability given in advance", **axis)
+    if not record.reliability:
+        return _said(drawing, "No left-out test lies inside what the others check." if record.trials else _NONE)
+    drawing.points([0, 1], [0, 1], **PROMISED)
+    for name, colour, symbol, holds in (
+        ("Within its bounds", _AGREES, "circle", True),
+        ("Outside its bounds", _DISAGREES, "circle-open", False),
+    ):
+        if bins := [each for each in record.reliability if each.holds is holds]:
+            probability, met, lower, upper = np.array([(b.probability, b.met, b.lower, b.upper) for b in bins]).T
+            texts = [
+                f"said {b.low:.2f} to {b.high:.2f}, {b.probability:.3f} on average<br>{round(b.met * b.n)} of "
+                f"{b.n} met: {b.met:.3f} (95 %: {b.lower:.3f} to {b.upper:.3f})"
+                for b in bins
+            ]
+            drawing.points(
+                probability, met, name=name, mode="markers+text", cliponaxis=False, ends=(lower, upper),
+                error_y_thickness=1.5, error_y_width=4, text=[f"n = {each.n}" for each in bins],
+                textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins],
+                marker=_marker(colour, symbol, 11, 2, colour), **_over(texts),
+            )  # fmt: skip
+    drawing.update(showlegend=True)
+    drawing.axis("y", "Share of tests that met it", **axis)
+    return drawing.figure()
+
+
+def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: Display = DEFAULT) -> DrawnFigure:
+    """Draw by criterion what left-out tests were predicted to show and showed, in order of speed, and the limits."""
+    criteria = [criterion for criterion in criteria if record.of(criterion)]
+    trials = [trial for trial in record.counted if trial.verdict.criterion in criteria]
+    trials.sort(key=lambda trial: trial.verdict.condition.speed_mps)
+    tests = list(dict.fromkeys(trial.held_out for trial in trials))
+    places = Look(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=[*map(tick_name, tests)])
+    drawing = drawing_of_points(max(120 + 210 * len(criteria), 330), **(places if criteria else {}))
+    if not criteria:
+        return _said(drawing, _NONE)
+    stack(drawing, len(criteria), 0.24 / (len(criteria) + 0.6))
+    for row, criterion in enumerate(criteria, start=1):
+        own = [trial for trial in trials if trial.verdict.criterion == criterion]
+        number = "" if row == 1 else f"{row}"
+        drawing.axis(f"x{number}", "Left-out test, in order of speed", title=None if row == len(criteria) else "")
+        _draw_trials(drawing, own, criterion, tests, number, display)
+    for word in WORDS:
+        marker = _marker(VERDICT_COLOURS[word], "square", 10, 1, INK)
+        drawing.entry(f"predicted, {word}", marker=marker, hoverinfo="skip")
+    marker = _marker(Sheer(MEASURED_COLOUR, 0), "diamond", 10, 1, INK)
+    drawing.entry(WITH_GROUP, marker=marker, hoverinfo="skip")
+    marker = _marker(MEASURED_COLOUR, "circle", 10, 1, MEASURED_COLOUR)
+    drawing.entry("measured", marker=marker, hoverinfo="skip")
+    if wrong := any(trial.wrong for trial in trials):
+        marker = _marker(_DISAGREES, "circle-open", 10, 1, _DISAGREES)
+        drawing.entry("wrong verdict", marker=marker, hoverinfo="skip")
+    drawing.update(hoverlabel_align="left", margin_l=72, margin_t=96 if wrong else 72)
+    return drawing.figure()
+
+
+def _draw_trials(
+    drawing: Drawing, trials: Sequence[Trial], criterion: Criterion, tests: list[str], number: str, display: Display
+) -> None:
+    factor, x, y = display.units.factor(criterion.unit), f"x{number}", f"y{number}"
+
+    def draw(some: Sequence[Trial], values: FloatArray, **look: Any) -> None:  # noqa: ANN401 - as Plotly takes it
+        at = [tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14) for trial in some]
+        over = _over([_told(trial, display) for trial in some])
+        places = {"x": [trial.held_out for trial in some]}
+        drawing.points(at, values, numbers=places, showlegend=False, xaxis=x, yaxis=y, **look, **over)
+
+    for left_out, symbol in (("test", "square"), ("speed group", "diamond")):
+        own = [trial for trial in trials if trial.left_out == left_out and trial.verdict.value is not None]
+        ends = [(trial.verdict.value, trial.verdict.lower, trial.verdict.upper) for trial in own]
+        value, lower, upper = factor * np.array(ends, dtype=np.float64).reshape(-1, 3).T
+        colours = [VERDICT_COLOURS[trial.verdict.word] for trial in own]
+        marker = _marker(colours, symbol, 10, 1, INK)
+        draw(own, value, ends=(lower, upper), error_y_width=0, error_y_color=_INTERVAL, marker=marker)
+    for name, some, marker in (
+        ("measured", trials, _marker(MEASURED_COLOUR, "circle", 7, 1, PAPER)),
+        ("wrong", [t for t in trials if t.wrong], _marker(_DISAGREES, "circle-open", 20, 2.5, None)),
+    ):
+        draw(some, factor * np.array([trial.measured for trial in some], dtype=np.float64), name=name, marker=marker)
+    for limit in (criterion.at_least, criterion.at_most):
+        if limit is not None:
+            drawing.rule(y, factor * limit, colour=CURSOR, width=1.5, dash="dash")
+    words = f"<b>{criterion.name}</b>: {display.words(criterion.limits)} (dashed)"
+    drawing.note(words, 0, 1, f"{y} domain", xref=f"{x} domain", xanchor="left", yanchor="bottom")
+    shows = ("Rating",) if criterion.window_ms is not None else display.axis(criterion.label, criterion.unit)
+    drawing.axis(y, *shows)
+    drawing.axis(y, title_text="<br>".join(wrap(drawing.axes[y].heading(), 24)), title_font_size=13)
+
+
+def _told(trial: Trial, display: Display) -> str:
+    verdict, criterion = trial.verdict, trial.verdict.criterion
+    value, measured = (display.words(criterion.shown(value)) for value in (verdict.value, trial.measured))
+    interval = display.words(criterion.interval(verdict.lower, verdict.upper))
+    return "<br>".join(
+        [
+            f"<b>{trial.held_out}</b>, {how_left_out(trial.left_out)}",
+            f"predicted {value}, 95 % of tests {interval}",
+            f"measured {measured}: {'met' if trial.met else 'not met'}",
+            f"verdict: {verdict.word}{', wrong' * trial.wrong}",
+        ]
+    )
+
+
+def _marker(color: object, symbol: str, size: int, width: float, line: str | None) -> Look:
+    return {"color": color, "symbol": symbol, "size": size, "line": {"width": width, "color": line}}
+
+
+def _over(texts: Sequence[object]) -> Look:
+    return {"hovertext": texts, "hovertemplate": "%{hovertext}<extra></extra>"}
+
+
+def _said(drawing: Drawing, words: str) -> DrawnFigure:
+    drawing.note(words, 0.5, 0.5)
+    drawing.update(showlegend=False)
+    for axis in "xy":
+        drawing.axis(axis, visible=False)
+    return drawing.figure()

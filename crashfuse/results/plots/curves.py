@@ -1,0 +1,161 @@
+"""Curves common to figures over any axis: a test with its predictions, whatever is put beside, and tests by speed."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from textwrap import shorten, wrap
+from typing import Any
+
+import numpy as np
+
+from crashfuse.approaches.registry import CLASSES, by_preference, label_of
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.crash_test import CrashTest
+from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.drawing import Drawing, DrawnFigure, Look, Sheer, drawing_of
+from crashfuse.results.plots.palette import COLOURS, CURSOR, DASHES, MEASURED_COLOUR, PAPER, further_line, speed_lines
+from crashfuse.signals.pulse import FloatArray
+
+TEST = "test"  # key of the measured curve among those of the approaches
+POINTWISE, WHOLE = "95 of 100 tests inside at each point", "9 of 10 tests inside as a whole, 0–60 ms"
+
+Band = tuple[FloatArray, FloatArray, FloatArray]
+
+
+class LegendName(str):
+    """The name of a curve that is drawn with a line of its choice."""
+
+    line: dict[str, Any]
+
+    @classmethod
+    def of(cls, name: str, line: dict[str, Any]) -> "LegendName":
+        """A name with its line."""
+        named = cls(name)
+        named.line = line
+        return named
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Curve:
+    """Values over an axis, in the figure's units; its bands (positions, lower, upper), and what its name adds."""
+
+    x: FloatArray
+    y: FloatArray
+    band: Band | None = None
+    remark: str = ""
+    whole: Band | None = None
+
+
+def draw_curves(
+    drawing: Drawing, curves: Mapping[str, Curve], yaxis: str = "y", filled: str | None = None, **style: object
+) -> None:
+    """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else; the last is on top.
+
+    Filled are one band, by default the preferred approach's, and that of a single curve beside the approaches; of the
+    others the edges are drawn.
+    """
+    lines, labels = curve_lines(curves), {name: f"{label(name)}{curve.remark}" for name, curve in curves.items()}
+    filled = with_filled_band(curves, filled)
+    beside = [
+        name for name, curve in curves.items() if curve.band is not None and name != filled and name not in COLOURS
+    ]
+    alike = (filled, *beside) if len(beside) == 1 else (filled,)
+    for name, curve in curves.items():
+        colour: str = lines[name]["color"]
+        key: dict[str, Any] = {"name": labels[name], "legendgroup": name, "showlegend": False}
+        listed = {"legendrank": 2000, "showlegend": style.get("showlegend", True)}  # behind all curves
+        if name == filled:
+            key |= {"legend": POINTWISE, "legendgroup": f"band of {name}", **listed}
+        if curve.band is not None:
+            drawing.band(*curve.band, colour=colour, filled=name in alike, yaxis=yaxis, **key)
+        if curve.whole is not None:
+            key = {"name": f"{labels[name]}, {WHOLE}", "legend": WHOLE, "legendgroup": f"whole of {name}", **listed}
+            key |= {"line_width": 1.5, "line_dash": "dash"}
+            drawing.band(*curve.whole, colour=colour, filled=False, yaxis=yaxis, **key)
+    ranks = {name: rank for rank, name in enumerate((TEST, *CLASSES.declared))}
+    for number, (name, curve) in enumerate(curves.items()):
+        rank = 1 + ranks.get(name, len(ranks) + number)
+        key = {"name": labels[name], "legendgroup": name, "legendrank": rank, "line": lines[name]}
+        drawing.line(curve.x, curve.y, yaxis=yaxis, **key, **style)
+
+
+def with_filled_band(curves: Mapping[str, Curve], asked: str | None = None) -> str | None:
+    """The curve whose band is filled: the one asked for if it has a band, else that of the preferred approach."""
+    bands = [name for name, curve in curves.items() if curve.band is not None]
+    return asked if asked in bands else next(iter(by_preference(bands)), None)
+
+
+def curve_line(name: str) -> dict[str, Any]:
+    """Colour, width and dash of an approach's line, of the :data:`TEST`'s, or of a name that brings its own."""
+    if isinstance(name, LegendName):
+        return name.line
+    if name == TEST:
+        return {"color": MEASURED_COLOUR, "width": 2.5}
+    return {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
+
+
+def curve_lines(names: Collection[str]) -> dict[str, dict[str, Any]]:
+    """Lines of several curves by name, whatever is put beside approaches and test among them."""
+    further = [name for name in names if name != TEST and name not in COLOURS and not isinstance(name, LegendName)]
+    return {name: further_line(further.index(name)) if name in further else curve_line(name) for name in names}
+
+
+def by_speed(
+    tests: Sequence[CrashTest],
+    highlight: str | None = None,
+    display: Display = DEFAULT,
+    speeds_mps: Mapping[str, float] | None = None,
+) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
+    """Tests by increasing speed, each with its name and its style among all speeds; the highlight is thick."""
+    styles = speed_lines(speeds_mps or {test.id: test.condition.speed_mps for test in tests})
+    for test in sorted(tests, key=lambda test: test.condition.speed_mps):
+        thick = test.id == highlight
+        yield (
+            test,
+            {
+                "name": f"{test.id} · {display.speed(test.condition.speed_mps)}" + (" (held out)" if thick else ""),
+                **styles[test.id],
+                "line": {**styles[test.id]["line"], "width": 4 if thick else 1.7},
+                "legendgroup": test.id,  # in a group of its own, each name is spaced as closely as possible
+            },
+        )
+
+
+def label(name: str) -> str:
+    """Name of a curve in legends: of an approach, of the :data:`TEST`, or as it is."""
+    return "Test" if name == TEST else label_of(name)
+
+
+_WIDTH, _LINES = 36, 2  # characters and lines of a mark's text; all of it is in the list of notes
+_STEPS, _STEP_PX = 3, 32  # texts of marks near each other stand at different heights
+_BEHIND = Sheer(PAPER, 0.7)
+
+
+def add_marks(figure: DrawnFigure, notes: Sequence[Note]) -> DrawnFigure:
+    """The figure over time with the notes that have a time in every row."""
+    drawing = drawing_of(figure)
+    marks = sorted((note for note in notes if note.start_ms is not None), key=lambda note: note.start_ms or 0.0)
+    rows = sorted({mark.look.get("yaxis", "y") for mark in drawing.marks})
+    if not (marks and rows):
+        return figure
+    middle = sum(drawing.axes["x"].look["range"]) / 2  # beyond it a text stands before its mark, inside the figure
+    last = np.concatenate([mark.look["y"] for mark in drawing.marks if mark.look.get("yaxis", "y") == rows[-1]])
+    zero_is_below = bool(np.nanmax(last) > -np.nanmin(last))
+    for number, mark in enumerate(marks):
+        start, end, step = mark.start_ms or 0.0, mark.end_ms, number % _STEPS
+        late = start > middle
+        on_top = zero_is_below and not late
+        for row in rows:
+            if end is None:
+                dotted = Look(type="line", line_color=CURSOR, line_width=1.5, line_dash="dot", layer=None)
+                drawing.shade(start, start, row, **dotted)
+            else:
+                drawing.shade(start, end, row, fillcolor=CURSOR, opacity=0.15)
+        lines = wrap(shorten(mark.text, _WIDTH * _LINES, placeholder=" …"), _WIDTH, max_lines=_LINES, placeholder=" …")
+        drawing.note(
+            "<br>".join(escape(line, quote=False) for line in lines), start, int(on_top), f"{rows[-1]} domain",
+            yshift=_STEP_PX * (-step if on_top else step + zero_is_below), xanchor="right" if late else "left",
+            yanchor="top" if on_top else "bottom", align="left", font_size=12, font_color=CURSOR, bgcolor=_BEHIND,
+            borderpad=1,
+        )  # fmt: skip
+    return drawing.figure()

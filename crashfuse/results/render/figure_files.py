@@ -1,0 +1,227 @@
+"""The figures of a report as SVG, PNG, slides and CSV, drawn by Plotly in a browser that reaches no network."""
+
+import asyncio
+import importlib.util
+import io
+import json
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Self, get_args
+
+from markupsafe import Markup
+
+from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
+from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results.plots.canvas import without_links
+from crashfuse.results.render.figure_data import figure_table
+
+FigureFormat = Literal["svg", "png", "csv", "pptx"]
+FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
+
+_NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido", "pptx")}  # modules, by format
+_BEGIN, _END = '<script type="application/json" id="report">', "</script>"
+_WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
+_NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
+_POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
+    "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
+    "'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:\">"
+)
+_MOST_BYTES = 256 << 20
+
+
+class ReportFigure(NamedTuple):
+    """A figure of a report: its heading, and what Plotly draws."""
+
+    title: str
+    drawn: dict[str, Any]
+    is_answer: bool = False
+
+
+class FiguresOfReport(NamedTuple):
+    """The figures of a report, its title, its notices and their labels, and what it answers."""
+
+    title: str
+    notices: tuple[str, ...]
+    labels: tuple[str, ...]
+    figures: Sequence[ReportFigure]
+    answers: tuple[str, ...] = ()
+
+
+class Report(str):
+    """A report as HTML; slides are made of its ``contents``."""
+
+    contents: FiguresOfReport
+
+    def __new__(cls, html: str, contents: FiguresOfReport) -> Self:  # noqa: D102
+        report = super().__new__(cls, html)
+        report.contents = contents
+        return report
+
+
+def read_figures(path: Path) -> FiguresOfReport:
+    """The figures of a report that was written as a file; a DataError if it has none, or there is no such file."""
+
+    def problem(found: str) -> DataError:
+        expected, advice = "a report.html of crashfuse with figures", "name the report that a command has written"
+        return refusal(str(path), expected, found, advice)
+
+    if not path.is_file():
+        raise problem("no such file")
+    if path.stat().st_size > _MOST_BYTES:
+        raise problem(f"{path.stat().st_size >> 20} MB")
+    try:
+        _, begin, rest = path.read_text(encoding="utf-8").rpartition(_BEGIN)
+        if not begin:
+            raise problem("no figure")
+        values = json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))
+        figures = tuple(ReportFigure(**figure) for figure in values["figures"])
+        notices, labels, answers = (tuple(map(str, values[name])) for name in ("notices", "labels", "answers"))
+        report = FiguresOfReport(str(values["title"]), notices, labels, figures, answers)
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
+        raise problem(f"text that cannot be read as one ({error})") from error
+    if not figures:
+        raise problem("no figure")
+    return report
+
+
+def embedded(report: FiguresOfReport) -> Markup:
+    """The data of a report as a part of its page, which no text within them can end."""
+    values = report._asdict() | {"figures": [figure._asdict() for figure in report.figures]}
+    return Markup(_BEGIN + json.dumps(values, separators=(",", ":")).replace("<", "\\u003c") + _END)  # noqa: S704 - escaped
+
+
+def missing_for(formats: Sequence[FigureFormat]) -> str:
+    """A sentence on what these formats need and is not there, an extra or a browser; empty if nothing is missing."""
+    instead = "Or save figures from the report in a browser."
+    if any(importlib.util.find_spec(module) is None for form in formats for module in _NEEDS[form]):
+        extra = "pptx" if "pptx" in formats else "figures"
+        wanted = f'need python -m pip install "crashfuse[{extra}]"'
+        return f"Figures as {', '.join(formats)} {wanted}. {instead}"
+    if any(map(_NEEDS.__getitem__, formats)) and not _browser():
+        return f"Figures are drawn by Chrome, Chromium or Edge, and none was found (BROWSER_PATH names one). {instead}"
+    return ""
+
+
+@cache
+def _browser() -> str | None:
+    from choreographer.browsers.chromium import Chromium
+
+    return os.environ.get("BROWSER_PATH") or Chromium.find_browser(skip_local=False)
+
+
+def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> dict[str, bytes]:
+    """The figures as files, by name: ``01-heading.svg``, ``.png``, ``.csv``; ``figures.pptx`` has all in one.
+
+    Raises a UsageError if what a format needs is not there, a CrashfuseError if the browser fails.
+    """
+    if unknown := [form for form in formats if form not in FIGURE_FORMATS]:
+        raise UsageError(f"A figure is written as {', '.join(FIGURE_FORMATS)}, not as {unknown[0]}.")
+    if missing := missing_for(formats):
+        raise UsageError(missing)
+    kinds = [kind for kind in ("svg", "png") if kind in formats or (kind == "png" and "pptx" in formats)]
+    made = _images([figure.drawn for figure in report.figures], kinds) if kinds else {}
+    if "csv" in formats:
+        made["csv"] = [_numbers(figure) for figure in report.figures]
+    written = {
+        f"{file_name(number, figure.title)}.{kind}": contents[number - 1]
+        for number, figure in enumerate(report.figures, start=1)
+        for kind, contents in made.items()
+        if kind in formats
+    }
+    if "pptx" in formats:
+        written["figures.pptx"] = _slides(report, made["png"])
+    return written
+
+
+def file_name(number: int, title: str) -> str:
+    """The name of a figure's files, by its first heading and its last."""
+    title = " ".join(dict.fromkeys(title.split(": ")[:: max(title.count(": "), 1)]))
+    return f"{number:02d}-{hyphened(title.lower())[:60].strip('-') or 'figure'}"
+
+
+def hyphened(text: str, marks: str = "") -> str:
+    """A text as a name of files, safe on any disk, of its ASCII letters, digits and such ``marks``."""
+    return "-".join("".join(c if c.isascii() and (c.isalnum() or c in marks) else " " for c in text).split())
+
+
+def _numbers(figure: ReportFigure) -> bytes:
+    try:
+        return csv_bytes(figure_table(figure.drawn))
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        expected, advice = "a figure as crashfuse draws it", "write the report again"
+        raise refusal(figure.title, expected, f"one that cannot be read ({error!r})", advice) from error
+
+
+def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str, list[bytes]]:
+    from choreographer.errors import BrowserClosedError, BrowserFailedError
+    from kaleido import Kaleido, PageGenerator
+    from kaleido.errors import JavascriptError, KaleidoError
+
+    class Page(PageGenerator):  # type: ignore[misc]  # Kaleido has no types
+        def generate_index(self) -> str:
+            return str(super().generate_index()).replace("<head>", f"<head>{_POLICY}", 1)
+
+    def options(figure: dict[str, Any], kind: str) -> dict[str, Any]:
+        layout, scale = figure["layout"], _DENSITY if kind == "png" else 1
+        width, height = layout.get("width") or _WIDTH_PX, layout.get("height") or HEIGHT_PX
+        return {"format": kind, "width": width, "height": height, "scale": scale}
+
+    async def drawn() -> dict[str, list[bytes]]:
+        async with Kaleido(n=1, page_generator=Page(mathjax=False), proxy_server=_NO_NETWORK) as browser:
+            return {
+                kind: [await browser.calc_fig(figure, opts=options(figure, kind)) for figure in figures]
+                for kind in kinds
+            }
+
+    try:
+        with ThreadPoolExecutor(1) as pool:  # there may be a loop of events in this thread
+            return pool.submit(asyncio.run, drawn()).result()
+    except (BrowserClosedError, BrowserFailedError, JavascriptError, KaleidoError, OSError) as error:
+        reason = " ".join(str(error).split())[:300] or type(error).__name__
+        raise CrashfuseError(f"The browser {_browser()} did not draw the figures: {reason}") from error
+
+
+def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
+    """Slides in 16:9: the answer and what has to be known of the data, then a figure each, the answer's first."""
+    from pptx import Presentation
+    from pptx.enum.text import PP_ALIGN
+    from pptx.util import Emu, Inches, Pt
+
+    deck = Presentation()
+    deck.slide_width, deck.slide_height = Inches(13.333), Inches(7.5)
+    only_title = deck.slide_layouts[5]
+    left, width = Inches(0.6), Inches(12.1)
+
+    def write(shape: Any, text: str, top: float, height: float, size: int) -> None:  # noqa: ANN401 - two classes
+        shape.left, shape.top, shape.width, shape.height = left, Inches(top), width, Inches(height)
+        shape.text_frame.word_wrap = True
+        paragraph = shape.text_frame.paragraphs[0]
+        paragraph.alignment, run = PP_ALIGN.LEFT, paragraph.add_run()
+        run.text, run.font.size = text, Pt(size)
+
+    def below(slide: Any, text: str, top: float, height: float, size: int) -> None:  # noqa: ANN401 - a factory there
+        if text:  # else an empty box would stand there
+            write(slide.shapes.add_textbox(0, 0, 0, 0), text, top, height, size)
+
+    first, (headline, *details) = deck.slides.add_slide(only_title), report.answers or ("",)
+    write(first.shapes.title, headline or report.title, 0.6, 1.4, 32)
+    below(first, report.title if headline else "", 2.0, 0.4, 16)
+    below(first, "\n".join(details), 2.6, 2.6, 18)
+    below(first, "\n".join(report.notices), 5.4, 1.6, 14)
+    top, height = Inches(1.15), Inches(5.75)
+    drawn = zip(report.figures, images, strict=True)
+    for figure, image in sorted(drawn, key=lambda own: not own[0].is_answer):
+        slide = deck.slides.add_slide(only_title)
+        write(slide.shapes.title, figure.title, 0.3, 0.75, 20)
+        picture = slide.shapes.add_picture(io.BytesIO(image), left, top)
+        scale = min(width / picture.width, height / picture.height)
+        picture.width, picture.height = Emu(int(picture.width * scale)), Emu(int(picture.height * scale))
+        picture.left = Emu(left + (width - picture.width) // 2)
+        picture.name = figure.title
+        below(slide, ". ".join(filter(None, (report.title, *report.labels))) + ".", 6.95, 0.4, 11)
+    stream = io.BytesIO()
+    deck.save(stream)
+    return stream.getvalue()

@@ -1,0 +1,213 @@
+"""Rendering of a report's template with its own values and those common to all reports, and common sections."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Literal, get_args
+
+import pandas as pd
+import plotly.graph_objects as go
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from crashfuse.approaches.registry import CLASSES, LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.crash_test import CrashTest
+from crashfuse.errors import one_of, require_a, several
+from crashfuse.results import fit_explanations
+from crashfuse.results.display import Display
+from crashfuse.results.plots.canvas import without_links
+from crashfuse.results.plots.palette import VERDICT_COLOURS
+from crashfuse.results.provenance import provenance
+from crashfuse.results.render.figure_files import HEIGHT_PX, FiguresOfReport, Report, ReportFigure, embedded, file_name
+from crashfuse.results.render.text import spreadsheet_text
+from crashfuse.results.result_tables import (
+    about_table,
+    archive_table,
+    metrics_shown,
+    quality_table,
+    tests_table,
+    wall_table,
+)
+from crashfuse.results.table import Table
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.facts import Fact, campaign_facts
+from crashfuse.units import Sentence, joined, speed, weight
+from crashfuse.vehicle_archive import record_sentence
+
+
+@cache
+def _templates(display: Display) -> Environment:
+    templates = Environment(
+        loader=PackageLoader("crashfuse.results.render"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=lambda value: display.words(value) if hasattr(value, "in_units") else value,
+    )
+    templates.filters["tabbed"] = partial(spreadsheet_text, display=display)
+    templates.filters["shown"] = partial(_shown, display=display)
+    return templates
+
+
+def _shown(table: Table, display: Display) -> pd.DataFrame:
+    """A table's headings and cells: what stands out in bold, no line broken within an interval."""
+    shown = {
+        heading: [Markup("<b>{}</b>").format(cell.unbroken) if cell.is_marked else cell.unbroken for cell in cells]
+        for heading, (_, cells) in table.cells(display).items()
+    }
+    return pd.DataFrame(shown, dtype=object)
+
+
+def render(
+    template: str,
+    title: str,
+    campaign: Campaign,
+    config: StudyConfig,
+    command: str,
+    display: Display,
+    held_out: Sequence[str] = (),
+    answers: Sequence[str] = (),
+    **own: object,
+) -> Report:
+    """The complete file, from a report's template and values; the command is the one that reproduces it."""
+    cfc, quality = campaign.channel_filter_class, campaign.quality
+    speeds, front, rear = zip(*campaign.cae.range, strict=True)
+    record = provenance(campaign, held_out, config)
+    past = pd.DataFrame() if campaign.prior is None else campaign.prior.record
+    return render_in_frame(
+        template,
+        f"{campaign.name}: {title}",
+        display,
+        facts=campaign_facts(campaign),
+        cautions=(),
+        answers=answers,
+        campaign=campaign,
+        config=config,
+        tests=tests_table(campaign),
+        pedigree=about_table(campaign),
+        past_vehicles="" if past.empty else record_sentence(past),
+        past_record=archive_table(past),
+        walls=(walls := wall_table(campaign)),
+        walls_figure=None if walls.empty else campaign.plot("wall", display=display),
+        library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
+        quality=[quality.summary, *quality.named],
+        quality_table=quality_table(quality),
+        filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
+        methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
+        origin={
+            "Command": command,
+            "Campaign fingerprint (SHA-256)": campaign.fingerprint,
+            **({"Archive of past vehicles": record["archive"]} if record["archive"] else {}),
+            "crashfuse": record["crashfuse"],
+            "Python, platform": f"{record['python']}, {record['platform']}",
+            "Packages": _listed(record["packages"]),
+            "Seed and settings": _listed(record["config"]),
+        },
+        shown_otherwise=""
+        if display.unit == "g" and not display.deceleration
+        else f"Shown in {display.unit}{', braking positive' * display.deceleration}; files have g and the data's sign.",
+        **own,
+    )
+
+
+def render_in_frame(
+    template: str,
+    title: str,
+    display: Display,
+    *,
+    facts: Sequence[Fact] = (),
+    cautions: Sequence[str] = (),
+    answers: Sequence[str] = (),
+    **own: object,
+) -> Report:
+    """The complete file of a report that has nothing but its frame in common with the others."""
+    figures, notices = list[ReportFigure](), [*(fact.sentence for fact in facts), *cautions]
+    told, answered = (tuple(map(display.words, texts)) for texts in (notices, answers))
+    contents = FiguresOfReport(title, told, tuple(fact.label for fact in facts), figures, answered)
+
+    def words(heading: str | Sequence[str]) -> str:
+        return display.words(heading) if isinstance(heading, str) else " ".join(map(display.words, heading))
+
+    def figure(drawn: go.Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
+        """Its place, in which the page draws it; ids are numbered: equal results give equal files."""
+        content = json.loads(without_links(drawn.to_json()))
+        figures.append(ReportFigure(": ".join(map(words, headings)) or title, content, is_answer))
+        style = f"height: {content['layout'].get('height', HEIGHT_PX)}px; width: 100%"
+        place = Markup('<div><div id="figure-{}" class="plotly-graph-div" data-name="{}" style="{}"></div></div>')
+        return place.format(len(figures), file_name(len(figures), figures[-1].title), style)
+
+    common = {"title": title, "notices": notices, "answers": answers, "figure": figure}
+    common |= {"data": partial(embedded, contents)}
+    common |= {"verdict_colours": VERDICT_COLOURS, "plotly": Markup(get_plotlyjs())}  # noqa: S704
+    html = _templates(display).get_template(f"{template}.html.j2").render(own | common)
+    return Report(html, contents)
+
+
+def _listed(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_listed(own)}" for name, own in value.items())
+    return " ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def details(
+    campaign: Campaign,
+    estimates: Sequence[Estimate],
+    test: CrashTest | None = None,
+    *,
+    said: Sequence[str] = (),
+) -> dict[str, object]:
+    """Metrics by approach (and of the test), the main ones and the others; notes not ``said`` yet; their fits."""
+    columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
+    columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
+    of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
+    metrics, more_metrics = metrics_shown(columns, campaign, f"Pulse metric{of_test}")
+    missing, more_missing = fit_explanations.metric_remarks(columns)
+    makers = fit_explanations.notes_by_makers(estimates).items()
+    remarks = [joined([", ".join(who), note], ": ") for note, who in makers if note not in said]
+    return {
+        "whole": fit_explanations.whole_sentences(estimates),
+        "metrics": metrics,
+        "more_metrics": more_metrics,
+        "more_missing": more_missing,
+        "remarks": [*missing, *remarks],
+        "fits": [
+            (LABELS[estimate.approach], sentences, fit_explanations.fit_table(estimate.approach, estimate.state))
+            for estimate in estimates
+            if (sentences := fit_explanations.fit_sentences(estimate.state))
+        ],
+    }
+
+
+ReportForm = Literal["short", "whole"]
+REPORT_FORMS: tuple[ReportForm, ...] = get_args(ReportForm)
+
+
+@dataclass(frozen=True, slots=True)
+class ReportOptions:
+    """Form and content of a report; a UsageError if there is no such form.
+
+    Parameters
+    ----------
+    form : {"whole", "short"}
+        Short: two or three pages with result, recommendation, ratings, and the test that was predicted worst.
+    tests : tuple of str
+        Tests that are shown one by one; none: the worst in a short report, every test in a whole one.
+    notes : tuple of Note
+        On the campaign's tests; those with a time are drawn on the figures over time.
+    """
+
+    form: ReportForm = "whole"
+    tests: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
+
+    def __post_init__(self) -> None:
+        one_of("form of a report", self.form, dict.fromkeys(REPORT_FORMS))
+        object.__setattr__(self, "tests", several(self.tests))
+        for note in self.notes:
+            require_a(Note, note, "crashfuse.Note(test, text)")

@@ -1,0 +1,48 @@
+"""Tables and records in formats for other programs: JSON, Parquet, and text that a spreadsheet takes."""
+
+import io
+import json
+from collections.abc import Mapping
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from crashfuse.files.csv_text import neutral
+from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.table import PARTS, Table
+
+
+def json_bytes(values: Mapping[str, object]) -> bytes:
+    """Return a record as the text of its file."""
+    return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+def parquet_bytes(table: pd.DataFrame) -> bytes:
+    """Return a table as a Parquet file: float64 at full precision, text as dictionaries, empty cells as nulls."""
+    arrow = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(None)
+    for at, field in enumerate(arrow.schema):
+        if pa.types.is_string(field.type) or pa.types.is_large_string(field.type):
+            arrow = arrow.set_column(at, field.name, arrow.column(at).cast(pa.string()).dictionary_encode())
+    stream = io.BytesIO()
+    pq.write_table(arrow, stream, compression="zstd")
+    return stream.getvalue()
+
+
+def spreadsheet_text(table: Table, display: Display = DEFAULT) -> str:
+    """Return a table as lines with tabs, which a spreadsheet takes: intervals and grades in columns of their own."""
+    columns = []
+    for heading, (column, cells) in table.cells(display).items():
+        cell_of = _text_cell if column.kind == "text" else _number_cell
+        for place, end in enumerate(PARTS.get(column.kind, ("",))):
+            parts = [(cell.parts or (cell.text,))[place] for cell in cells]
+            columns.append([_text_cell(f"{heading}{end}"), *map(cell_of, parts)])
+    return "\n".join(map("\t".join, zip(*columns, strict=True)))
+
+
+def _number_cell(text: str) -> str:
+    return "" if text == "–" else text.replace("−", "-")  # no value; the minus sign of print
+
+
+def _text_cell(text: str) -> str:
+    return neutral(_number_cell(" ".join(text.split())))

@@ -1,0 +1,388 @@
+"""Tables of the numbers of studies, predictions and plans, as written to files and as read."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from itertools import chain
+
+import numpy as np
+import pandas as pd
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import CLASSES, LABELS
+from crashfuse.cae_library import QualityVerdict
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.condition_tables import listed
+from crashfuse.condition import About, about_label
+from crashfuse.results.table import CONDITION, PARTS, Column, Kind, Table, frame_of, of_condition
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, Metric
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.learning_curve import LearningCurve
+from crashfuse.study.one_more_test import Cost, gains, summary
+from crashfuse.study.planning import BEST, NextTests, SpeedSweep
+from crashfuse.study.repeatability import Repeatability
+from crashfuse.study.study import Study
+from crashfuse.units import KN, LB, MPH, MS, G, Quantity, Sentence, speed
+
+_FOLDS = ("others", "apart")  # in names of columns: as most tests at about the speed fold, and as one that stands apart
+_MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
+
+
+def scores_table(study: Study) -> pd.DataFrame:
+    """One row per held-out test, approach and window: overall rating, its four parts, its grade, what it rests on."""
+    basis, to_ttzv = study.campaign.rating_basis, study.config.to_ttzv
+    return pd.DataFrame(
+        {"held_out": fold.held_out, "approach": approach, "window_ms": window, **asdict(rating), "basis": basis}
+        | ({"ttzv_ms": fold.ttzv_ms, "overall_to_ttzv": fold.overall_to_ttzv(approach)} if to_ttzv else {})
+        | fold.further(approach, window, study.config.also)
+        for fold in study.folds
+        for approach, ratings in fold.ratings.items()
+        for window, rating in ratings.items()
+    )
+
+
+_ARCHIVE = (
+    Column("Vehicle left out", source="vehicle"),
+    Column("From tests", "number", form=".0f", source="n_tests"),
+    Column("Predictions", "number", form=".0f", source="predicted"),
+    Column("Rating", "number", form=".3f", source="rating"),
+    Column("Rating without", "number", form=".3f", source="rating_without"),
+    Column("In 95 % intervals", "share", "%", source="inside"),
+    Column("In those without", "share", "%", source="inside_without"),
+    Column("Width of intervals, without = 1", "number", form=".2f", source="width"),
+)
+
+
+def archive_table(record: pd.DataFrame) -> Table:
+    """The record of an archive as read: its vehicles, each left out and predicted with the others and without."""
+    return Table("archive", record, _ARCHIVE)
+
+
+def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
+    """One row per study, way of leaving tests out, approach and window: mean and lowest overall rating of its tests."""
+    parts = []
+    for name, study in studies:
+        for one in filter(None, (study, study.speed_groups)):
+            config = one.config.split_configs[0]
+            table = scores_table(one).groupby(["approach", "window_ms"], sort=False)["overall"]
+            rows = table.agg(tests="size", mean="mean", least="min").reset_index()
+            about = {"campaign": name, "preset": config.preset, "seed": config.seed, "left_out": config.leave_out}
+            about["held_out"] = " ".join(fold.held_out for fold in one.folds)
+            parts.append(rows.assign(**about)[[*about, *rows.columns]].assign(basis=one.campaign.rating_basis))
+    return pd.concat(parts, ignore_index=True)
+
+
+def pulses_table(estimates: Iterable[Estimate]) -> pd.DataFrame:
+    """Predicted pulses at a new condition in ms and g, with both bands, empty where an approach has none."""
+    return _pulses(("", estimate.approach, estimate.prediction) for estimate in estimates)
+
+
+def study_pulses(study: Study) -> pd.DataFrame:
+    """The pulse of every held-out test as measured (``test``) and as predicted, as :func:`pulses_table` has them."""
+    rows = []
+    for fold in study.folds:
+        rows.append((fold.held_out, "test", Prediction(fold.test.condition, fold.test.pulse.accel_mps2)))
+        rows += [(fold.held_out, estimate.approach, estimate.prediction) for estimate in fold.estimates]
+    return _pulses(rows)
+
+
+def _pulses(rows: Iterable[tuple[str, str, Prediction]]) -> pd.DataFrame:
+    parts = []
+    for held_out, approach, prediction in rows:
+        none = (np.full(prediction.time_s.size, np.nan),) * 2
+        (lower, upper), (whole_lower, whole_upper) = prediction.band() or none, prediction.whole_band() or none
+        columns = {
+            "held_out": held_out,
+            "approach": approach,
+            "time_ms": (prediction.time_s / MS).round(6),
+            "acceleration_g": prediction.accel_mps2 / G,
+            "lower_g": lower / G,
+            "upper_g": upper / G,
+            "whole_lower_g": whole_lower / G,
+            "whole_upper_g": whole_upper / G,
+            **{f"{way}_g": accel / G for way, accel in zip(_FOLDS, prediction.folds_mps2, strict=False)},
+        }
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True)
+
+
+def metrics_table(rows: _MetricRows, campaign: Campaign, first: str = "held_out") -> pd.DataFrame:
+    """Pulse metrics, one per row, from (held-out test, or what else comes ``first``, approach or ``test``, metrics).
+
+    Where tests fold in two ways, there are columns of both, ``others_…`` and ``apart_…``, and which test is ``apart``.
+    """
+    bases, ends = campaign.metric_bases, ("value", "lower", "upper")
+    table = pd.DataFrame(
+        {first: key, "approach": approach, "metric": m.name, **{end: getattr(m, end) for end in ends}}
+        | {"unit": m.unit, "basis": bases[m.name]}
+        | {f"{way}_{end}": getattr(fold, end) for way, fold in folds.items() for end in ends}
+        | ({"apart": [*m.folds][1]} if folds else {})
+        | {"of_pulse": m.of_pulse}
+        for key, approach, metrics in rows
+        for m in metrics
+        for folds in [dict(zip(_FOLDS, m.folds.values(), strict=False))]
+    )
+    table = table[[*table.columns.drop("of_pulse"), "of_pulse"]]
+    return table.astype({name: float for name in table if str(name).endswith((*ends, "of_pulse"))})
+
+
+def metrics_shown(
+    columns: Iterable[tuple[str, Sequence[Metric]]], campaign: Campaign, head: str = "Pulse metric", test: str = ""
+) -> tuple[Table, Table]:
+    """Metrics as rows, the main ones and the others; a column for each whose they are.
+
+    The last whose tests fold in two ways has columns of both. Marked is an interval that does not hold what the column
+    of the ``test`` shows.
+    """
+    shown = dict(columns)
+    for who in [who for who, metrics in shown.items() if any(m.folds for m in metrics)][-1:]:
+        for fold in shown[who][0].folds:
+            shown[f"{who} if it folds as {fold}"] = [metric.folds[fold] for metric in shown[who]]
+    measured = {metric.name: metric.value for metric in shown.get(test, ())}
+    frame, of = interval_frame(shown), [Column(head, source="label", units="unit")]
+    frame = frame.assign(label=frame.index.map(campaign.metric_headings), unit=frame.index.map(METRIC_UNITS))
+    for who, metrics in shown.items():
+        frame[f"{who} missed"] = [metric.holds(measured.get(metric.name)) is False for metric in metrics]
+        kind: Kind = "interval" if frame[f"{who} lower"].notna().any() else "number"
+        of.append(Column(who, kind, units="unit", unitless=".2f", marks=f"{who} missed"))
+    is_main = frame.index.isin(MAIN_METRICS)
+    return Table("metrics", frame[is_main], tuple(of)), Table("more metrics", frame[~is_main], tuple(of))
+
+
+def interval_frame(columns: Mapping[str, Sequence[Metric]]) -> pd.DataFrame:
+    """Metrics with their intervals in the columns that these have in a table, by name."""
+    values = {
+        f"{title}{end}": pd.Series([m.interval[place] for m in metrics], [m.name for m in metrics], float)
+        for title, metrics in columns.items()
+        for place, end in enumerate(PARTS["interval"])
+    }
+    return pd.DataFrame(values)
+
+
+def study_metrics(study: Study) -> pd.DataFrame:
+    """Pulse metrics of every held-out test as measured (``test``) and as predicted."""
+    rows: list[tuple[object, str, Sequence[Metric]]] = []
+    for fold in study.folds:
+        rows.append((fold.held_out, "test", study.campaign.metrics_of(study.campaign.test(fold.held_out))))
+        rows += [(fold.held_out, estimate.approach, estimate.metrics) for estimate in fold.estimates]
+    return metrics_table(rows, study.campaign)
+
+
+def sweep_table(sweep: SpeedSweep) -> pd.DataFrame:
+    """Pulse metrics at every speed, then those of the tests, which have their own weights."""
+    campaign = sweep.campaign
+    rows: list[tuple[object, str, Sequence[Metric]]] = [
+        (speed_mps / MPH, approach, metrics)
+        for approach, at_speeds in sweep.metrics.items()
+        for speed_mps, metrics in zip(sweep.speeds_mps.tolist(), at_speeds, strict=True)
+    ]
+    rows += [(test.condition.speed_mps / MPH, "test", campaign.metrics_of(test)) for test in campaign.tests]
+    return metrics_table(rows, campaign, "speed_mph")
+
+
+def speeds_table(sweep: SpeedSweep) -> Table:
+    """The main metrics by the last approach of a sweep, with its intervals, one row a speed."""
+    shown, headings = [*sweep.metrics][-1], sweep.campaign.metric_headings
+    frame = interval_frame({headings[name]: sweep.over_speed(shown, name) for name in MAIN_METRICS})
+    frame["Speed"] = [*map(speed, sweep.speeds_mps.tolist())]
+    columns = (Column(headings[name], "interval", METRIC_UNITS[name]) for name in MAIN_METRICS)
+    return Table("sweep", frame, (Column("Speed"), *columns))
+
+
+def next_tests_file(ranking: NextTests) -> pd.DataFrame:
+    """Ranked tests in the columns of ``next_tests.csv``, one row each."""
+    after, gains = (
+        ranking.after_mps2.tolist(),
+        ranking.gains.tolist(),
+    )  # Python and NumPy round otherwise
+    rows = zip(ranking.conditions, after, gains, ranking.extrapolated, strict=True)
+    return pd.DataFrame(
+        {
+            "rank": rank,
+            "speed (mph)": round(condition.speed_mps / MPH, 1),
+            "front weight (lb)": round(condition.front_weight_kg / LB),
+            "rear weight (lb)": round(condition.rear_weight_kg / LB),
+            **dict(condition.factors),
+            "band now (± g)": round(ranking.before_mps2 / G, 2),
+            "band then (± g)": round(after / G, 2),
+            "gain (%)": round(100 * gain, 1),
+            "extrapolation": "yes" if extrapolated else "no",
+        }
+        for rank, (condition, after, gain, extrapolated) in enumerate(rows, start=1)
+    )
+
+
+def next_tests_table(ranking: NextTests, most: int = BEST) -> Table:
+    """The best of the ranked tests, with the ranking criterion first."""
+    frame = pd.DataFrame([of_condition(condition) for condition in ranking.conditions]).assign(
+        **{"Rank": range(1, len(ranking.conditions) + 1), "Gain": ranking.gains, "Extrapolation": ranking.extrapolated},
+        **{"Band now": ranking.before_mps2 / G, "Band then": ranking.after_mps2 / G},
+    )
+    v0, *weights = CONDITION
+    columns = (
+        *(Column("Rank", "number", form=".0f"), v0, Column("Gain", "share", "%"), Column("Extrapolation")),
+        *(*weights, *(Column(name.capitalize(), source=name) for name, _ in ranking.conditions[0].factors)),
+        *(Column(name, "spread", "g", ".2f") for name in ("Band now", "Band then")),
+    )
+    return Table("next tests", frame[:most], columns)
+
+
+def repeat_scores(study: Study) -> pd.DataFrame:
+    """What a repeat of each held-out test would rate over each window, with its interval and the actual repeats."""
+    return pd.DataFrame(
+        [
+            (fold.held_out, window, repeat.value, repeat.lower, repeat.upper, " ".join(repeat.repeats))
+            for fold in study.folds
+            for window, repeat in study.repeatability.get(fold.held_out, {}).items()
+        ],
+        columns=["held_out", "window_ms", "value", "lower", "upper", "repeats"],
+    )
+
+
+def gains_table(curve: LearningCurve, cost: Cost | None = None) -> Table:
+    """Gains of the judged approach; the cost of a hundredth only for gains above their error."""
+    frame = pd.DataFrame(
+        {
+            **asdict(step),
+            "steps": f"{step.before} → {step.after}",
+            "per_test": step.per_test,
+            "cost": cost.times(0.01 / step.per_test) if cost is not None and step.is_clear else None,
+        }
+        for step in gains(curve)
+    )
+    columns = (
+        Column("Tests", source="steps"),
+        Column("Gain of rating", "estimate", form="+.3f", source="gain", further=("error",)),
+        Column("Per test", "number", form="+.4f", source="per_test"),
+        *([] if cost is None else [Column("Cost of 0.01", source="cost")]),
+    )
+    return Table("gains", frame, columns)
+
+
+_CHOICES = {"even": "evenly", "random": "at random"}
+
+
+def curve_table(curve: LearningCurve) -> Table:
+    """The summary of the approaches that learn from tests."""
+    frame = summary(curve)
+    frame = frame[[CLASSES[name].learns_from_tests for name in frame["approach"]]]
+    inside = frame["inside"].where(frame["half_width_g"].notna())
+    frame = frame.assign(label=frame["approach"].map(LABELS), chosen=frame["choice"].map(_CHOICES), inside=inside)
+    columns = (
+        Column("Approach", source="label"),
+        Column("Tests", "number", form=".0f", source="n_tests"),
+        Column("Chosen", source="chosen"),
+        Column("Predictions", "number", form=".0f", source="predictions"),
+        Column("Rating", "estimate", form=".3f", source="rating", further=("error",)),
+        Column("80 % within", "range", form=".2f", further=("low", "high")),
+        Column("a(t) in band", "share", "%", ".0f", source="inside"),
+        Column("Band", "spread", "g", source="half_width_g"),
+        *([Column("Decided", "share", "%", ".0f", source="decided")] if "decided" in frame else []),
+    )
+    return Table("learning curve", frame, columns)
+
+
+def tests_table(campaign: Campaign) -> Table:
+    """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
+    rows = (
+        {
+            "Test": test.id,
+            **of_condition(test.condition),
+            "CAE pulse": campaign.cae.ids[run] if run is not None else "emulator",
+            "Inside the CAE runs' range": not campaign.cae.extrapolation(test.condition),
+            **({} if test.cae_tuned is None else {"CAE tuned to it": test.cae_tuned}),
+            **{about_label(name): value for name, value in test.about},
+        }
+        for test in campaign.tests
+        for run in [campaign.cae.paired_run(test.condition)]
+    )
+    return Table.of("tests", rows, *CONDITION)
+
+
+def about_table(campaign: Campaign) -> Table:
+    """Where tests and CAE runs come from, as far as that is stated; empty if it is not."""
+    rows = [(test.id, [test.about]) for test in campaign.tests if test.about]
+    rows += [(f"{len(campaign.cae):,} CAE runs", list(campaign.cae.about))] if any(campaign.cae.about) else []
+    return Table.of("origins", ({"Of": of, **_about_cells(about)} for of, about in rows))
+
+
+_WALLS = (
+    Column("Test"),
+    Column("Impulse of the barrier", "number", "kN s", ".2f"),
+    Column("Mass × ΔV", "number", "kN s", ".2f"),
+    Column("Ratio", "number", form=".3f"),
+    Column("First loaded", "number", "ms"),
+    Column("Deceleration later", "number", "ms"),
+)
+
+
+def wall_table(campaign: Campaign) -> Table:
+    """The barrier's force beside mass and pulse of each test that has it; empty if none has."""
+    beside = [(test, test.wall.beside(test.pulse.accel_mps2)) for test in campaign.tests if test.wall is not None]
+    rows = [
+        (test.id, wall.impulse_ns / KN, kg * wall.change_mps / KN, wall.share(kg), wall.begins_s / MS, wall.lag_s / MS)
+        for test, wall in beside
+        for kg in [test.condition.mass_kg]
+    ]
+    return Table("walls", pd.DataFrame(rows, columns=[column.title for column in _WALLS]), _WALLS)
+
+
+def _about_cells(about: Sequence[About]) -> dict[str, str]:
+    counts: dict[str, Counter[str]] = {}
+    for name, value in chain.from_iterable(about):
+        counts.setdefault(about_label(name).capitalize(), Counter())[value] += 1
+    if len(about) == 1:
+        return {name: next(iter(values)) for name, values in counts.items()}
+    return {name: listed(f"{v} ({n})" for v, n in values.most_common()) for name, values in counts.items()}
+
+
+_OF = {
+    "energy change": ("energy at the start", "≤"),
+    "hourglass energy": ("largest internal energy", "<"),
+    "added mass": ("mass at the start", "<"),
+}
+
+
+def quality_table(verdict: QualityVerdict) -> Table:
+    """What the solver says of the CAE runs, one row a quantity; empty if nothing is recorded."""
+    frame = frame_of(
+        {
+            **row,
+            "label": f"{row['quantity'].capitalize()}, largest",
+            "of": of,
+            "limit": None if pd.isna(limit) else Sentence(f"{sign} {{}}", Quantity((100 * limit,), "", "g")),
+            "worst_run": row["worst_run"] or None,
+        }
+        for row in verdict.table.to_dict("records")
+        for (of, sign), limit in [(_OF[row["quantity"]], row["limit"])]
+    )
+    counts = {"Pass": "passed", "Fail": "failed", "Not recorded": "not_recorded"}
+    columns = (
+        Column("Quantity", source="label"),
+        Column("In % of", source="of"),
+        Column("Limit (%)", source="limit", missing="none"),
+        *(Column(title, "number", form=",.0f", source=name) for title, name in counts.items()),
+        Column("At worst", "share", "%", ".3g", source="worst"),
+        Column("In run", source="worst_run"),
+    )
+    table = Table("quality", frame, columns)
+    return table if verdict.limits is not None else table.without("Pass", "Fail")
+
+
+def repeats_table(
+    found: Mapping[str, Mapping[float, Repeatability]], tests: Sequence[str], windows_ms: Sequence[float]
+) -> Table | None:
+    """What a repeat of each of these tests would rate, by window, with its interval; None if nothing is known."""
+    known = {test: found.get(test, {}) for test in tests}
+    if not any(window in own for own in known.values() for window in windows_ms):
+        return None
+    rows = []
+    for test, own in known.items():
+        row: dict[str, object] = {"Test": test}
+        for window in windows_ms:
+            values = (own[window].value, own[window].lower, own[window].upper) if window in own else [None] * 3
+            row |= {f"0–{window:g} ms{end}": value for end, value in zip(PARTS["interval"], values, strict=True)}
+        repeats = next(iter(own.values())).repeats if own else ()
+        rows.append(row | {"Repeats among the tests": ", ".join(repeats) or "none"})
+    windows = (Column(f"0–{window:g} ms", "interval", form=".3f", ends_form=".2f") for window in windows_ms)
+    return Table.of("repeats", rows, *windows)
