@@ -1,6 +1,7 @@
 from .campaign_folder.writer import campaign_of_frames as campaign_of_frames
 from .campaign_folder.writer import conditions_frame as conditions_frame
 from .campaign_folder.writer import pulses_frame as pulses_frame
+from .results.campaign import campaign_result as campaign_result
 from .results.certification_tables import certification_table as certification_table
 from .results.certification_tables import counts_frame as counts_frame
 from .results.certification_tables import track_record_table as track_record_table
@@ -25,7 +26,6 @@ from .results.plots.conditions import sweep_figure as sweep_figure
 from .results.plots.learning import over_number_of_tests as over_number_of_tests
 from .results.render.html import ReportForm as ReportForm
 from .results.render.html import ReportOptions as ReportOptions
-from .results.render.notebook import campaign_html as campaign_html
 from .results.render.notebook import card as card
 from .results.render.notebook import result_html as result_html
 from .results.render.notebook import study_html as study_html
