@@ -9,6 +9,7 @@ from .campaign_folder.notes import read_notes as read_notes
 from .campaign_folder.notes import write_notes as write_notes
 from .campaign_folder.writer import write_campaign as write_campaign
 from .certification.certify import Certification as Certification
+from .certification.certify import certify as certify
 from .certification.criteria import Criteria as Criteria
 from .certification.matrix import Matrix as Matrix
 from .certification.verdict import with_decided as with_decided
@@ -35,8 +36,6 @@ from .results.drawing import darkened as darkened
 from .results.export.outgoing_pulses import PulseExport as PulseExport
 from .results.export.solver_curves import SolverCurve as SolverCurve
 from .results.figures import EarlierPrediction as EarlierPrediction
-from .results.predicted import PredictedPulse as PredictedPulse
-from .results.predicted import predict as predict
 from .results.prediction_report import prediction_report as prediction_report
 from .results.previews import Preview as Preview
 from .results.previews import preview_source as preview_source
@@ -46,7 +45,6 @@ from .results.render.figure_data import figure_table as figure_table
 from .results.render.html import ReportOptions as ReportOptions
 from .results.study_report import study_report as study_report
 from .results.training_progress import watching as watching
-from .results.verdicts import certify as certify
 from .signals.metrics import Metric as Metric
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.occupant import OccupantModel as OccupantModel
@@ -68,6 +66,8 @@ from .study.planning import NextTests as NextTests
 from .study.planning import SpeedSweep as SpeedSweep
 from .study.planning import next_test as next_test
 from .study.planning import sweep as sweep
+from .study.prediction import PredictedPulse as PredictedPulse
+from .study.prediction import predict as predict
 from .study.recommendation import Recommendation as Recommendation
 from .study.recommendation import recommend as recommend
 from .study.recommendation import worst_test as worst_test

@@ -6,7 +6,7 @@ from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.errors import one_of, require_a
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.predicted import PredictedPulse, by_one, cautions, side_by_side
+from crashfuse.results.predicted import cautions, side_by_side
 from crashfuse.results.provenance import learning_curve_command, next_test_command, prediction_command, sweep_command
 from crashfuse.results.render.figure_files import Report
 from crashfuse.results.render.html import ReportForm, details, render
@@ -15,6 +15,7 @@ from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.planning import NextTests, SpeedSweep, weights_sentence
+from crashfuse.study.prediction import PredictedPulse, by_one
 
 _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
