@@ -40,9 +40,7 @@ from crashfuse.certification.verdict import (
 )
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.run import Run
+from crashfuse.execution.run import Run, RunOptions
 from crashfuse.execution.workers import running
 from crashfuse.study.config import StudyConfig, check_window
 from crashfuse.study.outliers import departures_near
@@ -250,10 +248,7 @@ def certify(
     robustness: bool = False,
     approach: str = APPROACH,
     config: StudyConfig = StudyConfig(),
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
-    workers: int | None = None,
-    scheduler: str | None = None,
+    **run: Unpack[RunOptions],
 ) -> Certification:
     """Judge acceptance criteria at every condition of a matrix, and the record of the tests, left out in turn.
 
@@ -273,8 +268,8 @@ def certify(
         Whose predictions are judged.
     config : StudyConfig
         Preset, seed and device; its approaches do not matter.
-    workers, scheduler
-        As in :func:`crashfuse.study.running.run_study`.
+    **run
+        See :class:`crashfuse.execution.run.RunOptions`.
 
     Raises
     ------
@@ -289,9 +284,9 @@ def certify(
         raise UsageError("Costs are that of a test and that of a wrong answer, such as (60_000, 1_200_000).")
     limits = limits if costs is None else with_costs(limits, dict(zip(COSTS, costs, strict=True)))
     config = replace(config, approaches=(approach,))
-    with running(campaign, cache, watch, workers, scheduler) as run:
-        certification = certify_matrix(campaign, limits, conditions, config, run)
-        return without_each_test(certification, run) if robustness else certification
+    with running(campaign, **run) as started:
+        certification = certify_matrix(campaign, limits, conditions, config, started)
+        return without_each_test(certification, started) if robustness else certification
 
 
 def certify_matrix(
