@@ -4,14 +4,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import lru_cache, partial
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from crashfuse.approaches.metric_calibration import Distribution, mean_quantiles, metric_distributions
+from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria import RATING, Criterion
+from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Code, Entry, numbers
@@ -318,3 +320,40 @@ def _key(training: Campaign, asked: Query, config: StudyConfig, windows_ms: tupl
     fit = _by(config, asked.seed).create(asked.approach).identity
     own = {"campaign": training.fingerprint, "condition": asked.condition, "windows_ms": windows_ms}
     return {**fit, **own, "code": Code(__name__)}
+
+
+Split = tuple[CrashTest, Literal["test", "speed group"], tuple[str, ...]]
+"""A test, what is left out with it, the ids of all left out."""
+
+
+class Plan(NamedTuple):
+    """What is to be predicted: left-out tests as the conditions of the matrix are, so mostly without a paired run."""
+
+    splits: Sequence[Split]
+    trials: Sequence[Query]
+    with_runs: Sequence[Query]  # those that lack the CAE runs at their tests' conditions, with these
+    cells: Sequence[Query]
+    forecasts: Forecasts
+
+    @classmethod
+    def of(cls, campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, run: Run) -> Self:
+        """The plan of a certification by the first approach of the config."""
+        approach, splits = config.approaches[0], list[Split]()
+        if len(campaign.tests) > 1:
+            groups = [(test, campaign.speed_group(test.id)) for test in campaign.tests]
+            splits += [(test, "test", (test.id,)) for test in campaign.tests]
+            splits += [(test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)]
+        all_have_runs = all(campaign.cae.paired_run(condition) is not None for condition in matrix.conditions)
+        trials = [
+            Query(held_out, name, test.condition, with_runs=all_have_runs or not paired_runs(campaign, held_out))
+            for test, _, held_out in splits
+            for name in dict.fromkeys((approach, BASELINE))
+        ]
+        with_runs = [trial._replace(with_runs=True) for trial in trials if not trial.with_runs]
+        cells = [Query((), approach, condition, with_runs=True) for condition in matrix.conditions]
+        # networks, which all trials share, are trained on none of the runs that one of these lacks
+        tests = sorted({test for trial in with_runs for test in trial.held_out})
+        if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
+            campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
+        forecasts = Forecasts(campaign, criteria.windows_ms, config, run)
+        return cls(splits, trials, with_runs, cells, forecasts)

@@ -14,11 +14,12 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.results.display import Display
-from crashfuse.results.predicted import PredictedPulse, cautions, predict, predictions_table, side_by_side
+from crashfuse.results.predicted import cautions, predictions_table, side_by_side
 from crashfuse.results.result_tables import pulses_table
 from crashfuse.signals.metrics import Metric
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
+from crashfuse.study.prediction import PredictedPulse, predict
 from crashfuse.units import KPH, LB, MPH, G
 
 AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="FWD")

@@ -14,13 +14,13 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.results.display import Display
-from crashfuse.results.predicted import PredictedPulse
 from crashfuse.results.prediction_report import prediction_report
 from crashfuse.results.render.figure_files import Report
 from crashfuse.results.render.html import ReportOptions
 from crashfuse.results.study_report import study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.study.recommendation import worst_test
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study

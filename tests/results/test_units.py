@@ -25,7 +25,6 @@ from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion
-from crashfuse.results.predicted import PredictedPulse
 from crashfuse.results.prediction_report import prediction_report
 from crashfuse.results.render.html import report
 from crashfuse.results.study_report import study_report
@@ -34,6 +33,7 @@ from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.planning import ConditionRange, NextTests, SpeedSweep
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, Sentence, UnitSystem, speed
 

@@ -10,13 +10,13 @@ import pytest
 
 from crashfuse.cae_library import QualityLimits, RunQuality
 from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import certify
 from crashfuse.results.export.outgoing_pulses import PulseExport
-from crashfuse.results.predicted import predict
 from crashfuse.results.provenance import provenance
-from crashfuse.results.verdicts import certify
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import by_importance, campaign_facts, condition_facts, distinct, window_facts
+from crashfuse.study.prediction import predict
 from crashfuse.study.running import run_study
 from crashfuse.units import MPH, G
 from tests.conftest import not_none
