@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Unpack
 
 import pandas as pd
-import plotly.graph_objects as go
 
 from crashfuse import views
 from crashfuse.approaches.neighbours import Neighbour, nearest_sentences, nearest_tests
@@ -23,6 +22,7 @@ from crashfuse.execution.run import Run
 from crashfuse.results import figures
 from crashfuse.results.certification_tables import condition_columns, factors_of
 from crashfuse.results.display import DEFAULT, Display, DisplayOptions
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.render.notebook import card
 from crashfuse.results.result_tables import metrics_shown, metrics_table, pulses_table
 from crashfuse.results.table import Table
@@ -118,7 +118,7 @@ class PredictedPulse:
         pulse = pulses_table([self.preferred])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
         return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
 
-    def plot(
+    def draw(
         self,
         figure: str = "motion",
         *,
@@ -127,7 +127,7 @@ class PredictedPulse:
         band: str | None = None,
         representative: bool = True,
         **display: Unpack[DisplayOptions],
-    ) -> go.Figure:
+    ) -> Drawing:
         """A figure of the page Predict.
 
         Parameters
@@ -145,6 +145,9 @@ class PredictedPulse:
         if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
             further = {**lead.representative, **further}
         return figures.Curves(None, estimates | further, self.condition, band).draw(figure, shown)
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(
         self,

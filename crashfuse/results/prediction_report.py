@@ -1,6 +1,7 @@
 """Reports on untested conditions: a prediction, a sweep over speed, a ranking of the tests to run next."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
@@ -35,6 +36,7 @@ def prediction_report(
     commands = [
         prediction_command(own.campaign, own.condition, own.config, display.system) for own in (prediction, *beside)
     ]
+    learned: dict[str, Any] = {"bias": campaign.draw("bias", display=display)} if whole else {}
     return render(
         "prediction" if whole else "short_prediction",
         f"prediction at {display.condition(condition)}",
@@ -45,11 +47,11 @@ def prediction_report(
         condition=condition,
         verdict=advice.sentences,
         nearest=nearest_sentences(campaign, condition),
-        motion=prediction.plot(display=display),
-        over_displacement=prediction.plot("displacement", display=display),
+        motion=prediction.draw(display=display),
+        over_displacement=prediction.draw("displacement", display=display),
         beside=beside and _beside([prediction, *beside], advice.approach, display),
         about=details(campaign, prediction.estimates, said=advice.sentences),
-        **({"bias": campaign.plot("bias", display=display)} if whole else {}),
+        **learned,
     )
 
 
@@ -57,7 +59,7 @@ def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Displ
     first, *others = by_one(approach, predictions)
     return {
         "approach": LABELS[approach],
-        "motion": first.plot(also=others, display=display),  # in the colours of the page
+        "motion": first.draw(also=others, display=display),  # in the colours of the page
         "metrics": [
             side_by_side([first, *others[start : start + _ABREAST]], display)
             for start in range(0, len(others), _ABREAST)
@@ -70,7 +72,7 @@ def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> Report:
     """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
     campaign, condition, config = sweep.campaign, sweep.condition, sweep.config
     origin = campaign, config, sweep_command(campaign, condition, sweep.speeds_mps, config, display.system), display
-    metrics = [(METRIC_LABELS[name], sweep.plot(name, display=display), sweep.missing(name)) for name in MAIN_METRICS]
+    metrics = [(METRIC_LABELS[name], sweep.draw(name, display=display), sweep.missing(name)) for name in MAIN_METRICS]
     weights = weights_sentence(condition, campaign.tests)
     return render("sweep", "pulse metrics over impact speed", *origin, weights=weights, metrics=metrics)
 
@@ -85,7 +87,7 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> Report:
         *origin,
         over=over,
         meaning=NEXT_TEST_MEANING,
-        drawn=ranking.plot(display=display),
+        drawn=ranking.draw(display=display),
         best=next_tests_table(ranking, _SHOWN),
         ranked=len(ranking.conditions),
     )
@@ -106,7 +108,7 @@ def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, displa
         verdict=sentences(curve, cost),
         meaning=LEARNING_CURVE_MEANING,
         law=ONE_MORE_MEANING,
-        drawn=curve.plot(display=display),
+        drawn=curve.draw(display=display),
         steps=gains_table(curve, cost),
         means=curve_table(curve),
     )

@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Unpack
 
-import plotly.graph_objects as go
-
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import APPROACH, Answer, Certification, certify_matrix, without_each_test
 from crashfuse.certification.criteria import COSTS, CriteriaGiven, criteria_given, with_costs
@@ -19,6 +17,7 @@ from crashfuse.execution.workers import running
 from crashfuse.results import certification_tables as tables
 from crashfuse.results.certification_facts import new_together, unused_at
 from crashfuse.results.display import Display, DisplayOptions
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.results.render.notebook import card, facts_words
 from crashfuse.results.table import CONDITION, Table, of_condition
@@ -26,7 +25,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import Sentence, joined, read_out
 
-FIGURES: Mapping[str, Callable[[Certification, Display], go.Figure]] = {
+FIGURES: Mapping[str, Callable[[Certification, Display], Drawing]] = {
     "verdicts": verdict_matrix,
     "record": lambda own, display: record_figure(own.record, own.criteria.items, display),
     "reliability": lambda certification, _: reliability(certification.record),
@@ -34,7 +33,7 @@ FIGURES: Mapping[str, Callable[[Certification, Display], go.Figure]] = {
 }
 
 
-def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> go.Figure:
+def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> Drawing:
     """A figure of a certification, as :meth:`Certification.plot` has them."""
     shown = Display.of(certification.campaign.units, **display)
     return one_of("figure of verdicts", figure, FIGURES)(certification, shown)

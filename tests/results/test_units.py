@@ -108,14 +108,14 @@ REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "motion": lambda campaign, display: motion(
         campaign.tests[0].pulse, {}, campaign.tests[0].condition.speed_mps, display
-    ),
-    "tests": lambda campaign, display: measured_pulses(campaign.tests, display=display),
-    "runs": lambda campaign, display: library_band(campaign.cae, campaign.tests, display=display),
-    "conditions": lambda campaign, display: condition_space(campaign.cae, campaign.tests, display=display),
+    ).figure(),
+    "tests": lambda campaign, display: measured_pulses(campaign.tests, display=display).figure(),
+    "runs": lambda campaign, display: library_band(campaign.cae, campaign.tests, display=display).figure(),
+    "conditions": lambda campaign, display: condition_space(campaign.cae, campaign.tests, display=display).figure(),
     "sweep of ΔV": lambda campaign, display: sweep(campaign).plot("delta_v", display=display),
     "next test": lambda campaign, display: ranking(campaign).plot(display=display),
-    "verdicts": lambda campaign, display: verdict_matrix(certification(campaign), display),
-    "domain": lambda campaign, display: validated_domain(certification(campaign), display),
+    "verdicts": lambda campaign, display: verdict_matrix(certification(campaign), display).figure(),
+    "domain": lambda campaign, display: validated_domain(certification(campaign), display).figure(),
     "record": lambda campaign, display: certification(campaign).plot("record", display=display),
 }
 

@@ -105,7 +105,7 @@ def test_page_report_and_figure_say_one_range(campaign: Campaign, paired: bool) 
     wider = replace(campaign, cae=library, tests=(*campaign.tests, far))
     on_page = results.conditions_table(wider).texts().iloc[-1]
     in_report = result_tables.tests_table(wider).texts().iloc[-1]
-    legend = {trace.legendgroup for trace in condition_space(library, wider.tests).data if trace.text}
+    legend = {trace.legendgroup for trace in condition_space(library, wider.tests).figure().data if trace.text}
     assert on_page["In CAE range"] == in_report["Inside the CAE runs' range"] == ("yes" if paired else "no")
     assert on_page["Paired run"] == ("its own" if paired else "none")
     assert ("Tests outside it: extrapolation" in legend) is not paired

@@ -14,9 +14,7 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 from markupsafe import Markup
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
-from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.plots.canvas import without_links
-from crashfuse.results.render.figure_data import figure_table
 
 FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
@@ -33,10 +31,11 @@ _MOST_BYTES = 256 << 20
 
 
 class ReportFigure(NamedTuple):
-    """A figure of a report: its heading, and what Plotly draws."""
+    """A figure of a report: its heading, what Plotly draws, and its numbers as CSV."""
 
     title: str
     drawn: dict[str, Any]
+    table: str
     is_answer: bool = False
 
 
@@ -124,7 +123,7 @@ def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> di
     kinds = [kind for kind in ("svg", "png") if kind in formats or (kind == "png" and "pptx" in formats)]
     made = _images([figure.drawn for figure in report.figures], kinds) if kinds else {}
     if "csv" in formats:
-        made["csv"] = [_numbers(figure) for figure in report.figures]
+        made["csv"] = [figure.table.encode() for figure in report.figures]
     written = {
         f"{file_name(number, figure.title)}.{kind}": contents[number - 1]
         for number, figure in enumerate(report.figures, start=1)
@@ -145,14 +144,6 @@ def file_name(number: int, title: str) -> str:
 def hyphened(text: str, marks: str = "") -> str:
     """A text as a name of files, safe on any disk, of its ASCII letters, digits and such ``marks``."""
     return "-".join("".join(c if c.isascii() and (c.isalnum() or c in marks) else " " for c in text).split())
-
-
-def _numbers(figure: ReportFigure) -> bytes:
-    try:
-        return csv_bytes(figure_table(figure.drawn))
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        expected, advice = "a figure as crashfuse draws it", "write the report again"
-        raise refusal(figure.title, expected, f"one that cannot be read ({error!r})", advice) from error
 
 
 def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str, list[bytes]]:

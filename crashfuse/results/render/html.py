@@ -7,7 +7,6 @@ from functools import cache, partial
 from typing import Literal, get_args
 
 import pandas as pd
-import plotly.graph_objects as go
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
@@ -17,11 +16,14 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, several
+from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results import fit_explanations
 from crashfuse.results.display import Display
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.canvas import without_links
 from crashfuse.results.plots.palette import VERDICT_COLOURS
 from crashfuse.results.provenance import provenance
+from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.results.render.figure_files import HEIGHT_PX, FiguresOfReport, Report, ReportFigure, embedded, file_name
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result_tables import (
@@ -94,7 +96,7 @@ def render(
         past_vehicles="" if past.empty else record_sentence(past),
         past_record=archive_table(past),
         walls=(walls := wall_table(campaign)),
-        walls_figure=None if walls.empty else campaign.plot("wall", display=display),
+        walls_figure=None if walls.empty else campaign.draw("wall", display=display),
         library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
         quality=[quality.summary, *quality.named],
         quality_table=quality_table(quality),
@@ -134,10 +136,10 @@ def render_in_frame(
     def words(heading: str | Sequence[str]) -> str:
         return display.words(heading) if isinstance(heading, str) else " ".join(map(display.words, heading))
 
-    def figure(drawn: go.Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
+    def figure(drawing: Drawing, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
         """Its place, in which the page draws it; ids are numbered: equal results give equal files."""
-        content = json.loads(without_links(drawn.to_json()))
-        figures.append(ReportFigure(": ".join(map(words, headings)) or title, content, is_answer))
+        content, table = json.loads(without_links(drawing.figure().to_json())), csv_bytes(drawing_table(drawing))
+        figures.append(ReportFigure(": ".join(map(words, headings)) or title, content, table.decode(), is_answer))
         style = f"height: {content['layout'].get('height', HEIGHT_PX)}px; width: 100%"
         place = Markup('<div><div id="figure-{}" class="plotly-graph-div" data-name="{}" style="{}"></div></div>')
         return place.format(len(figures), file_name(len(figures), figures[-1].title), style)

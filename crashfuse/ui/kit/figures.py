@@ -11,10 +11,10 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.results.drawing import Drawing, DrawnFigure, drawing_of
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.canvas import room_above, without_links
 from crashfuse.results.plots.palette import in_the_dark
-from crashfuse.results.render.figure_data import figure_table
+from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.files import Caption, caption, export_button
@@ -63,13 +63,13 @@ def _decimals(values: FloatArray) -> int:
 
 
 @st.fragment
-def offer_files(figure: DrawnFigure, caption: Caption, key: str) -> None:
+def offer_files(drawing: Drawing, caption: Caption, key: str) -> None:
     """Show the buttons of the figure just above."""
     key = f"files {key}"
     asked = st.session_state.get(key, {}).get("csv")
     data: dict[str, object] = caption._asdict()
     if asked:
-        table = figure_table(figure, [int(place) for place in asked["hidden"]])
+        table = drawing_table(drawing, [int(place) for place in asked["hidden"]])
         data |= {"at": asked["at"], "csv": csv_bytes(table).decode()}
     light = json.dumps({dark: light for light, dark in in_the_dark().items()})
     tools = component("figure_tools", css="buttons.css", LIGHT=light)
@@ -86,22 +86,21 @@ def choose(label: str, options: Sequence[str], key: str, label_of: Callable[[str
     return choice
 
 
-def show_figure(figure: DrawnFigure, alt: str, key: str | None = None, name: str = "") -> None:
+def show_figure(drawing: Drawing, alt: str, key: str | None = None, name: str = "") -> None:
     """Show a figure; its files have the ``name``, else the alternative text."""
-    sent = SentFigure(drawing_of(figure), dark=_is_dark())
-    st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_TOOLS)
-    offer_files(figure, caption(alt, name), key or alt)
+    st.plotly_chart(SentFigure(drawing, dark=_is_dark()), alt=alt, key=key, theme=None, config=_TOOLS)
+    offer_files(drawing, caption(alt, name), key or alt)
 
 
-def show_cached_figure(draw: Callable[[], DrawnFigure], alt: str, *key: Hashable, name: str = "") -> None:
+def show_cached_figure(draw: Callable[[], Drawing], alt: str, *key: Hashable, name: str = "") -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
-    figure, sent = _cached(key, _is_dark(), draw)
+    drawing, sent = _cached(key, _is_dark(), draw)
     st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS)
-    offer_files(figure, caption(alt, name), alt)
+    offer_files(drawing, caption(alt, name), alt)
 
 
 def show_clickable(
-    draw: Callable[[], DrawnFigure],
+    draw: Callable[[], Drawing],
     alt: str,
     on_click: Callable[[str], None],
     widget: str,
@@ -115,11 +114,11 @@ def show_clickable(
             on_click(point)
 
     # as Streamlit would set it once the figure is drawn, to be drawn again
-    figure, sent = _cached((widget, *key), _is_dark(), draw, clickmode="event+select")
+    drawing, sent = _cached((widget, *key), _is_dark(), draw, clickmode="event+select")
     event = st.plotly_chart(
         sent, alt=alt, key=widget, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
     )
-    offer_files(figure, caption(alt, name), widget)
+    offer_files(drawing, caption(alt, name), widget)
     return bool(_points(event))
 
 
@@ -133,10 +132,10 @@ def _is_dark() -> bool:
 
 @st.cache_resource(max_entries=_CACHED, show_spinner=False)
 def _cached(
-    key: Hashable, dark: bool, _draw: Callable[[], DrawnFigure], **layout: str  # noqa: ARG001 - part of the key
-) -> tuple[DrawnFigure, SentFigure]:  # fmt: skip
-    figure = _draw()
-    return figure, SentFigure(drawing_of(figure), dark=dark, **layout)
+    key: Hashable, dark: bool, _draw: Callable[[], Drawing], **layout: str  # noqa: ARG001 - part of the key
+) -> tuple[Drawing, SentFigure]:  # fmt: skip
+    drawing = _draw()
+    return drawing, SentFigure(drawing, dark=dark, **layout)
 
 
 def show_tabs(
