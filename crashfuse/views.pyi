@@ -1,3 +1,8 @@
+import collections.abc
+import typing
+
+import plotly.graph_objects as go
+
 from .campaign_folder.writer import campaign_of_frames as campaign_of_frames
 from .campaign_folder.writer import conditions_frame as conditions_frame
 from .campaign_folder.writer import pulses_frame as pulses_frame
@@ -8,6 +13,7 @@ from .results.certification_tables import track_record_table as track_record_tab
 from .results.credibility import credibility_table as credibility_table
 from .results.display import Display as Display
 from .results.display import DisplayOptions as DisplayOptions
+from .results.drawing import Drawing as Drawing
 from .results.export.outgoing_pulses import PulseExport as PulseExport
 from .results.figures import Further as Further
 from .results.figures import campaign_figure as campaign_figure
@@ -40,3 +46,9 @@ from .results.result_tables import study_metrics as study_metrics
 from .results.result_tables import study_pulses as study_pulses
 from .results.verdicts import certification_figure as certification_figure
 from .results.verdicts import certification_html as certification_html
+
+_P = typing.ParamSpec("_P")
+
+def as_plotly(
+    draw: collections.abc.Callable[_P, Drawing],
+) -> collections.abc.Callable[_P, go.Figure]: ...

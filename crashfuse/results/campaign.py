@@ -18,7 +18,7 @@ def campaign_result(campaign: Campaign) -> Result:
     quality, cfc = campaign.quality, campaign.channel_filter_class
     filtering = "not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)"
     has_walls = any(test.wall is not None for test in campaign.tests)
-    wall = Figure("The force of the barrier", lambda display: campaign.plot("wall", display=display))
+    wall = Figure("The force of the barrier", lambda display: campaign.draw("wall", display=display))
     return Result(
         kind="campaign",
         title=f"{counted(len(campaign.tests), 'test')}, {len(campaign.cae):,} CAE runs",

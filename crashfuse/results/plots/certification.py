@@ -13,7 +13,7 @@ from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.results.certification_tables import ANSWER, answer_texts
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look, Sheer
+from crashfuse.results.drawing import Drawing, Look, Sheer
 from crashfuse.results.figures import WITH_GROUP, how_left_out
 from crashfuse.results.plots.canvas import (
     PROMISED,
@@ -45,7 +45,7 @@ _NONE = "No test was left out: nothing to compare with."
 
 def verdict_matrix(
     certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, words: bool = True
-) -> DrawnFigure:
+) -> Drawing:
     """Draw verdicts as a table of conditions, sorted by speed, by criteria, with the answer beside each row.
 
     A mark carries ``"<condition> | <criterion>"``. ``part`` takes some of the sorted conditions.
@@ -92,7 +92,7 @@ def verdict_matrix(
         drawing.axis("y2", overlaying="y", side="right", categoryarray=labels, ticktext=answers, ticklabelstandoff=4)
         drawing.update(margin_r=max(map(len, [*answers, ANSWER])) * _LETTER_PX + 10)
         drawing.note(f"<b>{ANSWER}</b>", 1, 1, xanchor="left", yanchor="bottom", xshift=3)
-    return drawing.figure()
+    return drawing
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
@@ -117,7 +117,7 @@ def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
     return "<br>".join(lines)
 
 
-def validated_domain(certification: Certification, display: Display = DEFAULT) -> DrawnFigure:
+def validated_domain(certification: Certification, display: Display = DEFAULT) -> Drawing:
     """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
     domain, campaign = certification.domain, certification.campaign
     drawing = drawing_of_points(480, *display.axis("Impact speed", "mph"))
@@ -153,7 +153,7 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
     tests = [(f"Test {test.id}", test.condition, "") for test in campaign.tests]
     draw(f"{len(tests)} tests", tests, _marker(None, "cross-thin", 11, 2, MEASURED_COLOUR))
     drawing.axis("y", *display.axis("Front and rear weight together", "lb"))
-    return drawing.figure()
+    return drawing
 
 
 def worst(verdicts: Sequence[Verdict]) -> Word:
@@ -161,7 +161,7 @@ def worst(verdicts: Sequence[Verdict]) -> Word:
     return min((verdict.word for verdict in verdicts), key=_WORST_FIRST.index)
 
 
-def reliability(record: TrackRecord) -> DrawnFigure:
+def reliability(record: TrackRecord) -> Drawing:
     """Draw the share of left-out tests that met a criterion over the probability given, open if bounds exclude it."""
     axis = Look(range=[-0.09, 1.09], tickvals=[0, 0.2, 0.4, 0.6, 0.8, 1], zeroline=False)
     drawing = drawing_of_points(440, "Probability given in advance", **axis)
@@ -187,10 +187,10 @@ def reliability(record: TrackRecord) -> DrawnFigure:
             )  # fmt: skip
     drawing.update(showlegend=True)
     drawing.axis("y", "Share of tests that met it", **axis)
-    return drawing.figure()
+    return drawing
 
 
-def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: Display = DEFAULT) -> DrawnFigure:
+def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: Display = DEFAULT) -> Drawing:
     """Draw by criterion what left-out tests were predicted to show and showed, in order of speed, and the limits."""
     criteria = [criterion for criterion in criteria if record.of(criterion)]
     trials = [trial for trial in record.counted if trial.verdict.criterion in criteria]
@@ -217,7 +217,7 @@ def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: D
         marker = _marker(_DISAGREES, "circle-open", 10, 1, _DISAGREES)
         drawing.entry("wrong verdict", marker=marker, hoverinfo="skip")
     drawing.update(hoverlabel_align="left", margin_l=72, margin_t=96 if wrong else 72)
-    return drawing.figure()
+    return drawing
 
 
 def _draw_trials(
@@ -275,9 +275,9 @@ def _over(texts: Sequence[object]) -> Look:
     return {"hovertext": texts, "hovertemplate": "%{hovertext}<extra></extra>"}
 
 
-def _said(drawing: Drawing, words: str) -> DrawnFigure:
+def _said(drawing: Drawing, words: str) -> Drawing:
     drawing.note(words, 0.5, 0.5)
     drawing.update(showlegend=False)
     for axis in "xy":
         drawing.axis(axis, visible=False)
-    return drawing.figure()
+    return drawing

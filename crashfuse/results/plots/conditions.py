@@ -9,7 +9,7 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look
+from crashfuse.results.drawing import Drawing, Look
 from crashfuse.results.plots.canvas import drawing_of_points, marks_of_runs, stack
 from crashfuse.results.plots.curves import Curve, draw_curves
 from crashfuse.results.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
@@ -31,7 +31,7 @@ _WEIGHTS = ("front weight", "rear weight")
 
 def condition_space(
     library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None, display: Display = DEFAULT
-) -> DrawnFigure:
+) -> Drawing:
     """Draw front and rear weight over speed: CAE runs, their range, and the tests, open where that is extrapolation."""
     drawing = drawing_of_points(640)
     stack(drawing, 2, 0.06)
@@ -84,7 +84,7 @@ def condition_space(
                 marker_line_width=1.5, **place,
             )  # fmt: skip
     drawing.update(margin_l=72)
-    return drawing.figure()
+    return drawing
 
 
 def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
@@ -100,7 +100,7 @@ def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
     return chosen
 
 
-def sweep_figure(sweep: SpeedSweep, metric: str, display: Display = DEFAULT) -> DrawnFigure:
+def sweep_figure(sweep: SpeedSweep, metric: str, display: Display = DEFAULT) -> Drawing:
     """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points."""
     campaign, speeds = sweep.campaign, sweep.speeds_mps
     drawing = drawing_of_points(460, *display.axis("Impact speed", "mph"))
@@ -120,7 +120,7 @@ def sweep_figure(sweep: SpeedSweep, metric: str, display: Display = DEFAULT) -> 
     drawing.axis("x", range=[display.speeds(low), display.speeds(high)])
     unit, label = METRIC_UNITS[metric], campaign.metric_headings[metric]
     drawing.axis("y", *(display.axis(label, unit) if unit else (label,)))
-    return drawing.figure()
+    return drawing
 
 
 def _curve(speeds: FloatArray, metrics: Sequence[Metric]) -> Curve:
@@ -153,7 +153,7 @@ def _mark_speeds(drawing: Drawing, campaign: Campaign, low_mps: float, high_mps:
         drawing.shade(v0, v0, type="line", y1=0.03, layer=None, line_color=MEASURED_COLOUR, line_width=1.5)
 
 
-def next_tests_figure(ranking: NextTests, display: Display = DEFAULT) -> DrawnFigure:
+def next_tests_figure(ranking: NextTests, display: Display = DEFAULT) -> Drawing:
     """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run."""
     drawing = drawing_of_points(420, *display.axis("Impact speed", "mph"))
     vectors = np.array([condition.vector for condition in ranking.conditions])
@@ -188,4 +188,4 @@ def next_tests_figure(ranking: NextTests, display: Display = DEFAULT) -> DrawnFi
             marker_line_width=1.5,
         )  # fmt: skip
     drawing.axis("y", "Band shrinks by", "%", rangemode="tozero")
-    return drawing.figure()
+    return drawing

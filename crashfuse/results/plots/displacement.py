@@ -10,7 +10,7 @@ from crashfuse.approaches.displacement_domain.dynamics import replay
 from crashfuse.approaches.displacement_domain.events import CaeEvents
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look
+from crashfuse.results.drawing import Drawing, Look
 from crashfuse.results.plots.canvas import height_under_names, new_drawing, room_for_names, rows_of_plots
 from crashfuse.results.plots.curves import TEST, Curve, by_speed, curve_line, curve_lines, draw_curves, label
 from crashfuse.results.plots.palette import COLOURS
@@ -33,7 +33,7 @@ def over_displacement(
     *,
     filled: str | None = None,
     crush: Mapping[str, Metric] = {},
-) -> DrawnFigure:
+) -> Drawing:
     """Draw acceleration over displacement, up to maximum crush with its interval in ``crush`` (Fig. 7).
 
     A band covers the draws that get so far, and ends where half of them have stopped.
@@ -60,7 +60,7 @@ def over_displacement(
     return _fitted(drawing)
 
 
-def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> DrawnFigure:
+def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> Drawing:
     """Compare each pulse's s(t) with that integrated over displacement by Eq. 29, which is drawn as marks (Fig. 15)."""
     drawing = new_drawing(height=520)
     phases = _loading_phases(measured, predictions, speed_mps)
@@ -86,7 +86,7 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
     drawing.axis("x", anchor="y2", range=[0, 5 * np.ceil(end_ms / 5 + 0.2)])
     drawing.axis("y", "Displacement", "mm", domain=[0.38, 1.0])
     drawing.axis("y2", "Difference", "mm", domain=[0.0, 0.3])
-    return drawing.figure()
+    return drawing
 
 
 def energy_over_crush(
@@ -96,7 +96,7 @@ def energy_over_crush(
     mass_kg: float,
     *,
     filled: str | None = None,
-) -> DrawnFigure:
+) -> Drawing:
     """Draw the energy absorbed by the vehicle over its crush: the test, of this speed and mass, and predictions."""
     drawing = _over_displacement(height=460 + room_for_names(predictions))
     pulses = {
@@ -120,12 +120,12 @@ def _over_displacement(height: int) -> Drawing:
     return new_drawing(height, "Displacement", "mm", unifiedhovertitle_text="%{x:.0f} mm")
 
 
-def _fitted(drawing: Drawing) -> DrawnFigure:
+def _fitted(drawing: Drawing) -> Drawing:
     ends = (end for mark in drawing.marks for end in (*mark.look["x"], *mark.numbers.get("x_upper", ())))
     longest = max(float(end) for end in ends if end is not None and np.isfinite(end))
     for axis in [name for name in drawing.axes if name.startswith("x")]:
         drawing.axis(axis, range=[0, 1.02 * longest])
-    return drawing.figure()
+    return drawing
 
 
 def _loading_phases(
@@ -169,7 +169,7 @@ def bias_by_speed(
     speeds_mps: Mapping[str, float] | None = None,
     highlight: str | None = None,
     display: Display = DEFAULT,
-) -> DrawnFigure:
+) -> Drawing:
     """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16)."""
     drawing = _over_displacement(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
@@ -180,7 +180,7 @@ def bias_by_speed(
     return _fitted(drawing)
 
 
-def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str | None = None) -> DrawnFigure:
+def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str | None = None) -> Drawing:
     """Draw the force that the CAE model lacks in each test, coloured by speed, and its events with their ranks."""
     drawing, colour = _over_displacement(height_under_names(len(found.tests))), COLOURS["displacement_domain"]
     for rank, event in enumerate(found.events, start=1):
@@ -202,7 +202,7 @@ def bias_parts(
     displacement_m: FloatArray,
     measured: BiasPoints | None = None,
     display: Display = DEFAULT,
-) -> DrawnFigure:
+) -> Drawing:
     """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band."""
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)

@@ -12,7 +12,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.importing import settle
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import drawing_of
 from crashfuse.results.plots import pulses as plots
 from crashfuse.results.plots.canvas import new_drawing
 from crashfuse.results.plots.curves import WHOLE
@@ -106,7 +105,7 @@ def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predict
     figure = plots.motion(test.pulse, predictions, test.condition.speed_mps).figure()
     accel = trace(figure, "CAE")
     told = np.array([text.replace("\N{MINUS SIGN}", "-").split(" mph, ") for text in accel.customdata], float)
-    np.testing.assert_array_equal(told[:, 0], np.round(trace(figure, "CAE", 2).y, 1))
+    np.testing.assert_array_equal(told[:, 0], np.round(trace(figure, "CAE", 2).y.astype(float), 1))
     np.testing.assert_array_equal(told[:, 1], np.round(trace(figure, "CAE", 3).y))
     assert told.min() < 0
     assert accel.hovertemplate == "%{y} g, %{customdata} mm"
@@ -171,8 +170,9 @@ def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -
 
 def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaign: Campaign) -> None:
     pulse = campaign.tests[1].pulse
-    figure = plots.add_corridors(new_drawing(400).figure(), pulse, Display(window_ms=40.0))
-    outer, inner = (mark.numbers for mark in drawing_of(figure).marks)
+    drawing = new_drawing(400)
+    plots.add_corridors(drawing, pulse, Display(window_ms=40.0))
+    outer, inner = (mark.numbers for mark in drawing.marks)
     largest = np.abs(pulse.accel_mps2[GRID_S < 0.04]).max() / G
     for corridor, share in ((outer, 0.5), (inner, 0.05)):
         lower, upper = corridor["lower"], corridor["upper"]
@@ -184,8 +184,8 @@ def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaig
 def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(test: CrashTest) -> None:
     """Each draw integrated over all of its samples, then the central 95 % at each point of the band."""
     draws, speed = np.random.default_rng(0).normal(-150, 80, (40, N_SAMPLES)), test.condition.speed_mps
-    figure = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)}, speed).figure()
-    _, _, *bands = [own.numbers for own in drawing_of(figure).marks if "lower" in own.numbers]
+    drawing = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)}, speed)
+    _, _, *bands = [own.numbers for own in drawing.marks if "lower" in own.numbers]
     for band, drawn, unit in zip(bands, motion(draws, speed, DT_S), (MPH, 1e-3), strict=True):
         lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0) / unit
         np.testing.assert_allclose(band["lower"], lower)
