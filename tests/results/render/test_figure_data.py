@@ -47,9 +47,7 @@ def test_curves_over_time_stand_side_by_side_in_the_units_of_the_figure(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     """One row a sample; test, approaches and the ends of the band are what the library holds, scaled by hand."""
-    shown = table(
-        motion(test.pulse, predictions, test.condition.speed_mps, Display(unit="m/s²", deceleration=True)).figure()
-    )
+    shown = table(motion(test.pulse, predictions, test.condition.speed_mps, Display(unit="m/s²", deceleration=True)))
     assert len(shown) == N_SAMPLES
     np.testing.assert_allclose(shown["Time (ms)"], GRID_S / MS, rtol=1e-5)
     np.testing.assert_allclose(shown["Test: Deceleration (m/s²)"], -test.pulse.accel_mps2, rtol=1e-5, atol=1e-6)
@@ -80,7 +78,7 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
 
 def test_of_plots_above_each_other_the_table_says_which_is_meant(test: CrashTest) -> None:
     later = Pulse(test.pulse.time_s, np.roll(test.pulse.accel_mps2, 20))
-    shown = table(rated_curves(explain_rating(test.pulse, later), "fused").figure())
+    shown = table(rated_curves(explain_rating(test.pulse, later), "fused"))
     curves = shown[shown["Curve"] == "Fused"]
     parts = [plot.partition(" ")[0] for plot in dict.fromkeys(curves["Plot"])]
     assert parts == ["Corridor", "Phase", "Magnitude", "Slope"]
@@ -108,7 +106,7 @@ def test_curves_with_positions_of_their_own_stand_below_each_other(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     interval = {"fused": Metric("max_crush", 500.0, 100.0, None, "mm")}
-    shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps, crush=interval).figure())
+    shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps, crush=interval))
     assert set(shown["Curve"]) > {"Test", "CAE", "Fused"}
     own = shown[shown["Curve"] == "CAE"]
     travelled = predictions["cae"]
@@ -123,10 +121,10 @@ def test_curves_with_positions_of_their_own_stand_below_each_other(
 
 
 def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
-    spread = table(rating_spread({"T1": {"cae": (0.7, 0.6, 0.75)}, "T2": {"cae": (0.8, 0.75, 0.9)}}).figure())
+    spread = table(rating_spread({"T1": {"cae": (0.7, 0.6, 0.75)}, "T2": {"cae": (0.8, 0.75, 0.9)}}))
     assert spread.iloc[:, :2].to_numpy().tolist() == [["CAE", "T1"], ["CAE", "T2"]]
     np.testing.assert_allclose(spread.iloc[1, 2:].to_numpy(float), [0.8, 0.75, 0.9], rtol=1e-6)
-    cells = table(rating_heatmap({"T1": {"cae": 0.7, "fused": 0.9}, "T2": {"cae": 0.5, "fused": 0.8}}).figure())
+    cells = table(rating_heatmap({"T1": {"cae": 0.7, "fused": 0.9}, "T2": {"cae": 0.5, "fused": 0.8}}))
     assert list(cells)[1:] == ["CAE", "Fused"]
     assert cells.iloc[:, 0].tolist() == ["Test T1", "Test T2", "Mean"]
     np.testing.assert_allclose(cells["Fused"], [0.9, 0.8, 0.85], rtol=1e-6)
