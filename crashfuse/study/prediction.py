@@ -146,7 +146,7 @@ class PredictedPulse:
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
         shown = views.Display.of(self.campaign.units, **display)
         pulses = export.files(self.campaign, self.estimates)
-        views.write_result("prediction", folder, self, pulses, shown, report)
+        views.write_old("prediction", folder, self, pulses, shown, report)
 
     def curve(self, display: views.Display) -> tuple[str, Estimate]:
         """The name of the preferred approach's prediction beside others, and itself."""
