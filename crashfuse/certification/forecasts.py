@@ -147,27 +147,27 @@ class Forecaster:
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
         (estimate,) = estimates_at([self.fit], condition, with_state=False)
-        prediction, drawn, occupant = estimate.prediction, estimate.drawn, estimate.occupant
+        drawn, apart = estimate.drawn, estimate.apart
         found = metric_distributions(drawn, self.fit.metric_errors)
         known = {name: None if own is None else own.median for name, own in found.items()}
         unknown = [name for name, own in found.items() if own is None]
-        of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant, names=unknown)
+        of_pulse = metric_values(estimate.accel_mps2, condition.speed_mps, occupant=estimate.occupant, names=unknown)
         known |= {name: float(value) for name, value in of_pulse.items() if np.isfinite(value)}
         away = np.abs(self.speeds_mps - condition.speed_mps)
-        agreements, here = np.array(list(self.fit.agreements.values())), prediction.agreement
+        agreements, here = np.array(list(self.fit.agreements.values())), estimate.agreement
         for window, ratings in self.rated.items():
             rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
             name = f"{RATING} {window:g}"
             found[name], known[name] = rating, None if rating is None else rating.median
-        ways = () if (apart := prediction.apart) is None else (~apart, apart)
+        ways = () if apart is None else (~apart, apart)
         by_way = [{name: values[way] for name, values in drawn.items()} for way in ways]
         folds = [metric_distributions(values, self.fit.metric_errors) for values in by_way] or [{}, {}]
         arrays = {
-            "accel_mps2": prediction.accel_mps2,
+            "accel_mps2": estimate.accel_mps2,
             "values": np.array([np.nan if known[name] is None else known[name] for name in found], dtype=np.float64),
             "distributions": _rows(found, found),
             "ranks": _ranks(np.array(list(drawn.values()))),
-            "whole_mps2": np.array(prediction.whole_band() or np.empty((0, N_SAMPLES))),
+            "whole_mps2": np.array(estimate.whole_band() or np.empty((0, N_SAMPLES))),
             "folds": np.array([_rows(fold, found) for fold in folds]),
             "apart_share": np.array(0.0 if apart is None else apart.mean()),
         }

@@ -239,6 +239,6 @@ def _fit_record(estimate: Estimate) -> dict[str, object]:
     return {
         "approach": estimate.approach,
         "seconds": round(estimate.seconds, 3),
-        "notes": list(estimate.prediction.notes),
+        "notes": list(estimate.notes),
         "state": estimate.state,
     }

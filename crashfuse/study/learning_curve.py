@@ -234,10 +234,10 @@ def _measured(estimate: Estimate, test: CrashTest, windows_ms: Sequence[float]) 
 
 def measure(estimate: Estimate, test: CrashTest, window_ms: float) -> _Row:
     """What a prediction is worth, by column of the table, against a test that it did not learn from."""
-    prediction, n = estimate.prediction, round(window_ms / 1e3 / DT_S)
-    rating = rate_windows(test.pulse, Pulse(GRID_S, prediction.accel_mps2), [window_ms])[float(window_ms)]
+    n = round(window_ms / 1e3 / DT_S)
+    rating = rate_windows(test.pulse, Pulse(GRID_S, estimate.accel_mps2), [window_ms])[float(window_ms)]
     inside = half_width_g = None
-    if (band := prediction.band()) is not None:
+    if (band := estimate.band()) is not None:
         lower, upper = (end[:n] for end in band)
         measured = test.pulse.accel_mps2[:n]
         inside = float(((measured >= lower) & (measured <= upper)).mean())

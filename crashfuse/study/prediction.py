@@ -47,7 +47,7 @@ class PredictedPulse:
     @property
     def condition(self) -> Condition:
         """Where it is predicted."""
-        return self.preferred.prediction.condition
+        return self.preferred.condition
 
     @property
     def text(self) -> str:
@@ -63,7 +63,7 @@ class PredictedPulse:
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks for the reader: extrapolation, weights of a mixture."""
-        return tuple(dict.fromkeys(note for each in self.estimates for note in each.prediction.notes))
+        return tuple(dict.fromkeys(note for each in self.estimates for note in each.notes))
 
     @property
     def pulses(self) -> pd.DataFrame:
@@ -107,7 +107,7 @@ class PredictedPulse:
         ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` as in ``pulses.csv``; ``velocity_kph``,
         ``displacement_mm``.
         """
-        velocity, displacement = motion(self.preferred.prediction.accel_mps2, self.condition.speed_mps, DT_S)
+        velocity, displacement = motion(self.preferred.accel_mps2, self.condition.speed_mps, DT_S)
         pulse = views.pulses_table([self.preferred])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
         return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
 

@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 import crashfuse
-from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -122,7 +121,7 @@ def moved(campaign: Campaign, speed_mph: float, seed: int = 0, **changed: float 
     condition = replace(campaign.tests[0].condition, speed_mps=speed_mph * MPH)
     own = campaign.metrics_of(campaign.tests[0])
     metrics = tuple(Metric(m.name, changed.get(m.name, m.value), None, None, m.unit) for m in own)
-    found = Estimate("cae", Prediction(condition, campaign.tests[0].pulse.accel_mps2), {}, 0.0)
+    found = Estimate(condition, campaign.tests[0].pulse.accel_mps2, approach="cae")
     vars(found)["metrics"] = metrics
     return PredictedPulse(campaign, (found,), StudyConfig(seed=seed))
 

@@ -60,7 +60,7 @@ def estimate(test: CrashTest) -> Estimate:
         "hyperparameters": {"by weight, length in speed in m/s": 12.0, "length in front weight in kg": 300.0},
         **{"points": 9, "bias_rms_g": 3.2, "log_marginal_likelihood": 1.0, "retries": 0, "dead": False},
     }
-    return Estimate("cae", prediction, state, 0.1, {test.id: accel})
+    return Estimate(**vars(prediction), approach="cae", state=state, seconds=0.1, left_out_mps2={test.id: accel})
 
 
 def sweep(campaign: Campaign) -> SpeedSweep:

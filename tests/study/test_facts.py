@@ -109,7 +109,7 @@ def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -
     (note,) = (note for note in folds.notes if "in two ways" in note)
     for way in ("others", "apart"):
         assert f"peak {peak[f'{way}_value']:.1f} g" in note
-    drawn = folds.preferred.prediction
+    drawn = folds.preferred
     of_apart = not_none(drawn.draws_mps2)[not_none(drawn.apart)].mean(axis=0)
     np.testing.assert_allclose(folds.pulses["apart_g"], of_apart / G, rtol=1e-4)
     assert "S4 stands apart" in (tmp_path / "Certification" / "certification.csv").read_text(encoding="utf-8")
