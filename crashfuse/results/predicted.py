@@ -144,7 +144,7 @@ class PredictedPulse:
         lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
         if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
             further = {**lead.representative, **further}
-        return figures.Curves(None, estimates | further, self.condition, band).draw(figure, shown)
+        return figures.Curves(None, estimates | further, band).draw(figure, shown)
 
     plot = views.as_plotly(draw)
     """The same as a Plotly figure."""
