@@ -18,8 +18,14 @@ from .results.figures import Further as Further
 from .results.figures import campaign_figure as campaign_figure
 from .results.figures import figure_of_test as figure_of_test
 from .results.figures import overview as overview
+from .results.files import write_old as write_old
 from .results.files import write_result as write_result
 from .results.fit_explanations import campaign_events as campaign_events
+from .results.learning_curve import learning_curve_result as learning_curve_result
+from .results.planning import next_tests_file as next_tests_file
+from .results.planning import next_tests_result as next_tests_result
+from .results.planning import sweep_result as sweep_result
+from .results.planning import sweep_table as sweep_table
 from .results.plots.conditions import next_tests_figure as next_tests_figure
 from .results.plots.conditions import sweep_figure as sweep_figure
 from .results.plots.learning import over_number_of_tests as over_number_of_tests
@@ -27,16 +33,12 @@ from .results.render.html import ReportForm as ReportForm
 from .results.render.html import ReportOptions as ReportOptions
 from .results.render.notebook import campaign_html as campaign_html
 from .results.render.notebook import card as card
+from .results.render.notebook import result_html as result_html
 from .results.render.notebook import study_html as study_html
-from .results.result_tables import curve_table as curve_table
-from .results.result_tables import next_tests_file as next_tests_file
-from .results.result_tables import next_tests_table as next_tests_table
 from .results.result_tables import repeat_scores as repeat_scores
 from .results.result_tables import scores_table as scores_table
-from .results.result_tables import speeds_table as speeds_table
 from .results.result_tables import study_metrics as study_metrics
 from .results.result_tables import study_pulses as study_pulses
-from .results.result_tables import sweep_table as sweep_table
 from .results.verdicts import certification_figure as certification_figure
 from .results.verdicts import certification_html as certification_html
 

@@ -21,11 +21,13 @@ from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.certification_report import certification_report
 from crashfuse.results.display import Display
+from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion
 from crashfuse.results.predicted import PredictedPulse
-from crashfuse.results.prediction_report import next_test_report, prediction_report, sweep_report
+from crashfuse.results.prediction_report import prediction_report
+from crashfuse.results.render.html import report
 from crashfuse.results.study_report import study_report
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import GRID_S
@@ -101,8 +103,8 @@ REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
         PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG), display
     ),
     "study": lambda campaign, display: study_report(study(campaign), display),
-    "sweep": lambda campaign, display: sweep_report(sweep(campaign), display),
-    "next test": lambda campaign, display: next_test_report(ranking(campaign), display),
+    "sweep": lambda campaign, display: report(sweep_result(sweep(campaign)), display),
+    "next test": lambda campaign, display: report(next_tests_result(ranking(campaign)), display),
     "certification": lambda campaign, display: certification_report(certification(campaign), display),
 }
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {

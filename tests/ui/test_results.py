@@ -14,8 +14,9 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.results import result_tables
 from crashfuse.results.display import Display
+from crashfuse.results.planning import next_tests_table
 from crashfuse.results.plots.conditions import condition_space
-from crashfuse.results.result_tables import metrics_shown, next_tests_table
+from crashfuse.results.result_tables import metrics_shown
 from crashfuse.results.table import Column, Table
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.planning import ConditionRange, NextTests

@@ -14,7 +14,13 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 from markupsafe import Markup
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
+from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results.display import Display
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.canvas import without_links
+from crashfuse.results.render.figure_data import drawing_table
+from crashfuse.results.result import Result
+from crashfuse.units import joined
 
 FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
@@ -38,6 +44,12 @@ class ReportFigure(NamedTuple):
     table: str
     is_answer: bool = False
 
+    @classmethod
+    def of(cls, title: str, drawing: Drawing, *, is_answer: bool = False) -> Self:
+        """A drawing under its heading."""
+        drawn = json.loads(without_links(drawing.figure().to_json()))
+        return cls(title, drawn, csv_bytes(drawing_table(drawing)).decode(), is_answer)
+
 
 class FiguresOfReport(NamedTuple):
     """The figures of a report, its title, its notices and their labels, and what it answers."""
@@ -58,6 +70,24 @@ class Report(str):
         report = super().__new__(cls, html)
         report.contents = contents
         return report
+
+
+def contents_of(result: Result, display: Display) -> FiguresOfReport:
+    """What a report and its slides have in common: the figures of a result, its answer, what has to be known."""
+    title = joined([result.campaign.name, display.words(result.title)], ": ")
+    figures = [
+        ReportFigure.of(display.words(figure.title), figure.draw(display), is_answer=figure.is_answer)
+        for figure in result.all_figures()
+    ]
+    notices, answers = (
+        [*map(display.words, texts)] for texts in ([own.sentence for own in result.facts], result.answer)
+    )
+    return FiguresOfReport(title, tuple(notices), tuple(own.label for own in result.facts), figures, tuple(answers))
+
+
+def slides(result: Result, display: Display) -> bytes:
+    """Its answer and figures as PowerPoint slides."""
+    return figure_files(contents_of(result, display), ("pptx",))["figures.pptx"]
 
 
 def read_figures(path: Path) -> FiguresOfReport:
