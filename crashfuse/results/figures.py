@@ -15,6 +15,7 @@ from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, printable, require_a, several
 from crashfuse.execution.run import Run
 from crashfuse.results.display import Display, DisplayOptions
@@ -23,7 +24,6 @@ from crashfuse.results.plots import displacement, learning, pulses, ratings
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.curves import LegendName, add_marks, curve_line
 from crashfuse.results.plots.palette import added_test_line
-from crashfuse.signals.pulse import Pulse
 from crashfuse.study.config import StudyConfig, require_rated
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
@@ -96,11 +96,10 @@ def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What a figure of pulses shows: the measured one, if any, and estimates by approach, then whatever is beside."""
+    """What a figure of pulses shows: a test, if any, and estimates by approach, then whatever is beside."""
 
-    measured: Pulse | None
+    test: CrashTest | None
     shown: Mapping[str, Prediction]
-    condition: Condition
     band: str | None = None  # the approach whose band is filled, by default the preferred one
 
     @property
@@ -114,20 +113,19 @@ class Curves:
 
     def figures(self, display: Display) -> dict[str, Draw]:
         """What draws each of its figures."""
-        both, speed_mps = (self.measured, self.predictions), self.condition.speed_mps
-        filled, mass_kg = self.band, self.condition.mass_kg
+        both, filled = (self.test, self.predictions), self.band
 
         def over_displacement() -> Drawing:
             metrics = {name: own.metrics for name, own in self.shown.items() if isinstance(own, Estimate)}
             crush = {name: m for name, own in metrics.items() for m in own if m.name == "max_crush"}
-            return displacement.over_displacement(*both, speed_mps, display, filled=filled, crush=crush)
+            return displacement.over_displacement(*both, display, filled=filled, crush=crush)
 
         return {
-            "motion": lambda: pulses.motion(*both, speed_mps, display, filled=filled),
+            "motion": lambda: pulses.motion(*both, display, filled=filled),
             "acceleration": lambda: pulses.overlay(*both, display, filled=filled),
             "displacement": over_displacement,
-            "energy": lambda: displacement.energy_over_crush(*both, speed_mps, mass_kg, filled=filled),
-            "integration": lambda: displacement.integration_check(*both, speed_mps),
+            "energy": lambda: displacement.energy_over_crush(*both, filled=filled),
+            "integration": lambda: displacement.integration_check(*both),
         }
 
 
@@ -219,8 +217,8 @@ def figure_of_test(
     fold, display = study.fold(held_out), _display(study, options)
     estimates = chosen({estimate.approach: estimate for estimate in fold.estimates}, approaches, band)
     further = beside(study.campaign, also, display)
-    pulse = fold.test.pulse if measured else None
-    curves = Curves(pulse, estimates | other_fold(estimates, band) | further, fold.test.condition, band)
+    test = fold.test if measured else None
+    curves = Curves(test, estimates | other_fold(estimates, band) | further, band)
 
     def scores() -> Drawing:
         window_ms = _rated(study, display)
@@ -233,7 +231,7 @@ def figure_of_test(
 
     figures: dict[str, Draw] = {
         **curves.figures(display),
-        "residuals": lambda: pulses.residuals(fold.test.pulse, curves.predictions, display, filled=band),
+        "residuals": lambda: pulses.residuals(fold.test, curves.predictions, display, filled=band),
         "scores": scores,
         "rating": rating,
         "bias parts": lambda: _bias_parts(study, fold, display, measured=measured),

@@ -40,7 +40,7 @@ def prediction_figure(
     lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
     if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
         further = {**lead.representative, **further}
-    return figures.Curves(None, estimates | further, prediction.condition, band).draw(figure, shown)
+    return figures.Curves(None, estimates | further, band).draw(figure, shown)
 
 
 def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import CLASSES, by_preference, label_of
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
@@ -20,6 +21,7 @@ TEST = "test"  # key of the measured curve among those of the approaches
 POINTWISE, WHOLE = "95 of 100 tests inside at each point", "9 of 10 tests inside as a whole, 0–60 ms"
 
 Band = tuple[FloatArray, FloatArray, FloatArray]
+Predictions = Mapping[str, Prediction]  # by approach, or another name in the legend
 
 
 class LegendName(str):

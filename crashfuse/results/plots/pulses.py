@@ -14,7 +14,16 @@ from crashfuse.readers.vocabulary import ACCELERATION_UNITS
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.drawing import Drawing, Look, Sheer, Values
 from crashfuse.results.plots import canvas
-from crashfuse.results.plots.curves import TEST, Band, Curve, by_speed, curve_line, draw_curves, with_filled_band
+from crashfuse.results.plots.curves import (
+    TEST,
+    Band,
+    Curve,
+    Predictions,
+    by_speed,
+    curve_line,
+    draw_curves,
+    with_filled_band,
+)
 from crashfuse.results.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, kinematics
@@ -27,32 +36,23 @@ _MAX_RUNS = 2000  # more runs do not change the quantiles visibly
 
 
 def overlay(
-    measured: Pulse | None,
-    predictions: Mapping[str, Prediction],
-    display: Display = DEFAULT,
-    *,
-    filled: str | None = None,
+    test: CrashTest | None, predictions: Predictions, display: Display = DEFAULT, *, filled: str | None = None
 ) -> Drawing:
     """Overlay the measured pulse, if there is one, and predictions by approach or other names, with their bands."""
     drawing = canvas.new_drawing(height=460 + canvas.room_for_names(predictions))
-    draw_curves(drawing, _accelerations(measured, predictions, display, filled), filled=filled)
+    draw_curves(drawing, _accelerations(test, predictions, display, filled), filled=filled)
     drawing.axis("y", *display.accel_axis)
-    if measured is not None:
+    if test is not None:
         canvas.shade_window(drawing, display.window_ms)
     return drawing
 
 
 def motion(
-    measured: Pulse | None,
-    predictions: Mapping[str, Prediction],
-    speed_mps: float,
-    display: Display = DEFAULT,
-    *,
-    filled: str | None = None,
+    test: CrashTest | None, predictions: Predictions, display: Display = DEFAULT, *, filled: str | None = None
 ) -> Drawing:
     """Stack acceleration, velocity and displacement over one time axis, with one cursor; see :func:`overlay`."""
     drawing = canvas.new_drawing(height=490 + canvas.room_for_names(predictions))
-    accelerations = _accelerations(measured, predictions, display, filled)
+    accelerations = _accelerations(test, predictions, display, filled)
     draw_curves(drawing, accelerations, filled=filled)
     velocities, displacements = {}, {}
     for name, prediction in predictions.items():
@@ -62,13 +62,13 @@ def motion(
             drawn = kinematics(prediction.draws_mps2.astype(np.float64), speed, DT_S)
             v_band = _GRID_MS, *central_interval(display.speeds(drawn.velocity_mps))
             s_band = _GRID_MS, *central_interval(drawn.displacement_m / _MM)
-        own = kinematics(prediction.accel_mps2, speed, DT_S)
-        velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
-        displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
-    if measured is not None:
-        own = measured.kinematics(speed_mps)
-        velocities[TEST] = Curve(measured.time_s / MS, display.speeds(own.velocity_mps))
-        displacements[TEST] = Curve(measured.time_s / MS, own.displacement_m / _MM)
+        moved = kinematics(prediction.accel_mps2, speed, DT_S)
+        velocities[name] = Curve(_GRID_MS, display.speeds(moved.velocity_mps), v_band)
+        displacements[name] = Curve(_GRID_MS, moved.displacement_m / _MM, s_band)
+    if test is not None:
+        moved = test.pulse.kinematics(test.condition.speed_mps)
+        velocities[TEST] = Curve(test.pulse.time_s / MS, display.speeds(moved.velocity_mps))
+        displacements[TEST] = Curve(test.pulse.time_s / MS, moved.displacement_m / _MM)
     for yaxis, curves in (("y2", velocities), ("y3", displacements)):
         draw_curves(drawing, curves, yaxis, filled, showlegend=False, hovertemplate=None, hoverinfo="none")
     lead = with_filled_band(accelerations, filled)
@@ -80,17 +80,17 @@ def motion(
     drawing.axis("y3", "Displacement", "mm", domain=[0.0, 0.24])
     for axis in ("y2", "y3"):
         drawing.axis(axis, title_font_size=12)  # else the titles would touch
-    if measured is not None:
+    if test is not None:
         canvas.shade_window(drawing, display.window_ms, rows=3)
     return drawing
 
 
 def residuals(
-    measured: Pulse, predictions: Mapping[str, Prediction], display: Display = DEFAULT, *, filled: str | None = None
+    test: CrashTest, predictions: Predictions, display: Display = DEFAULT, *, filled: str | None = None
 ) -> Drawing:
     """Draw prediction minus test, with its 95 % band; the root mean square in the legend is over the rated window."""
     drawing = canvas.new_drawing(height=460 + canvas.room_for_names(predictions))
-    draw_curves(drawing, _accelerations(None, predictions, display, filled, minus=measured), filled=filled)
+    draw_curves(drawing, _accelerations(None, predictions, display, filled, minus=test.pulse), filled=filled)
     drawing.rule("y", 0, colour=CURSOR)
     drawing.axis("y", "Prediction − test", display.unit)
     canvas.shade_window(drawing, display.window_ms)
@@ -169,7 +169,7 @@ def library_band(
     return _with_further(drawing, further, display)
 
 
-def _with_further(drawing: Drawing, further: Mapping[str, Prediction], display: Display) -> Drawing:
+def _with_further(drawing: Drawing, further: Predictions, display: Display) -> Drawing:
     draw_curves(drawing, _accelerations(None, further, display))
     drawing.axis("y", *display.accel_axis)
     canvas.shade_window(drawing, display.window_ms)
@@ -177,11 +177,10 @@ def _with_further(drawing: Drawing, further: Mapping[str, Prediction], display: 
 
 
 def _accelerations(
-    measured: Pulse | None,
-    predictions: Mapping[str, Prediction],
+    test: CrashTest | None,
+    predictions: Predictions,
     display: Display,
     filled: str | None = None,
-    *,
     minus: Pulse | None = None,
 ) -> dict[str, Curve]:
     curves = {}
@@ -200,8 +199,8 @@ def _accelerations(
         curves[name] = Curve(_GRID_MS, accel, ends(prediction.band()), remark)
     if (first := with_filled_band(curves, filled)) is not None:
         curves[first] = replace(curves[first], whole=ends(predictions[first].whole_band(), round(WHOLE_S / DT_S)))
-    if measured is not None:
-        curves[TEST] = Curve(measured.time_s / MS, measured.accel_mps2 * scale)
+    if test is not None:
+        curves[TEST] = Curve(test.pulse.time_s / MS, test.pulse.accel_mps2 * scale)
     return curves
 
 

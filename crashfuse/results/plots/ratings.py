@@ -47,15 +47,12 @@ def rating_heatmap(
     scale = [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]
     drawing = drawing_of_points(_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     table = {"Row": [*(f"Test {test}" for test in tests), *mean], **dict(zip(heads, z.T, strict=True))}
-    heat = Look(type="heatmap", z=z, x=names, y=rows, colorscale=scale, zmin=0, zmax=1, xgap=2, ygap=2, showscale=False)
-    heat |= Look(text=text, texttemplate="%{text}", textfont={"color": MEASURED_COLOUR, "size": 12}, hoverinfo="skip")
-    drawing.add(heat, table)  # without a size, words would shrink with their cells
+    look = Look(z=z, colorscale=scale, zmin=0, zmax=1, text=text, texttemplate="%{text}")
+    look["textfont"] = {"color": MEASURED_COLOUR, "size": 12}  # without a size, words would shrink with their cells
     columns = [*(f":{name}" for name in approaches), ""][: len(names)]  # a repeat is by no approach
     clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
-    told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(shown)]
-    hover = "%{hovertext}<extra></extra>"
-    canvas.make_clickable(drawing, names, rows, clicked, 26, hovertext=told, hovertemplate=hover)
-    canvas.fix_cells(drawing, len(names), len(rows))
+    told = [[f"{row}, {head}: {text[i][j]}" for j, head in enumerate(shown)] for i, row in enumerate(rows)]
+    canvas.draw_cells(drawing, names, rows, look, table, told, clicked=clicked, marker_size=26)
     drawing.update(margin_t=_NAMES_PX, margin_b=_BELOW_PX)
     drawing.axis("x", tickfont_size=12)
     drawing.axis("y", tickvals=rows, ticktext=ticks)

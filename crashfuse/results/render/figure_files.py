@@ -44,6 +44,12 @@ class ReportFigure(NamedTuple):
     table: str
     is_answer: bool = False
 
+    @classmethod
+    def of(cls, title: str, drawing: Drawing, *, is_answer: bool = False) -> Self:
+        """A drawing under its heading."""
+        drawn = json.loads(without_links(drawing.figure().to_json()))
+        return cls(title, drawn, csv_bytes(drawing_table(drawing)).decode(), is_answer)
+
 
 class FiguresOfReport(NamedTuple):
     """The figures of a report, its title, its notices and their labels, and what it answers."""
@@ -66,17 +72,12 @@ class Report(str):
         return report
 
 
-def report_figure(title: str, drawing: Drawing, is_answer: bool = False) -> ReportFigure:
-    """A drawing as a report has it: what Plotly draws, and its numbers as CSV."""
-    drawn = json.loads(without_links(drawing.figure().to_json()))
-    return ReportFigure(title, drawn, csv_bytes(drawing_table(drawing)).decode(), is_answer)
-
-
 def contents_of(result: Result, display: Display) -> FiguresOfReport:
     """What a report and its slides have in common: the figures of a result, its answer, what has to be known."""
     title = joined([result.campaign.name, display.words(result.title)], ": ")
     figures = [
-        report_figure(display.words(own.title), own.draw(display), own.is_answer) for own in result.all_figures()
+        ReportFigure.of(display.words(figure.title), figure.draw(display), is_answer=figure.is_answer)
+        for figure in result.all_figures()
     ]
     notices, answers = (
         [*map(display.words, texts)] for texts in ([own.sentence for own in result.facts], result.answer)

@@ -29,7 +29,6 @@ from crashfuse.results.render.figure_files import (
     contents_of,
     embedded,
     file_name,
-    report_figure,
 )
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result import Figure, Result
@@ -169,10 +168,10 @@ def render_in_frame(
     def words(heading: str | Sequence[str]) -> str:
         return display.words(heading) if isinstance(heading, str) else " ".join(map(display.words, heading))
 
-    def figure(drawn: Drawing | Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
-        if isinstance(drawn, Figure):
-            headings, drawn = (drawn.title,), drawn.draw(display)
-        figures.append(report_figure(": ".join(map(words, headings)) or title, drawn, is_answer))
+    def figure(drawing: Drawing | Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
+        if isinstance(drawing, Figure):
+            headings, drawing = (drawing.title,), drawing.draw(display)
+        figures.append(ReportFigure.of(": ".join(map(words, headings)) or title, drawing, is_answer=is_answer))
         return page.numbered(len(figures))
 
     placed: dict[str, object] = {"figure": figure, "notices": notices, "answers": answers}

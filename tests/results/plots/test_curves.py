@@ -71,7 +71,7 @@ MARKS = (Note("T2", "the <b>third</b> hump", 25.0, 40.0), Note("T2", "on the tes
 def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
     """A line for a moment, a stretch from its start to its end; a note without a time is not drawn."""
     test = campaign.test("T2")
-    drawing = motion(test.pulse, {}, test.condition.speed_mps)
+    drawing = motion(test, {})
     before, written = (len(drawing.layout[kind]) for kind in ("shapes", "annotations"))
     add_marks(drawing, MARKS)
     layout = drawing.figure().layout
@@ -87,8 +87,8 @@ def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
 
 def test_without_marks_or_curves_nothing_is_drawn(campaign: Campaign) -> None:
     """All curves of a figure can be hidden."""
-    for measured, marks in ((None, MARKS), (campaign.test("T2").pulse, [])):
-        drawing = motion(measured, {}, 11.0)
+    for measured, marks in ((None, MARKS), (campaign.test("T2"), [])):
+        drawing = motion(measured, {})
         before = deepcopy(drawing.layout)
         add_marks(drawing, marks)
         assert drawing.layout == before

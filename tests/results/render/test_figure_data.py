@@ -47,7 +47,7 @@ def test_curves_over_time_stand_side_by_side_in_the_units_of_the_figure(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     """One row a sample; test, approaches and the ends of the band are what the library holds, scaled by hand."""
-    shown = table(motion(test.pulse, predictions, test.condition.speed_mps, Display(unit="m/s²", deceleration=True)))
+    shown = table(motion(test, predictions, Display(unit="m/s²", deceleration=True)))
     assert len(shown) == N_SAMPLES
     np.testing.assert_allclose(shown["Time (ms)"], GRID_S / MS, rtol=1e-5)
     np.testing.assert_allclose(shown["Test: Deceleration (m/s²)"], -test.pulse.accel_mps2, rtol=1e-5, atol=1e-6)
@@ -64,7 +64,7 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
     test = campaign.test("T2")
     drawn = np.random.default_rng(seed).normal(-150.0, 80.0, (draws, N_SAMPLES))
     prediction = Prediction(test.condition, drawn.mean(axis=0), drawn)
-    shown = drawing_table(motion(test.pulse, {"fused": prediction}, test.condition.speed_mps))
+    shown = drawing_table(motion(test, {"fused": prediction}))
     names = [f"Fused: Acceleration{end} (g)" for end in ("", ", lower", ", upper")]
     whole = [f"Fused, {WHOLE}: Acceleration, {end} (g)" for end in ("lower", "upper")]
     written = pulses_table([Estimate(**vars(prediction), approach="fused")])
@@ -86,14 +86,14 @@ def test_of_plots_above_each_other_the_table_says_which_is_meant(test: CrashTest
 
 def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """By the reader, with a click in the legend, or by whoever drew it; corridors count once they are added."""
-    drawing = overlay(test.pulse, predictions)
+    drawing = overlay(test, predictions)
     places = [place for place, mark in enumerate(drawing.marks) if mark.look.get("legendgroup") == "cae"]
     assert any(name.startswith("CAE") for name in table(drawing))
     assert not any(name.startswith("CAE") for name in table(drawing, tuple(places)))
     figure = drawing.figure()
     figure.for_each_trace(lambda own: own.update(visible="legendonly") if "fused" in own.legendgroup else None)
     assert set(figure_table(figure)) == {"Time (ms)", "CAE: Acceleration (g)", "Test: Acceleration (g)"}
-    drawing = overlay(test.pulse, {})
+    drawing = overlay(test, {})
     add_corridors(drawing, test.pulse)
     corridors = table(drawing)
     half = 0.05 * np.abs(test.pulse.accel_mps2[GRID_S < 60 * MS]).max() / G
@@ -106,7 +106,7 @@ def test_curves_with_positions_of_their_own_stand_below_each_other(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     interval = {"fused": Metric("max_crush", 500.0, 100.0, None, "mm")}
-    shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps, crush=interval))
+    shown = table(over_displacement(test, predictions, crush=interval))
     assert set(shown["Curve"]) > {"Test", "CAE", "Fused"}
     own = shown[shown["Curve"] == "CAE"]
     travelled = predictions["cae"]
@@ -131,7 +131,7 @@ def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
 
 
 def test_a_copy_has_the_numbers_and_a_figure_from_elsewhere_has_none(test: CrashTest) -> None:
-    figure = overlay(test.pulse, {}).figure()
+    figure = overlay(test, {}).figure()
     pd.testing.assert_frame_equal(figure_table(copy.deepcopy(figure)), figure_table(figure))
     with pytest.raises(UsageError, match="was not drawn by"):
         figure_table(go.Figure(figure))
