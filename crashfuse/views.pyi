@@ -31,8 +31,8 @@ from .results.planning import sweep_table as sweep_table
 from .results.plots.conditions import next_tests_figure as next_tests_figure
 from .results.plots.conditions import sweep_figure as sweep_figure
 from .results.plots.learning import over_number_of_tests as over_number_of_tests
-from .results.predicted import prediction_figure as prediction_figure
-from .results.predicted import prediction_html as prediction_html
+from .results.prediction import prediction_figure as prediction_figure
+from .results.prediction import prediction_result as prediction_result
 from .results.render.html import ReportForm as ReportForm
 from .results.render.html import ReportOptions as ReportOptions
 from .results.render.notebook import card as card

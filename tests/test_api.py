@@ -174,7 +174,7 @@ CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which
     "sweep": ("campaign", "condition", "approach", "config"),
     "next_test": ("campaign", "config"),
     "worst_test": ("study", "window_ms", "approach"),
-    "results.prediction_report.prediction_report": ("prediction",),
+    "results.prediction.prediction_result": ("prediction",),
     "Condition": ("speed_mps", "front_weight_kg", "rear_weight_kg", "factors"),
     "Pulse": ("time_s", "accel_mps2"),
     "Matrix": ("ids", "conditions"),

@@ -12,16 +12,15 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically, written_together
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results import certification_tables as tables
-from crashfuse.results import prediction_report as reports
 from crashfuse.results.certification_record import certification_json
 from crashfuse.results.certification_report import certification_report
 from crashfuse.results.credibility import credibility_table
 from crashfuse.results.display import Display
 from crashfuse.results.export.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.results.fit_explanations import events_frame, study_events
-from crashfuse.results.provenance import prediction_record, provenance, study_record
+from crashfuse.results.provenance import provenance, study_record
 from crashfuse.results.render.html import report
-from crashfuse.results.render.text import json_bytes, parquet_bytes
+from crashfuse.results.render.text import json_bytes
 from crashfuse.results.result import Content, Result
 from crashfuse.results.study_report import study_report
 from crashfuse.study.config import StudyConfig, StudyPlan
@@ -114,14 +113,6 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "report.html": study_report,
         "study.json": lambda study, *_: json_bytes(study_record(study)),
     },
-    "prediction": {  # of the prediction, its outgoing pulses, the display and the form of the report
-        "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
-        "pulses.parquet": lambda prediction, *_: parquet_bytes(prediction.pulses),
-        "metrics.csv": lambda prediction, *_: csv_bytes(prediction.metrics),
-        "report.html": lambda own, _, display, form: reports.prediction_report(own, display, form=form),
-        **{f"{name}/": (lambda _, pulses, *_rest, name=name: pulses.get(name)) for name in PULSE_FORMATS},
-        "prediction.json": lambda own, *_: json_bytes(prediction_record(own)),
-    },
     "certification": {  # of the certification, the display and notes
         "certification.csv": lambda certification, *_: tables.csv_as_given(tables.certification_table(certification)),
         "track_record.csv": lambda certification, *_: csv_bytes(tables.track_record_table(certification)),
@@ -136,6 +127,11 @@ RESULT_FILES = {
     "series of studies": ("studies.csv",),
     **{kind: tuple(files) for kind, files in _FILES.items()},
     "certification": (SEAL, REVIEW, *_FILES["certification"]),
+    "prediction": (
+        *("pulses.csv", "pulses.parquet", "metrics.csv", REPORT),
+        *(f"{name}/" for name in PULSE_FORMATS),
+        "prediction.json",
+    ),
     "sweep": (*(f"{name}/" for name in PULSE_FORMATS), REPORT, "sweep.csv"),
     "ranking of next tests": (REPORT, "next_tests.csv"),
     "learning curve": ("learning_curve.csv", REPORT, "learning_curve.json"),

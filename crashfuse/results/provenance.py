@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from importlib import metadata
 
-from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import APPROACHES, label_of
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
@@ -17,8 +16,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.facts import campaign_facts, condition_facts, distinct
-from crashfuse.study.prediction import PredictedPulse
+from crashfuse.study.facts import campaign_facts
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without, study_facts
 from crashfuse.study.study import Study
 from crashfuse.units import MASS, MPH_LB, SPEED, SYSTEMS, UnitSystem, read_out
@@ -168,7 +166,7 @@ def study_record(study: Study) -> dict[str, object]:
         advice = recommend_without(study, fold, window)
         rating = fold.ratings[advice.approach][window].overall
         tests[fold.held_out] = {
-            **_recommendation(advice),
+            **recommendation_record(advice),
             "rating": rating,
             "outcome": advice.expected and advice.expected.outcome(rating),
             "why": rating_sentences(fold.explained(advice.approach, window))["overall"],
@@ -204,30 +202,13 @@ def study_record(study: Study) -> dict[str, object]:
             for fold in study.folds
         },
         "fits": [
-            {"held_out": fold.held_out, **_fit_record(estimate)} for fold in study.folds for estimate in fold.estimates
+            {"held_out": fold.held_out, **fit_record(estimate)} for fold in study.folds for estimate in fold.estimates
         ],
     }
 
 
-def prediction_record(prediction: PredictedPulse) -> dict[str, object]:
-    """``prediction.json``."""
-    campaign, condition, recommended = prediction.campaign, prediction.condition, prediction.recommendation
-    advice = _recommendation(recommended)
-    expected = advice.pop("expected_rating")
-    here = distinct([*condition_facts(campaign, condition), *recommended.facts])
-    return {
-        **provenance(campaign, (), prediction.config),
-        "condition": {k: v for k, v in asdict(condition).items() if k != "units"},
-        "extrapolation": list(campaign.cae.extrapolation(condition)),
-        "facts_here": [fact.record for fact in here],
-        "nearest": list(nearest_sentences(campaign, condition)),
-        "recommendation": advice,
-        "expected_rating": expected,
-        "fits": [_fit_record(estimate) for estimate in prediction.estimates],
-    }
-
-
-def _recommendation(advice: Recommendation) -> dict[str, object]:
+def recommendation_record(advice: Recommendation) -> dict[str, object]:
+    """What was recommended, as JSON values."""
     return {
         "approach": advice.approach,
         "sentences": list(advice.sentences),
@@ -235,7 +216,8 @@ def _recommendation(advice: Recommendation) -> dict[str, object]:
     }
 
 
-def _fit_record(estimate: Estimate) -> dict[str, object]:
+def fit_record(estimate: Estimate) -> dict[str, object]:
+    """How a fit went, as JSON values."""
     return {
         "approach": estimate.approach,
         "seconds": round(estimate.seconds, 3),

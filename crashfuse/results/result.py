@@ -65,6 +65,7 @@ class Result:
         Names of the tables that answer, too, in terminal and notebook.
     sentences, tables, figures, parts, values : mapping
         All else that its report has, by names in the template; parts are results, values are plain words and numbers.
+        Sentences named ``remarks`` end what a terminal prints.
     files : mapping
         Files for programs, in the units of the contract, by name.
     """

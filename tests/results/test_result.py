@@ -8,14 +8,18 @@ from crashfuse.campaign import Campaign
 from crashfuse.results.display import Display
 from crashfuse.results.files import RESULT_FILES
 from crashfuse.results.planning import next_tests_result, sweep_result
+from crashfuse.results.prediction import prediction_result
 from crashfuse.results.render.figure_files import contents_of
 from crashfuse.results.render.html import report
 from crashfuse.results.render.text import lines
 from crashfuse.results.result import Result
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.units import KPH_KG
+from tests.results.test_report import CONFIG, estimate
 from tests.results.test_units import ranking, sweep
 
 KINDS: dict[str, Callable[[Campaign], Result]] = {
+    "prediction": lambda campaign: prediction_result(PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG)),
     "sweep": lambda campaign: sweep_result(sweep(campaign)),
     "ranking of next tests": lambda campaign: next_tests_result(ranking(campaign)),
 }

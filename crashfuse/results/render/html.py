@@ -85,7 +85,7 @@ def render(
     **own: object,
 ) -> Report:
     """The complete file, from a report's template and values; the command is the one that reproduces it."""
-    data = campaign_result(campaign)
+    data = campaign_result(campaign, with_bias="bias" in own)
     plain = Result(
         kind="", title=title, campaign=campaign, config=config, command=lambda _: command, held_out=tuple(held_out),
         parts={"data": (data,)}, answer=tuple(answers),

@@ -20,7 +20,7 @@ def lines(result: Result, display: Display) -> list[str]:
     printed = [*dict.fromkeys(map(display.words, sentences))]
     for table in (result.tables[name] for name in result.shown):
         printed += [table.name] * (len(result.shown) > 1) + [table.to_string(display)]
-    return printed
+    return [*printed, *map(display.words, result.sentences.get("remarks", ()))]
 
 
 def json_bytes(values: Mapping[str, object]) -> bytes:
