@@ -48,7 +48,6 @@ from crashfuse.units import Sentence, probability_text, read_out
 
 if TYPE_CHECKING:
     import pandas as pd
-    import plotly.graph_objects as go
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
@@ -122,7 +121,7 @@ class Certification:
         """Number of verdicts of each kind, one row a criterion."""
         return views.counts_frame(self)
 
-    def plot(self, figure: str = "verdicts", **display: Unpack[views.DisplayOptions]) -> go.Figure:
+    def draw(self, figure: str = "verdicts", **display: Unpack[views.DisplayOptions]) -> views.Drawing:
         """A figure of the page Certify.
 
         Parameters
@@ -132,6 +131,9 @@ class Certification:
             often probabilities came true; where predictions are checked.
         """
         return views.certification_figure(self, figure, **display)
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(self, folder: str | Path, *, notes: Sequence[Note] = (), **display: Unpack[views.DisplayOptions]) -> None:
         """Write what ``crashfuse certify`` writes; with notes in the report."""

@@ -6,7 +6,6 @@ from itertools import chain
 from typing import Unpack
 
 import pandas as pd
-import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.certification.matrix import Matrix
@@ -14,6 +13,7 @@ from crashfuse.errors import several
 from crashfuse.results import figures
 from crashfuse.results.certification_tables import condition_columns, factors_of
 from crashfuse.results.display import DEFAULT, Display, DisplayOptions
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.render.notebook import card
 from crashfuse.results.result_tables import metrics_shown
 from crashfuse.results.table import Table
@@ -31,7 +31,7 @@ def prediction_figure(
     band: str | None,
     representative: bool,
     **display: Unpack[DisplayOptions],
-) -> go.Figure:
+) -> Drawing:
     """A figure of a prediction, see :meth:`PredictedPulse.plot`."""
     shown = Display.of(prediction.campaign.units, **display)
     estimates = figures.chosen({each.approach: each for each in prediction.estimates}, approaches, band)
@@ -40,7 +40,7 @@ def prediction_figure(
     lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
     if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
         further = {**lead.representative, **further}
-    return figures.Curves(None, estimates | further, prediction.condition, band).draw(figure, shown)
+    return figures.Curves(None, estimates | further, band).draw(figure, shown)
 
 
 def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:

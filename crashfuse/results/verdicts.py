@@ -3,8 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Unpack
 
-import plotly.graph_objects as go
-
 from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.verdict import Verdict
 from crashfuse.condition import Condition
@@ -13,13 +11,14 @@ from crashfuse.execution.cache import remembered
 from crashfuse.results import certification_tables as tables
 from crashfuse.results.certification_facts import new_together, unused_at
 from crashfuse.results.display import Display, DisplayOptions
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.results.render.notebook import card, facts_words
 from crashfuse.results.table import CONDITION, Table, of_condition
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import Sentence, joined, read_out
 
-FIGURES: Mapping[str, Callable[[Certification, Display], go.Figure]] = {
+FIGURES: Mapping[str, Callable[[Certification, Display], Drawing]] = {
     "verdicts": verdict_matrix,
     "record": lambda own, display: record_figure(own.record, own.criteria.items, display),
     "reliability": lambda certification, _: reliability(certification.record),
@@ -27,7 +26,7 @@ FIGURES: Mapping[str, Callable[[Certification, Display], go.Figure]] = {
 }
 
 
-def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> go.Figure:
+def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> Drawing:
     """A figure of a certification, as :meth:`Certification.plot` has them."""
     shown = Display.of(certification.campaign.units, **display)
     return one_of("figure of verdicts", figure, FIGURES)(certification, shown)

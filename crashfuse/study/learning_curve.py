@@ -15,7 +15,7 @@ from dataclasses import astuple, dataclass, replace
 from functools import partial
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Unpack, cast
+from typing import Any, Literal, NamedTuple, Unpack, cast
 
 import numpy as np
 import pandas as pd
@@ -36,10 +36,6 @@ from crashfuse.study.config import StudyConfig, StudyPlan, require_rated
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.running import prepare
 from crashfuse.units import G
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
 
 Choice = Literal["even", "random"]
 
@@ -133,10 +129,13 @@ class LearningCurve:
         rows = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
-    def plot(self, **display: Unpack[views.DisplayOptions]) -> go.Figure:
+    def draw(self, **display: Unpack[views.DisplayOptions]) -> views.Drawing:
         """Rating and width of the band over the number of tests, as the page Study shows them."""
         shown = views.Display.of(self.campaign.units, self.window_ms, **display)
         return views.over_number_of_tests(self.over(shown.window_ms), shown)
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(self, folder: str | Path, *, cost: str | None = None, **display: Unpack[views.DisplayOptions]) -> None:
         """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""

@@ -29,7 +29,6 @@ _MM = 1e-3
 
 if TYPE_CHECKING:
     import pandas as pd
-    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,7 +111,7 @@ class PredictedPulse:
         pulse = views.pulses_table([self.preferred])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
         return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
 
-    def plot(
+    def draw(
         self,
         figure: str = "motion",
         *,
@@ -121,7 +120,7 @@ class PredictedPulse:
         band: str | None = None,
         representative: bool = True,
         **display: Unpack[views.DisplayOptions],
-    ) -> go.Figure:
+    ) -> views.Drawing:
         """A figure of the page Predict.
 
         Parameters
@@ -132,6 +131,9 @@ class PredictedPulse:
             Whether figures over time show a pulse that looks like a test, too.
         """
         return views.prediction_figure(self, figure, approaches, also, band, representative, **display)
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(
         self,

@@ -30,7 +30,6 @@ _RATED_DRAWS = 100
 
 if TYPE_CHECKING:
     import pandas as pd
-    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +164,7 @@ class Study:
         """What a repeat of each held-out test would rate, one row a test and window, as in ``study.json``."""
         return views.repeat_scores(self)
 
-    def plot(
+    def draw(
         self,
         held_out: str = "",
         figure: str = "",
@@ -177,7 +176,7 @@ class Study:
         corridors: bool = False,
         notes: Sequence[Note] = (),
         **display: Unpack[views.DisplayOptions],
-    ) -> go.Figure:
+    ) -> views.Drawing:
         """A figure of the page Compare, of one held-out test, or of the page Study, of all of them.
 
         Parameters
@@ -215,6 +214,9 @@ class Study:
             notes=notes,
             **display,
         )
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(
         self,

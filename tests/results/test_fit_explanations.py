@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 
 from crashfuse.approaches.calibration import Calibration, Coverage
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.campaign import Campaign
+from crashfuse.results.display import Display
 from crashfuse.results.fit_explanations import coverage_table, fit_sentences, fit_table, whole_sentences
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
+from crashfuse.units import KPH_KG
 from tests.golden import assert_golden
 
 INSIDE = Coverage(1.0, 0.9, 0.8, crush=True, peak=True)
@@ -61,6 +64,15 @@ def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
     assert table.loc["shared, standard deviation"].tolist() == ["0.712", "1.50", "no"]
     assert table.loc["noise, standard deviation", "At its bound"] == "yes"
     assert fit_table("cae", {}).empty
+
+
+def test_hyperparameters_of_a_fit_are_in_the_units_of_the_reader(campaign: Campaign) -> None:
+    """Speeds and weights of every name that the bias model gives."""
+    state = DisplacementDomain().fit(campaign).state
+    for display, units in ((Display(), "mph lb"), (Display(system=KPH_KG), "km/h kg")):
+        shown = fit_table("displacement_domain", state).texts(display)["Hyperparameter"]
+        endings = {name.rpartition(" in ")[2] for name in shown if " in " in name}
+        assert endings == {*units.split(), "m", "v/v0"}
 
 
 def test_what_is_said_of_fits() -> None:

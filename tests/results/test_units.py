@@ -57,7 +57,7 @@ def estimate(test: CrashTest) -> Estimate:
     notes = (Sentence("Nearest test {} away.", speed(1.0)),)
     prediction = Prediction(test.condition, accel, np.linspace(0.9, 1.1, 100)[:, None] * accel, notes)
     state = {
-        "hyperparameters": {"by weight, length in speed in m/s": 12.0, "length in front weight in kg": 300.0},
+        "hyperparameters": {"by speed, length in v0 in m/s": 12.0, "by weight, length in front weight in kg": 300.0},
         **{"points": 9, "bias_rms_g": 3.2, "log_marginal_likelihood": 1.0, "retries": 0, "dead": False},
     }
     return Estimate(**vars(prediction), approach="cae", state=state, seconds=0.1, left_out_mps2={test.id: accel})
@@ -108,9 +108,7 @@ REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
     "certification": lambda campaign, display: certification_report(certification(campaign), display),
 }
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
-    "motion": lambda campaign, display: motion(
-        campaign.tests[0].pulse, {}, campaign.tests[0].condition.speed_mps, display
-    ).figure(),
+    "motion": lambda campaign, display: motion(campaign.tests[0], {}, display).figure(),
     "tests": lambda campaign, display: measured_pulses(campaign.tests, display=display).figure(),
     "runs": lambda campaign, display: library_band(campaign.cae, campaign.tests, display=display).figure(),
     "conditions": lambda campaign, display: condition_space(campaign.cae, campaign.tests, display=display).figure(),

@@ -13,7 +13,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import certify
 from crashfuse.results.export.outgoing_pulses import PulseExport
 from crashfuse.results.provenance import provenance
-from crashfuse.results.render.notebook import campaign_html
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import by_importance, campaign_facts, condition_facts, distinct, window_facts
@@ -113,7 +112,7 @@ def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -
     of_apart = not_none(drawn.draws_mps2)[not_none(drawn.apart)].mean(axis=0)
     np.testing.assert_allclose(folds.pulses["apart_g"], of_apart / G, rtol=1e-4)
     assert "S4 stands apart" in (tmp_path / "Certification" / "certification.csv").read_text(encoding="utf-8")
-    assert sentence in campaign_html(apart)
+    assert sentence in apart._repr_html_()
     prediction = predict(apart, apart.test("S1").condition, "cae", config)
     files = PulseExport(("isomme",)).files(apart, prediction.estimates)["isomme"]
     assert any(sentence.encode("ascii", "ignore")[:40] in content for content in files.values())

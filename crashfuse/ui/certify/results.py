@@ -103,7 +103,7 @@ class Judgement:
 
     def show_figure(self, name: str, alt: str, file: str) -> None:
         """Show a figure of the verdicts."""
-        draw = partial(self.certification.plot, name, display=self.display)
+        draw = partial(self.certification.draw, name, display=self.display)
         show_cached_figure(draw, alt, name, self.key, self.display, name=file)
 
 
@@ -276,7 +276,7 @@ def _choose(cell: str) -> None:
 def _show_matrix(judgement: Judgement) -> None:
     n = len(judgement.certification.matrix.ids)
     with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
-        draw = partial(judgement.certification.plot, display=judgement.display)
+        draw = partial(judgement.certification.draw, display=judgement.display)
         alt = "Verdicts by planned test and criterion"
         show_clickable(draw, alt, _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts")
     told = "Probability that a test there meets the criterion. Click a cell for its reason."
