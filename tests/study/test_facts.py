@@ -91,7 +91,7 @@ def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -
     for each in (
         run_study(apart, held_out=["T1"], config=config, workers=1),
         predict(apart, apart.test("S1").condition, ["cae", "displacement_domain"], config),
-        certify(apart, criteria, matrix, approach="displacement_domain", config=config, workers=1),
+        certify(apart, criteria, matrix, approach="cae", config=config, workers=1),
     ):
         folder = tmp_path / type(each).__name__
         each.write(folder)
