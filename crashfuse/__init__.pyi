@@ -56,6 +56,7 @@ from .study.recommendation import worst_test as worst_test
 from .study.running import run_study as run_study
 from .study.saved_models import load_model as load_model
 from .study.saved_models import save_model as save_model
+from .study.study import Fold as Fold
 from .study.study import Study as Study
 from .vehicle_archive import load_archive as load_archive
 from .version import __version__ as __version__

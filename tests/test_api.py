@@ -18,7 +18,7 @@ from crashfuse.campaign import Campaign
 
 NAMES = """
 Cache Campaign Certification Choices ColumnChoice Condition CrashfuseError Criteria DataError Display EarlierPrediction
-Fit LearningCurve Matrix Note OccupantModel PartialCondition PredictedPulse Problem Pulse PulseExport QualityLimits
+Fit Fold LearningCurve Matrix Note OccupantModel PartialCondition PredictedPulse Problem Pulse PulseExport QualityLimits
 RatingChoices RatingExplanation ReportOptions Run SolverCurve Study StudyConfig UsageError Watch __version__ certify
 explain_rating import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict
 preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences read_notes recommend

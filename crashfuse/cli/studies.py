@@ -31,9 +31,8 @@ from crashfuse.results.result_tables import studies_table
 from crashfuse.results.study_report import comparison_report
 from crashfuse.results.training_progress import watching
 from crashfuse.study import learning_curve as curves
-from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig, StudyPlan
-from crashfuse.study.history import PastResult, keep, past_results
+from crashfuse.study.history import PastResult, StudyComparison, keep, past_results
 from crashfuse.study.one_more_test import Cost
 from crashfuse.study.recommendation import study_facts
 from crashfuse.study.running import run_study

@@ -11,8 +11,7 @@ from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import read_csv_table
 from crashfuse.results.table import Column, Table
-from crashfuse.study.comparison import StudyComparison
-from crashfuse.study.history import PastResult, Ratings, parsed
+from crashfuse.study.history import PastResult, Ratings, StudyComparison, parsed
 from crashfuse.units import Sentence, counted, joined
 
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}

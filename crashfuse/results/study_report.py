@@ -20,8 +20,8 @@ from crashfuse.results.render.figure_files import Report
 from crashfuse.results.render.html import ReportOptions, details, render, render_in_frame
 from crashfuse.results.result_tables import repeats_table
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
-from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.facts import window_facts
+from crashfuse.study.history import StudyComparison
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without, worst_test
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import speed

@@ -14,8 +14,7 @@ from crashfuse.errors import Problem, UsageError
 from crashfuse.results.past_results import comparison_means, described, history_table, left_out_in_words
 from crashfuse.results.plots.ratings import rating_differences
 from crashfuse.results.study_report import comparison_report
-from crashfuse.study.comparison import StudyComparison
-from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, past_results
+from crashfuse.study.history import LONGEST_NOTE, PastResult, StudyComparison, annotate, past_results
 from crashfuse.ui.certify import criteria, matrix
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import pin_all

@@ -10,9 +10,9 @@ from crashfuse.results.display import Display
 from crashfuse.results.past_results import comparison_means, described, left_out_in_words, studies_table
 from crashfuse.results.plots.ratings import rating_differences
 from crashfuse.results.study_report import comparison_report
-from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig
-from tests.study.test_comparison import FIRST, study
+from crashfuse.study.history import StudyComparison
+from tests.study.test_history import FIRST, study
 
 SECOND = {"T1": 0.85, "T2": 0.66, "T3": 0.91}
 BOTH = {"config": StudyConfig(leave_out="both"), "speed_groups": {"T1": {"fused": {40.0: 0.4, 60.0: 0.3}}}}
