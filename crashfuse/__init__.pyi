@@ -44,7 +44,7 @@ from .results.rating_tables import excursions_table as excursions_table
 from .results.rating_tables import humps_table as humps_table
 from .results.render.figure_data import figure_table as figure_table
 from .results.render.html import ReportOptions as ReportOptions
-from .results.study_report import study_report as study_report
+from .results.study import study_report as study_report
 from .results.training_progress import watching as watching
 from .results.verdicts import certify as certify
 from .signals.metrics import Metric as Metric

@@ -18,12 +18,10 @@ from crashfuse.results.certification_report import certification_report
 from crashfuse.results.credibility import credibility_table
 from crashfuse.results.display import Display
 from crashfuse.results.export.outgoing_pulses import PULSE_FORMATS, PulseExport
-from crashfuse.results.fit_explanations import events_frame, study_events
-from crashfuse.results.provenance import prediction_record, provenance, study_record
+from crashfuse.results.provenance import prediction_record, provenance
 from crashfuse.results.render.html import report
 from crashfuse.results.render.text import json_bytes, parquet_bytes
 from crashfuse.results.result import Content, Result
-from crashfuse.results.study_report import study_report
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
 
@@ -105,15 +103,6 @@ def write_pulses(campaign: Campaign, folder: Path, export: PulseExport, estimate
 
 
 _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
-    "study": {  # of the study, the display and the options of the report
-        "scores.csv": lambda study, *_: csv_bytes(study.scores),
-        "speed_groups.csv": lambda study, *_: study.speed_groups and csv_bytes(study.speed_groups.scores),
-        "pulses.csv": lambda study, *_: csv_bytes(study.pulses),
-        "metrics.csv": lambda study, *_: csv_bytes(study.metrics),
-        "cae_events.csv": lambda study, *_: csv_bytes(events_frame(found)) if (found := study_events(study)) else None,
-        "report.html": study_report,
-        "study.json": lambda study, *_: json_bytes(study_record(study)),
-    },
     "prediction": {  # of the prediction, its outgoing pulses, the display and the form of the report
         "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
         "pulses.parquet": lambda prediction, *_: parquet_bytes(prediction.pulses),
@@ -134,6 +123,8 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
 REPORT = "report.html"
 RESULT_FILES = {
     "series of studies": ("studies.csv",),
+    "study": ("scores.csv", "speed_groups.csv", "pulses.csv", "metrics.csv", "cae_events.csv", REPORT, "study.json"),
+    "comparison": (REPORT, "comparison.csv"),
     **{kind: tuple(files) for kind, files in _FILES.items()},
     "certification": (SEAL, REVIEW, *_FILES["certification"]),
     "sweep": (*(f"{name}/" for name in PULSE_FORMATS), REPORT, "sweep.csv"),

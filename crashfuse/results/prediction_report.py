@@ -6,10 +6,11 @@ from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.errors import one_of, require_a
 from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.fit_explanations import bias_result, estimates_result
 from crashfuse.results.predicted import PredictedPulse, by_one, cautions, side_by_side
 from crashfuse.results.provenance import prediction_command
 from crashfuse.results.render.figure_files import Report
-from crashfuse.results.render.html import ReportForm, details, render
+from crashfuse.results.render.html import ReportForm, render
 
 _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
@@ -43,8 +44,8 @@ def prediction_report(
         motion=prediction.plot(display=display),
         over_displacement=prediction.plot("displacement", display=display),
         beside=beside and _beside([prediction, *beside], advice.approach, display),
-        about=details(campaign, prediction.estimates, said=advice.sentences),
-        **({"bias": campaign.plot("bias", display=display)} if whole else {}),
+        about=estimates_result(campaign, prediction.estimates, known=advice.sentences),
+        bias=bias_result(campaign) if whole else None,
     )
 
 

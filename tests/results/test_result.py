@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from crashfuse.campaign import Campaign
+from crashfuse.results.comparison import comparison_result
 from crashfuse.results.display import Display
 from crashfuse.results.files import RESULT_FILES
 from crashfuse.results.planning import next_tests_result, sweep_result
@@ -12,10 +13,17 @@ from crashfuse.results.render.figure_files import contents_of
 from crashfuse.results.render.html import report
 from crashfuse.results.render.text import lines
 from crashfuse.results.result import Result
+from crashfuse.results.study import study_result
+from crashfuse.study.comparison import StudyComparison
 from crashfuse.units import KPH_KG
-from tests.results.test_units import ranking, sweep
+from tests.results.test_comparison import SECOND
+from tests.results.test_units import ranking, study, sweep
+from tests.study.test_comparison import FIRST
+from tests.study.test_comparison import study as past_study
 
 KINDS: dict[str, Callable[[Campaign], Result]] = {
+    "study": lambda campaign: study_result(study(campaign)),
+    "comparison": lambda _: comparison_result(StudyComparison(past_study(FIRST), past_study(SECOND))),
     "sweep": lambda campaign: sweep_result(sweep(campaign)),
     "ranking of next tests": lambda campaign: next_tests_result(ranking(campaign)),
 }
