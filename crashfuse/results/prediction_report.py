@@ -7,10 +7,11 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.errors import one_of, require_a
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.fit_explanations import bias_result, estimates_result
-from crashfuse.results.predicted import PredictedPulse, by_one, cautions, side_by_side
+from crashfuse.results.predicted import cautions, side_by_side
 from crashfuse.results.provenance import prediction_command
 from crashfuse.results.render.figure_files import Report
 from crashfuse.results.render.html import ReportForm, render
+from crashfuse.study.prediction import PredictedPulse, by_one
 
 _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
@@ -41,8 +42,8 @@ def prediction_report(
         condition=condition,
         verdict=advice.sentences,
         nearest=nearest_sentences(campaign, condition),
-        motion=prediction.plot(display=display),
-        over_displacement=prediction.plot("displacement", display=display),
+        motion=prediction.draw(display=display),
+        over_displacement=prediction.draw("displacement", display=display),
         beside=beside and _beside([prediction, *beside], advice.approach, display),
         about=estimates_result(campaign, prediction.estimates, known=advice.sentences),
         bias=bias_result(campaign) if whole else None,
@@ -53,7 +54,7 @@ def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Displ
     first, *others = by_one(approach, predictions)
     return {
         "approach": LABELS[approach],
-        "motion": first.plot(also=others, display=display),  # in the colours of the page
+        "motion": first.draw(also=others, display=display),  # in the colours of the page
         "metrics": [
             side_by_side([first, *others[start : start + _ABREAST]], display)
             for start in range(0, len(others), _ABREAST)

@@ -13,11 +13,11 @@ from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.forecasts import SEEDS
 from crashfuse.condition import Condition
-from crashfuse.results.predicted import PredictedPulse
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.units import MASS, MPH_LB, SPEED, SYSTEMS, UnitSystem, read_out
 from crashfuse.version import COMPUTING, __version__
@@ -189,6 +189,6 @@ def fit_record(estimate: Estimate) -> dict[str, object]:
     return {
         "approach": estimate.approach,
         "seconds": round(estimate.seconds, 3),
-        "notes": list(estimate.prediction.notes),
+        "notes": list(estimate.notes),
         "state": estimate.state,
     }

@@ -13,7 +13,7 @@ from crashfuse.errors import UsageError, require_a
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.campaign import campaign_result
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import DrawnFigure
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import (
     bias_result,
     coverage_table,
@@ -151,10 +151,9 @@ def _figure(
     notes: Sequence[Note] = (),
     is_answer: bool = False,
 ) -> Figure:
-    def draw(display: Display) -> DrawnFigure:
+    def draw(display: Display) -> Drawing:
         shown = replace(display, window_ms=window)
-        drawn: DrawnFigure = study.plot(test, figure, approaches=approaches, notes=notes, display=shown)
-        return drawn
+        return study.draw(test, figure, approaches=approaches, notes=notes, display=shown)
 
     return Figure(title, draw, is_answer)
 
