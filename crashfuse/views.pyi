@@ -37,13 +37,13 @@ from .results.render.html import ReportForm as ReportForm
 from .results.render.html import ReportOptions as ReportOptions
 from .results.render.notebook import card as card
 from .results.render.notebook import result_html as result_html
-from .results.render.notebook import study_html as study_html
 from .results.result_tables import metrics_table as metrics_table
 from .results.result_tables import pulses_table as pulses_table
 from .results.result_tables import repeat_scores as repeat_scores
 from .results.result_tables import scores_table as scores_table
 from .results.result_tables import study_metrics as study_metrics
 from .results.result_tables import study_pulses as study_pulses
+from .results.study import study_result as study_result
 from .results.verdicts import certification_figure as certification_figure
 from .results.verdicts import certification_html as certification_html
 

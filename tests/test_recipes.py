@@ -87,7 +87,7 @@ from crashfuse import cli, load_campaign
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.results.plots.jerk import jerk
 from crashfuse.results.plots.palette import (COLOURS)
-from crashfuse.results.study_report import study_report
+from crashfuse.results.study import study_report
 from crashfuse.results.result_tables import scores_table
 from crashfuse.signals.metrics import METRIC_LABELS, pulse_metrics
 from crashfuse.study.config import StudyConfig

@@ -10,21 +10,15 @@ from crashfuse.units import Sentence, counted, speed, weight
 from crashfuse.vehicle_archive import record_sentence
 
 
-def campaign_result(campaign: Campaign, *, with_bias: bool = False) -> Result:
-    """Tests, CAE runs and their quality, barrier forces, past vehicles; and what the CAE model gets wrong, if asked."""
+def campaign_result(campaign: Campaign) -> Result:
+    """Tests, CAE runs and their quality, barrier forces, past vehicles."""
     speeds, front, rear = zip(*campaign.cae.range, strict=True)
     library = Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear))
     past = pd.DataFrame() if campaign.prior is None else campaign.prior.record
     quality, cfc = campaign.quality, campaign.channel_filter_class
     filtering = "not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)"
     has_walls = any(test.wall is not None for test in campaign.tests)
-    figures = {
-        "wall": Figure("The force of the barrier", lambda display: campaign.draw("wall", display=display)),
-        "bias": Figure(
-            "What the CAE model gets wrong, by speed", lambda display: campaign.draw("bias", display=display)
-        ),
-    }
-    there = {"wall": has_walls, "bias": with_bias}
+    wall = Figure("The force of the barrier", lambda display: campaign.draw("wall", display=display))
     return Result(
         kind="campaign",
         title=f"{counted(len(campaign.tests), 'test')}, {len(campaign.cae):,} CAE runs",
@@ -43,6 +37,6 @@ def campaign_result(campaign: Campaign, *, with_bias: bool = False) -> Result:
             archive=lambda: archive_table(past),
             quality=lambda: quality_table(quality),
         ),
-        figures={name: figure for name, figure in figures.items() if there[name]},
+        figures={"wall": wall} if has_walls else {},
         values={"filtering": filtering},
     )

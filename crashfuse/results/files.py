@@ -17,12 +17,10 @@ from crashfuse.results.certification_report import certification_report
 from crashfuse.results.credibility import credibility_table
 from crashfuse.results.display import Display
 from crashfuse.results.export.outgoing_pulses import PULSE_FORMATS, PulseExport
-from crashfuse.results.fit_explanations import events_frame, study_events
-from crashfuse.results.provenance import provenance, study_record
+from crashfuse.results.provenance import provenance
 from crashfuse.results.render.html import report
 from crashfuse.results.render.text import json_bytes
 from crashfuse.results.result import Content, Result
-from crashfuse.results.study_report import study_report
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
 
@@ -104,16 +102,7 @@ def write_pulses(campaign: Campaign, folder: Path, export: PulseExport, estimate
 
 
 _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
-    "study": {  # of the study, the display and the options of the report
-        "scores.csv": lambda study, *_: csv_bytes(study.scores),
-        "speed_groups.csv": lambda study, *_: study.speed_groups and csv_bytes(study.speed_groups.scores),
-        "pulses.csv": lambda study, *_: csv_bytes(study.pulses),
-        "metrics.csv": lambda study, *_: csv_bytes(study.metrics),
-        "cae_events.csv": lambda study, *_: csv_bytes(events_frame(found)) if (found := study_events(study)) else None,
-        "report.html": study_report,
-        "study.json": lambda study, *_: json_bytes(study_record(study)),
-    },
-    "certification": {  # of the certification, the display and notes
+    "certification": {
         "certification.csv": lambda certification, *_: tables.csv_as_given(tables.certification_table(certification)),
         "track_record.csv": lambda certification, *_: csv_bytes(tables.track_record_table(certification)),
         "credibility.csv": lambda certification, *_: csv_bytes(credibility_table(certification)),
@@ -125,6 +114,8 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
 REPORT = "report.html"
 RESULT_FILES = {
     "series of studies": ("studies.csv",),
+    "study": ("scores.csv", "speed_groups.csv", "pulses.csv", "metrics.csv", "cae_events.csv", REPORT, "study.json"),
+    "comparison": (REPORT, "comparison.csv"),
     **{kind: tuple(files) for kind, files in _FILES.items()},
     "certification": (SEAL, REVIEW, *_FILES["certification"]),
     "prediction": (

@@ -20,8 +20,9 @@ from crashfuse.results.certification_tables import condition_columns, csv_as_giv
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.export.outgoing_pulses import PulseExport
+from crashfuse.results.fit_explanations import bias_result, estimates_result
 from crashfuse.results.provenance import fit_record, prediction_command, provenance, recommendation_record
-from crashfuse.results.render.html import ReportForm, details
+from crashfuse.results.render.html import ReportForm
 from crashfuse.results.render.text import json_bytes, parquet_bytes
 from crashfuse.results.result import Figure, Result
 from crashfuse.results.result_tables import metrics_shown
@@ -63,8 +64,9 @@ def prediction_result(
         tables={"metrics": metrics_shown([(LABELS[own.approach], own.metrics) for own in estimates], campaign)[0]},
         figures={"motion": Figure("Pulse over time", _drawn(prediction), is_answer=True)} | (more if is_whole else {}),
         parts={"beside": (_beside_others(together),) if others else ()}
-        | ({"data": (campaign_result(campaign, with_bias=True),)} if is_whole else {}),
-        values={"about": details(campaign, estimates, said=answer), "condition": condition},
+        | {"about": (estimates_result(campaign, estimates, known=answer),)}
+        | ({"data": (campaign_result(campaign),), "bias": (bias_result(campaign),)} if is_whole else {}),
+        values={"condition": condition},
         files={
             "pulses.csv": lambda: csv_bytes(prediction.pulses),
             "pulses.parquet": lambda: parquet_bytes(prediction.pulses),

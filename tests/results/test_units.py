@@ -27,7 +27,7 @@ from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion
 from crashfuse.results.prediction import prediction_result
 from crashfuse.results.render.html import report
-from crashfuse.results.study_report import study_report
+from crashfuse.results.study import study_report
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig

@@ -20,7 +20,6 @@ from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.canvas import without_links
 from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.results.result import Result
-from crashfuse.units import joined
 
 FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
@@ -74,15 +73,13 @@ class Report(str):
 
 def contents_of(result: Result, display: Display) -> FiguresOfReport:
     """What a report and its slides have in common: the figures of a result, its answer, what has to be known."""
-    title = joined([result.campaign.name, display.words(result.title)], ": ")
     figures = [
         ReportFigure.of(display.words(figure.title), figure.draw(display), is_answer=figure.is_answer)
         for figure in result.all_figures()
     ]
-    notices, answers = (
-        [*map(display.words, texts)] for texts in ([own.sentence for own in result.facts], result.answer)
-    )
-    return FiguresOfReport(title, tuple(notices), tuple(own.label for own in result.facts), figures, tuple(answers))
+    notices, answers = (tuple(map(display.words, texts)) for texts in (result.notices, result.answer))
+    labels = tuple(fact.label for fact in result.facts)
+    return FiguresOfReport(display.words(result.heading), notices, labels, figures, answers)
 
 
 def slides(result: Result, display: Display) -> bytes:

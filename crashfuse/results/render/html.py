@@ -10,12 +10,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from crashfuse.approaches.registry import CLASSES, LABELS
+from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, several
-from crashfuse.results import fit_explanations
 from crashfuse.results.campaign import campaign_result
 from crashfuse.results.display import Display
 from crashfuse.results.drawing import Drawing
@@ -32,14 +30,9 @@ from crashfuse.results.render.figure_files import (
 )
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result import Figure, Result
-from crashfuse.results.result_tables import (
-    metrics_shown,
-)
 from crashfuse.results.table import Table
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import Fact
-from crashfuse.units import joined
 
 
 @cache
@@ -68,7 +61,7 @@ def _shown(table: Table, display: Display) -> pd.DataFrame:
 
 def report(result: Result, display: Display | None = None) -> Report:
     """The report of a result as one file, by default in the units of its campaign."""
-    display = Display(system=result.campaign.units) if display is None else display
+    display = result.usual_display if display is None else display
     pages = _Page(display, contents_of(result, display), [figure.draw for figure in result.all_figures()])
     return pages.render(result.template or result.kind.replace(" ", "_"), result=result, **_common(result, display))
 
@@ -85,7 +78,7 @@ def render(
     **own: object,
 ) -> Report:
     """The complete file, from a report's template and values; the command is the one that reproduces it."""
-    data = campaign_result(campaign, with_bias="bias" in own)
+    data = campaign_result(campaign)
     plain = Result(
         kind="", title=title, campaign=campaign, config=config, command=lambda _: command, held_out=tuple(held_out),
         parts={"data": (data,)}, answer=tuple(answers),
@@ -97,11 +90,13 @@ def render(
 def _common(result: Result, display: Display) -> dict[str, object]:
     """What the templates of all reports take besides the result itself."""
     campaign, config = result.campaign, result.config
+    if campaign is None:
+        return {}
     record = provenance(campaign, result.held_out, config)
     return {
         "campaign": campaign,
         "config": config,
-        "data": next(iter(result.parts.get("data", ())), None),
+        **{name: next(iter(result.parts.get(name, ())), None) for name in ("data", "bias")},
         "methods": [(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
         "origin": {
             "Command": result.command(display.system),
@@ -182,35 +177,6 @@ def _listed(value: object) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {_listed(own)}" for name, own in value.items())
     return " ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-
-
-def details(
-    campaign: Campaign,
-    estimates: Sequence[Estimate],
-    test: CrashTest | None = None,
-    *,
-    said: Sequence[str] = (),
-) -> dict[str, object]:
-    """Metrics by approach (and of the test), the main ones and the others; notes not ``said`` yet; their fits."""
-    columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
-    columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-    of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
-    metrics, more_metrics = metrics_shown(columns, campaign, f"Pulse metric{of_test}")
-    missing, more_missing = fit_explanations.metric_remarks(columns)
-    makers = fit_explanations.notes_by_makers(estimates).items()
-    remarks = [joined([", ".join(who), note], ": ") for note, who in makers if note not in said]
-    return {
-        "whole": fit_explanations.whole_sentences(estimates),
-        "metrics": metrics,
-        "more_metrics": more_metrics,
-        "more_missing": more_missing,
-        "remarks": [*missing, *remarks],
-        "fits": [
-            (LABELS[estimate.approach], sentences, fit_explanations.fit_table(estimate.approach, estimate.state))
-            for estimate in estimates
-            if (sentences := fit_explanations.fit_sentences(estimate.state))
-        ],
-    }
 
 
 ReportForm = Literal["short", "whole"]

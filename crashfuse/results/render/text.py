@@ -16,8 +16,7 @@ from crashfuse.results.table import PARTS, Table
 
 def lines(result: Result, display: Display) -> list[str]:
     """What a command prints: facts of the data, the answer, and the tables that answer, under names if several."""
-    sentences = [*(fact.sentence for fact in result.facts), *result.answer]
-    printed = [*dict.fromkeys(map(display.words, sentences))]
+    printed = [*dict.fromkeys(map(display.words, (*result.notices, *result.answer)))]
     for table in (result.tables[name] for name in result.shown):
         printed += [table.name] * (len(result.shown) > 1) + [table.to_string(display)]
     return [*printed, *map(display.words, result.sentences.get("remarks", ()))]
