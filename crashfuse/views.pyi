@@ -1,6 +1,8 @@
 from .campaign_folder.writer import campaign_of_frames as campaign_of_frames
 from .campaign_folder.writer import conditions_frame as conditions_frame
 from .campaign_folder.writer import pulses_frame as pulses_frame
+from .results.certification import certification_figure as certification_figure
+from .results.certification import certification_result as certification_result
 from .results.certification_tables import certification_table as certification_table
 from .results.certification_tables import counts_frame as counts_frame
 from .results.certification_tables import track_record_table as track_record_table
@@ -33,5 +35,3 @@ from .results.result_tables import repeat_scores as repeat_scores
 from .results.result_tables import scores_table as scores_table
 from .results.result_tables import study_metrics as study_metrics
 from .results.result_tables import study_pulses as study_pulses
-from .results.verdicts import certification_figure as certification_figure
-from .results.verdicts import certification_html as certification_html

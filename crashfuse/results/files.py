@@ -11,11 +11,7 @@ from crashfuse.certification.seal import REVIEW, SEAL
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically, written_together
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.results import certification_tables as tables
 from crashfuse.results import prediction_report as reports
-from crashfuse.results.certification_record import certification_json
-from crashfuse.results.certification_report import certification_report
-from crashfuse.results.credibility import credibility_table
 from crashfuse.results.display import Display
 from crashfuse.results.export.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.results.fit_explanations import events_frame, study_events
@@ -122,20 +118,15 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         **{f"{name}/": (lambda _, pulses, *_rest, name=name: pulses.get(name)) for name in PULSE_FORMATS},
         "prediction.json": lambda own, *_: json_bytes(prediction_record(own)),
     },
-    "certification": {  # of the certification, the display and notes
-        "certification.csv": lambda certification, *_: tables.csv_as_given(tables.certification_table(certification)),
-        "track_record.csv": lambda certification, *_: csv_bytes(tables.track_record_table(certification)),
-        "credibility.csv": lambda certification, *_: csv_bytes(credibility_table(certification)),
-        "report.html": certification_report,
-        "certification.json": lambda certification, *_: certification_json(certification),
-    },
 }
 
 REPORT = "report.html"
 RESULT_FILES = {
     "series of studies": ("studies.csv",),
     **{kind: tuple(files) for kind, files in _FILES.items()},
-    "certification": (SEAL, REVIEW, *_FILES["certification"]),
+    "certification": (
+        *(SEAL, REVIEW, "certification.csv", "track_record.csv", "credibility.csv", REPORT, "certification.json"),
+    ),
     "sweep": (*(f"{name}/" for name in PULSE_FORMATS), REPORT, "sweep.csv"),
     "ranking of next tests": (REPORT, "next_tests.csv"),
     "learning curve": ("learning_curve.csv", REPORT, "learning_curve.json"),

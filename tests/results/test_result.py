@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from crashfuse.campaign import Campaign
+from crashfuse.results.certification import certification_result
 from crashfuse.results.display import Display
 from crashfuse.results.files import RESULT_FILES
 from crashfuse.results.planning import next_tests_result, sweep_result
@@ -13,10 +14,11 @@ from crashfuse.results.render.html import report
 from crashfuse.results.render.text import lines
 from crashfuse.results.result import Result
 from crashfuse.units import KPH_KG
-from tests.results.test_units import ranking, sweep
+from tests.results.test_units import certification, ranking, sweep
 
 KINDS: dict[str, Callable[[Campaign], Result]] = {
     "sweep": lambda campaign: sweep_result(sweep(campaign)),
+    "certification": lambda campaign: certification_result(certification(campaign)),
     "ranking of next tests": lambda campaign: next_tests_result(ranking(campaign)),
 }
 
@@ -35,6 +37,10 @@ def test_every_renderer_shows_every_kind(campaign: Campaign, kind: str) -> None:
         assert sentence in printed
         assert sentence in html
         assert sentence in slides.answers
+    for subject, sentence in result.against.items():
+        assert f"{subject}: {display.words(sentence)}" in slides.against
+        assert all(display.words(sentence) in shown for shown in (printed, html, notebook))
     for name in result.shown:
         for cell in result.tables[name].texts().iloc[0]:
             assert str(cell) in notebook
+    assert slides.table[1] == tuple(result.tables[result.shown[0]].texts(display).iloc[0])

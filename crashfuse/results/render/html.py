@@ -128,8 +128,7 @@ class _Page:
 
     def place(self, figure: Figure) -> Markup:
         """Where the page draws a figure of the result."""
-        number = self.draws.index(figure.draw)
-        return self.numbered(number + 1)
+        return Markup().join(self.numbered(self.draws.index(draw) + 1) for draw in figure.drawn)
 
     def numbered(self, number: int) -> Markup:
         """Where the page draws the figure of this number, the first is 1."""

@@ -6,6 +6,7 @@ from html import escape
 from crashfuse.campaign import Campaign
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.rating_tables import mean_values, ratings_shown
+from crashfuse.results.render.text import against_lines
 from crashfuse.results.result import Result
 from crashfuse.results.table import CONDITION, Cell, Column, Table, of_condition
 from crashfuse.study.facts import campaign_facts, distinct
@@ -31,6 +32,7 @@ def result_html(result: Result) -> str:
     display = Display(system=result.campaign.units)
     table = result.tables[result.shown[0]] if result.shown else Table.of("nothing", ())
     notes = [display.words(text) for text in (*result.answer, *(fact.sentence for fact in result.facts))]
+    notes += against_lines(result, display)
     return card(f"{result.campaign.name}: {display.words(result.title)}", table, notes, display)
 
 
