@@ -9,6 +9,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import read_notes
 from crashfuse.certification import file_store, seal
 from crashfuse.certification.certify import APPROACH
+from crashfuse.certification.certify import certify as certify_campaign
 from crashfuse.certification.criteria import read_criteria
 from crashfuse.certification.earlier import FILE, read_earlier
 from crashfuse.certification.matrix import Matrix
@@ -16,7 +17,6 @@ from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
 from crashfuse.cli.output import opened, say, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
-from crashfuse.results import verdicts
 from crashfuse.results.certification import certification_result
 from crashfuse.results.files import replaced, write_files
 from crashfuse.results.training_progress import watching
@@ -38,7 +38,7 @@ def certify(arguments: argparse.Namespace) -> None:
         earlier.require_of(campaign)  # or another vehicle's would be told only once all is computed
     matrix = _matrix(arguments, campaign)
     with watching() as watch:
-        judged = verdicts.certify(
+        judged = certify_campaign(
             campaign, criteria, matrix, costs=arguments.costs, robustness=arguments.robustness,
             approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,

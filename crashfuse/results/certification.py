@@ -14,7 +14,7 @@ from crashfuse.results.certification_facts import PLACES, against, answer, excep
 from crashfuse.results.certification_record import certification_json
 from crashfuse.results.certification_tables import csv_as_given, makers_of_tables
 from crashfuse.results.display import Display, DisplayOptions
-from crashfuse.results.drawing import DrawnFigure
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.results.provenance import certify_command
 from crashfuse.results.result import Deferred, Figure, Result
@@ -92,7 +92,7 @@ def _figures(certification: Certification) -> dict[str, Figure]:
     return figures
 
 
-def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> DrawnFigure:
+def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> Drawing:
     """A figure of a certification, see :meth:`Certification.plot`."""
     shown = Display.of(certification.campaign.units, **display)
     return one_of("figure of verdicts", figure, _figures(certification)).draw(shown)

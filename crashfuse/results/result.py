@@ -10,7 +10,7 @@ from typing import Generic, NamedTuple, Self, TypeVar
 from crashfuse import views
 from crashfuse.campaign import Campaign
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import DrawnFigure
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.table import Table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import Fact, campaign_facts
@@ -43,12 +43,12 @@ class Figure(NamedTuple):
     """A drawing under its title."""
 
     title: str
-    draw: Callable[[Display], DrawnFigure]
+    draw: Callable[[Display], Drawing]
     is_answer: bool = False  # what was asked, so the first of the slides
-    sheets: tuple[Callable[[Display], DrawnFigure], ...] = ()  # its parts on paper, if one page cannot hold it
+    sheets: tuple[Callable[[Display], Drawing], ...] = ()  # its parts on paper, if one page cannot hold it
 
     @property
-    def drawn(self) -> tuple[Callable[[Display], DrawnFigure], ...]:
+    def drawn(self) -> tuple[Callable[[Display], Drawing], ...]:
         """What paper and slides show of it."""
         return self.sheets or (self.draw,)
 

@@ -355,7 +355,7 @@ def test_what_a_test_off_its_condition_measured_is_moved_there_as_the_cae_model_
         assert (crush.wrong, peak.shift) == (False, 0)
         assert peak.measured == pytest.approx(raw["peak"])
         words = f"{limit.shown(raw['max_crush'])} ({limit.shown(crush.measured)} at its condition, by the CAE model)"
-        assert words in SHOWN["since"](own, DEFAULT).texts()["Measured"].tolist()
+        assert words in certification_result(own).tables["since"].texts()["Measured"].tolist()
 
 
 def test_what_does_not_count(today: Certification) -> None:

@@ -254,7 +254,7 @@ def test_what_stands_apart_is_named_beside_the_answer(certification: Certificati
     found = near(certification)
     beside = verdict_matrix(found).figure().layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
     assert list(beside) == ["run", "run", "run; T1 stands apart"]
-    assert planned_table(found, DEFAULT).frame["Answer"].tolist() == ["run"] * 3
+    assert certification_result(found).tables["planned"].frame["Answer"].tolist() == ["run"] * 3
     *_, last = planned(found)
     assert (last.id, last.word, last.why) == ("M70", "run", "open: crush, OLC, rating; T1 stands apart there")
 
@@ -308,8 +308,8 @@ def test_the_saving_to_expect_is_that_of_the_costs(certification: Certification)
 
 
 def test_the_order_is_that_of_a_review(text: str) -> None:
-    """The answer on a page of its own, intended use, verification before validation, prediction, track record, exceptions; signatures last."""
-    first, *_ = text.split("<section id=use>")
+    """The answer, intended use, verification before validation, prediction, record, exceptions; signatures last."""
+    first = text.partition("<section id=use>")[0].rpartition("<h1>")[2]
     places = [first.index(mark) for mark in ("class=verdict>", "<th>Planned test</th>", "<th>Limit</th>", "Made on")]
     assert places == sorted(places)
     assert first.count("<p>") <= 3 + 1  # and when it was made
