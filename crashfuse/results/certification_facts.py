@@ -146,8 +146,8 @@ _RECORD = (
 )
 PLACES: Mapping[Place, tuple[str, ...]] = {
     "answer": (
-        *("matrix.saved", "matrix.skipping_loses", "since.outcomes", "record.none", "record.waived", "costs.saving"),
-        "matrix.run_first",
+        *("matrix.saved", "matrix.skipping_loses", "since.outcomes", "record.none", "record.waived", "since.beside"),
+        *("costs.saving", "matrix.run_first"),
     ),
     "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first"),
     "costs": _COSTS,

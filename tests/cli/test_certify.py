@@ -169,13 +169,12 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     digest = hashlib.sha256((first / "certification.json").read_bytes()).hexdigest()
     assert digest in [own.digest for own in listed]
     assert f"SHA-256 of certification.json: {digest}" in printed
+    assert f"Tests that it did not know: {last}." in printed
     table = pd.read_csv(second / "track_record.csv").query("left_out == 'planned'")
     assert table["held_out"].tolist() == [last, last]  # the rating would be that of another prediction
     measured = {metric.name: metric.value for metric in campaign.metrics_of(campaign.test(last))}
     assert table["measured"].tolist() == pytest.approx([measured["max_crush"], measured["peak"]], rel=1e-5)
-    report = (second / "report.html").read_text(encoding="utf-8")
-    assert all(words in report for words in ("what became of them", f"Tests that it did not know: {last}."))
-    assert "Tests run since, ratings aside" in printed
+    assert "what became of them" in (second / "report.html").read_text(encoding="utf-8")
     said = shell.wrong_data(*certifying(planned, tmp_path / "third", *grid, "--since", planned))
     assert "certification.json: expected the record of a certification" in said
     assert not (tmp_path / "third").exists()
