@@ -7,6 +7,8 @@ from .campaign_folder.writer import campaign_of_frames as campaign_of_frames
 from .campaign_folder.writer import conditions_frame as conditions_frame
 from .campaign_folder.writer import pulses_frame as pulses_frame
 from .results.campaign import campaign_result as campaign_result
+from .results.certification import certification_figure as certification_figure
+from .results.certification import certification_result as certification_result
 from .results.certification_tables import certification_table as certification_table
 from .results.certification_tables import counts_frame as counts_frame
 from .results.certification_tables import track_record_table as track_record_table
@@ -20,7 +22,6 @@ from .results.figures import campaign_figure as campaign_figure
 from .results.figures import figure_of_test as figure_of_test
 from .results.figures import overview as overview
 from .results.figures import prediction_name as prediction_name
-from .results.files import write_old as write_old
 from .results.files import write_result as write_result
 from .results.fit_explanations import campaign_events as campaign_events
 from .results.learning_curve import learning_curve_result as learning_curve_result
@@ -44,8 +45,6 @@ from .results.result_tables import scores_table as scores_table
 from .results.result_tables import study_metrics as study_metrics
 from .results.result_tables import study_pulses as study_pulses
 from .results.study import study_result as study_result
-from .results.verdicts import certification_figure as certification_figure
-from .results.verdicts import certification_html as certification_html
 
 _P = typing.ParamSpec("_P")
 

@@ -45,6 +45,12 @@ class Figure(NamedTuple):
     title: str
     draw: Callable[[Display], Drawing]
     is_answer: bool = False  # what was asked, so the first of the slides
+    sheets: tuple[Callable[[Display], Drawing], ...] = ()  # its parts on paper, if one page cannot hold it
+
+    @property
+    def drawn(self) -> tuple[Callable[[Display], Drawing], ...]:
+        """What paper and slides show of it."""
+        return self.sheets or (self.draw,)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -65,6 +71,8 @@ class Result:
         What was asked, in sentences that come first in every medium.
     cautions : tuple of str
         What has to be known besides the facts of its campaign.
+    against : mapping
+        What speaks most against the answer, by subject.
     shown : tuple of str
         Names of the tables that answer, too, in terminal and notebook.
     sentences, tables, figures, parts, values : mapping
@@ -82,6 +90,7 @@ class Result:
     held_out: tuple[str, ...] = ()
     answer: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
+    against: Mapping[str, str] = field(default_factory=dict)
     shown: tuple[str, ...] = ()
     sentences: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
@@ -112,8 +121,9 @@ class Result:
         return *(fact.sentence for fact in self.facts), *self.cautions
 
     def all_figures(self) -> Iterator[Figure]:
-        """Its figures and those of its parts, these under the titles of both."""
-        yield from self.figures.values()
+        """Its figures, sheet by sheet, and those of its parts, these under the titles of both."""
+        for figure in self.figures.values():
+            yield from (figure._replace(draw=draw, sheets=()) for draw in figure.drawn)
         for part in (part for parts in self.parts.values() for part in parts):
             for figure in part.all_figures():
                 yield figure._replace(title=joined([part.title, figure.title], ": "))

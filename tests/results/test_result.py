@@ -1,10 +1,12 @@
 """Every kind of result is shown by the same renderers."""
 
 from collections.abc import Callable
+from html import unescape
 
 import pytest
 
 from crashfuse.campaign import Campaign
+from crashfuse.results.certification import certification_result
 from crashfuse.results.comparison import comparison_result
 from crashfuse.results.display import Display
 from crashfuse.results.files import RESULT_FILES
@@ -20,7 +22,7 @@ from crashfuse.study.prediction import PredictedPulse
 from crashfuse.units import KPH_KG
 from tests.results.test_comparison import SECOND
 from tests.results.test_report import CONFIG, estimate
-from tests.results.test_units import ranking, study, sweep
+from tests.results.test_units import certification, ranking, study, sweep
 from tests.study.test_history import FIRST
 from tests.study.test_history import study as past_study
 
@@ -29,6 +31,7 @@ KINDS: dict[str, Callable[[Campaign], Result]] = {
     "study": lambda campaign: study_result(study(campaign)),
     "comparison": lambda _: comparison_result(StudyComparison(past_study(FIRST), past_study(SECOND))),
     "sweep": lambda campaign: sweep_result(sweep(campaign)),
+    "certification": lambda campaign: certification_result(certification(campaign)),
     "ranking of next tests": lambda campaign: next_tests_result(ranking(campaign)),
 }
 
@@ -47,6 +50,11 @@ def test_every_renderer_shows_every_kind(campaign: Campaign, kind: str) -> None:
         assert sentence in printed
         assert sentence in html
         assert sentence in slides.answers
+    for subject, sentence in result.against.items():
+        assert f"{subject}: {display.words(sentence)}" in slides.against
+        assert all(display.words(sentence) in shown for shown in (printed, unescape(html)))
+        assert subject in notebook
     for name in result.shown:
         for cell in result.tables[name].texts().iloc[0]:
             assert str(cell) in notebook
+    assert slides.table[1] == tuple(result.tables[result.shown[0]].texts(display).iloc[0])

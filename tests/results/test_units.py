@@ -19,7 +19,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
-from crashfuse.results.certification_report import certification_report
+from crashfuse.results.certification import certification_result
 from crashfuse.results.display import Display
 from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
@@ -105,7 +105,7 @@ REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
     "study": lambda campaign, display: study_report(study(campaign), display),
     "sweep": lambda campaign, display: report(sweep_result(sweep(campaign)), display),
     "next test": lambda campaign, display: report(next_tests_result(ranking(campaign)), display),
-    "certification": lambda campaign, display: certification_report(certification(campaign), display),
+    "certification": lambda campaign, display: report(certification_result(certification(campaign)), display),
 }
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "motion": lambda campaign, display: motion(campaign.tests[0], {}, display).figure(),

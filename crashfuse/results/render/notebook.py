@@ -5,6 +5,7 @@ from html import escape
 
 from crashfuse.campaign import Campaign
 from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.render.text import against_lines
 from crashfuse.results.result import Result
 from crashfuse.results.table import Cell, Column, Table
 from crashfuse.study.facts import campaign_facts
@@ -26,7 +27,7 @@ def result_html(result: Result) -> str:
     """A result in a notebook: what answers, and what has to be known of the data."""
     display = result.usual_display
     table = result.tables[result.shown[0]] if result.shown else Table.of("nothing", ())
-    notes = [display.words(text) for text in (*result.answer, *result.notices)]
+    notes = [*map(display.words, (*result.answer, *result.notices)), *against_lines(result, display)]
     return card(display.words(result.heading), table, notes, display)
 
 
