@@ -266,7 +266,7 @@ def _already_there(folder: Path, role: Role, table: ConditionTable | None, new: 
         return ()
     wanted = [run_id for run_id in again if run_id in conditions]
     same = set()
-    for run_id, _, record in PulseFiles(folder, role, None).records(wanted):
+    for run_id, _, record in PulseFiles(folder, role).records(wanted):
         if record is not None and run_id in wanted:
             close = np.allclose(conditions[run_id].vector, again[run_id].condition.vector, rtol=_SAME)
             same |= {run_id} if close and _is_same(record, again[run_id].pulse) else set()
@@ -320,11 +320,9 @@ def _check_readable(files: Mapping[str, str]) -> None:
 def _check_differ(folder: Path) -> None:
     settings, tests = read_settings(folder, [], []), _table(folder, "tests")
     if tests is not None:
-        tests = tests.without([place for place, test_id in enumerate(tests.ids) if test_id in settings.unused])
-        reader = PulseFiles(folder, "tests", settings.channel_filter_class)
-        accel = np.delete(reader.read(tests.ids, list(settings.unused)), reader.unread, axis=0)
-        problems: list[Problem] = []
-        check_tests_differ(tests.without(reader.unread), accel, reader.ends_s, problems, [])
+        tests = tests.without({place for place, test_id in enumerate(tests.ids) if test_id in settings.unused})
+        reader, problems = PulseFiles(folder, "tests", settings.channel_filter_class), list[Problem]()
+        check_tests_differ(reader.read(tests, settings.unused).without(reader.unread), problems, [])
         _refuse(problems)
 
 

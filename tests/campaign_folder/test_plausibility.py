@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from crashfuse.campaign_folder.condition_tables import ConditionTable
 from crashfuse.campaign_folder.editing import leave_out
 from crashfuse.campaign_folder.history import sample_folder
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.plausibility import find_gap, gap_s
+from crashfuse.condition import Condition
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.units import MPH, G
@@ -28,6 +31,12 @@ def half_sine(speed_mps: float, contact_s: float) -> FloatArray:
     return -1.1 * speed_mps * np.pi / 2 / 0.07 * np.where((at > 0) & (at < 1), np.sin(np.pi * np.clip(at, 0, 1)), 0.0)
 
 
+def table(speeds_mps: Iterable[float], pulses: Sequence[FloatArray]) -> ConditionTable:
+    """Rows at these speeds with these pulses."""
+    n, conditions = len(pulses), (Condition.of_vector([speed, 1000.0, 700.0]) for speed in speeds_mps)
+    return ConditionTable("cae", ("",) * n, tuple(conditions), (0,) * n, accel_mps2=np.array(pulses, np.float32))
+
+
 @settings(max_examples=30, deadline=None)
 @given(
     gap_mm=st.floats(100, 400),  # 5 ms at least: a shorter wait before a gentle pulse is no sudden contact
@@ -39,8 +48,7 @@ def test_the_distance_is_found_whatever_it_is(gap_mm: float, speeds: list[float]
     """In all runs or in half of them; each is moved through it by its speed, and the others are left as they are."""
     gaps = np.where(np.arange(len(speeds)) % every == 0, gap_mm * 1e-3, 0.0)
     pulses = [half_sine(v, gap / v) for v, gap in zip(speeds, gaps, strict=True)]
-    tests = half_sine(15.0, 0.0)[None].astype(np.float32)
-    gap = find_gap(np.array(speeds), np.array(pulses, dtype=np.float32), np.array([15.0]), tests)
+    gap = find_gap(table(speeds, pulses), table([15.0], [half_sine(15.0, 0.0)]))
     assert gap is not None
     assert gap.distance_m == pytest.approx(gap_mm * 1e-3, abs=8e-3)
     for v, own, pulse in zip(speeds, gaps, pulses, strict=True):
@@ -51,9 +59,8 @@ def test_the_distance_is_found_whatever_it_is(gap_mm: float, speeds: list[float]
 def test_what_is_late_over_no_one_distance_is_told_as_a_time(late_s: FloatArray) -> None:
     """A common trigger shifts all runs by one time, and two models may have two gaps: no distance is proposed."""
     speeds = np.linspace(6, 18, 8)
-    late = np.array([half_sine(v, by) for v, by in zip(speeds, late_s, strict=True)], dtype=np.float32)
-    tests = np.array([half_sine(v, 0.0) for v in speeds], dtype=np.float32)
-    gap = find_gap(speeds, late, speeds, tests)
+    late = [half_sine(v, by) for v, by in zip(speeds, late_s, strict=True)]
+    gap = find_gap(table(speeds, late), table(speeds, [half_sine(v, 0.0) for v in speeds]))
     assert gap is not None
     assert gap.distance_m is None
     assert gap.hides_tests
