@@ -28,18 +28,15 @@ write_campaign write_notes
 
 
 def test_the_public_names_are_these() -> None:
-    """A name that comes or goes is a decision, not an accident."""
     assert crashfuse.__all__ == NAMES.split()
 
 
 def test_every_public_name_can_be_imported_and_no_other() -> None:
-    """Names are found when first asked for, as in any module."""
     assert all(getattr(crashfuse, name) is not None for name in crashfuse.__all__)
     assert not hasattr(crashfuse, "magic")
 
 
 def test_all_errors_are_one_tree() -> None:
-    """Catching the base catches everything that is raised on purpose."""
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, Exception)]
     assert len(kinds) == 5
     assert all(issubclass(kind, crashfuse.CrashfuseError) for kind in kinds)
@@ -133,14 +130,12 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
 
 @pytest.mark.parametrize("kind", WRONG)
 def test_what_is_wrong_is_refused_where_it_is_given(kind: str) -> None:
-    """With the likely unit or the nearest word, and no other exception."""
     call, sentence = WRONG[kind]
     with pytest.raises(crashfuse.CrashfuseError, match=sentence):
         call()
 
 
 def test_one_thing_stands_for_a_series_of_it() -> None:
-    """A name, a window; equal settings are equal, however they are given."""
     one = crashfuse.StudyConfig(approaches="cae", windows_ms=60)  # type: ignore[arg-type]
     assert one == crashfuse.StudyConfig(approaches=["cae", "cae"], windows_ms=[60.0])  # type: ignore[arg-type]
     assert hash(one) == hash(crashfuse.StudyConfig(approaches=("cae",), windows_ms=(60.0,)))
@@ -192,7 +187,6 @@ CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which
 def test_whatever_is_given_is_taken_or_refused_in_a_sentence(
     name: str, campaign: Campaign, campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """No call has another exception for what a user may give for any argument."""
     monkeypatch.chdir(tmp_path)
     condition = campaign.tests[0].condition
     sound: dict[str, object] = {

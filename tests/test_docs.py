@@ -196,7 +196,6 @@ def test_a_reader_fetches_nothing_from_elsewhere(site: Path) -> None:
 
 @pytest.mark.slow
 def test_equations_and_docstrings_are_set(site: Path) -> None:
-    """Equations are MathML; no markup of another language, no unknown LaTeX and no unanswered request is left."""
     texts = {path: path.read_text(encoding="utf-8") for path in site.rglob("*.html")}
     assert sum(text.count("<math") for text in texts.values()) > 100
     left = re.compile(

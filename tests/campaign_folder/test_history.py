@@ -300,7 +300,6 @@ def interrupted(folder: Path) -> None:
 
 
 def test_opening_puts_an_interrupted_change_back(campaign_folder: Path) -> None:
-    """By whatever reads the campaign: rows, pulses and the changes before it."""
     leave_out(campaign_folder, ["T4"])
     (campaign_folder / "tests.csv").write_text((campaign_folder / "tests.csv").read_text().replace("T2", "B"))
     (campaign_folder / "tests" / "T2.csv").rename(campaign_folder / "tests" / "B.csv")
@@ -314,7 +313,6 @@ def test_opening_puts_an_interrupted_change_back(campaign_folder: Path) -> None:
 
 @pytest.mark.parametrize("spoilt", ["tests.csv", ".undo/000002/before/tests/B.csv", ".undo/000002/begun.json"])
 def test_what_was_changed_since_an_interruption_is_not_written_over(small: Path, tmp_path: Path, spoilt: str) -> None:
-    """One sentence says what to look at; nothing is touched until that was done."""
     folder = shutil.copytree(small, tmp_path / "car")
     interrupted(folder)
     (folder / spoilt).write_text("id,speed_mph\nmine,30\n")

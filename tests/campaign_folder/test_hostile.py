@@ -284,7 +284,6 @@ def test_a_spoilt_campaign_is_loaded_or_refused_in_sentences(
 @hostile
 @given(corruptions=st.lists(corruption, min_size=1, max_size=3))
 def test_a_check_of_a_spoilt_campaign_ends_with_0_or_1(sound: tuple[Path, Path], corruptions: list[Corruption]) -> None:
-    """Nothing that a terminal would obey is printed, and the last line counts the problems."""
     out, err = io.StringIO(), io.StringIO()
     with spoilt(sound[0], corruptions) as folder, redirect_stdout(out), redirect_stderr(err):
         code = cli.main(["check", str(folder)])
@@ -313,7 +312,6 @@ def test_spoilt_pulses_and_candidates_are_read_or_refused_in_sentences(
 
 
 def test_more_candidates_than_anyone_can_look_at_are_refused(tmp_path: Path) -> None:
-    """Before each is predicted."""
     path = tmp_path / "candidates.csv"
     rows = "".join(f"A{i},25,2000,1500\n" for i in range(1001))
     path.write_text(f"id,speed_mph,front_weight_lb,rear_weight_lb\n{rows}")

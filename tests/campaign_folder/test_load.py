@@ -29,7 +29,6 @@ def assert_same(one: Campaign, other: Campaign) -> None:
 
 
 def test_a_folder_holds_what_was_written(campaign: Campaign, campaign_folder: Path) -> None:
-    """Reading gives the very conditions and pulses, in SI, in float32, with nothing to warn of."""
     loaded = load_campaign(campaign_folder)
     assert_same(loaded, campaign)
     assert loaded.cae.accel_mps2.dtype == np.float32
@@ -88,7 +87,6 @@ REWRITTEN = {
 def test_every_form_of_the_folder_gives_the_same_campaign(
     campaign_folder: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One file a pulse or one tidy table, CSV or Parquet, wherever a batch ends: the numbers are the same."""
     before = load_campaign(campaign_folder)
     REWRITTEN[form](campaign_folder)
     monkeypatch.setattr("crashfuse.files.parquet._BATCH_ROWS", 7000)
@@ -98,7 +96,6 @@ def test_every_form_of_the_folder_gives_the_same_campaign(
 
 @pytest.mark.parametrize(("unit", "factor"), [("kph", KPH), ("mps", 1.0)])
 def test_units_are_converted_by_the_endings_of_columns(campaign_folder: Path, unit: str, factor: float) -> None:
-    """The same speed, weight, time and acceleration in other units are the same campaign."""
     before = load_campaign(campaign_folder)
     for name in ("tests.csv", "cae.csv"):
         table = pd.read_csv(campaign_folder / name)
@@ -210,7 +207,6 @@ def test_what_keeps_no_campaign_from_being_used_is_told(
 
 
 def test_filter_class_of_the_import_is_that_of_all_tests(campaign_folder: Path) -> None:
-    """Known if every test was imported with one class; else it is as supplied."""
     entries = [f'[[imported]]\nid = "T{i}"\nas = "tests"\nchannel_filter_class = 60.0\n' for i in range(1, 5)]
     others = [*entries[:3], entries[3].replace("60.0", '"none"')]
     for lines, told in ((entries, "CFC 60"), (entries[:3], "filtered as supplied"), (others, "filtered as supplied")):
@@ -227,7 +223,6 @@ def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
 
 
 def test_what_is_wrong_with_pulses_is_said_beside_what_is_wrong_with_their_table(campaign_folder: Path) -> None:
-    """An id twice, a word for a weight, a stretch without samples and a pulse that is missing: each is said."""
     put("tests.csv", 3, "id", "T1")(campaign_folder)
     put("tests.csv", 1, "rear_weight_lb", "heavy")(campaign_folder)
     edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(range(20, 41)))))(
@@ -259,7 +254,6 @@ def test_what_is_no_folder_is_named(campaign_folder: Path, name: str, found: str
 
 @pytest.mark.parametrize(("name", "what"), [("tests.csv", "speed_mph"), ("cae.csv", "id")])
 def test_a_fault_of_every_run_is_shown_twenty_times_and_counted(campaign_folder: Path, name: str, what: str) -> None:
-    """ΔV that does not fit, pulses that are missing: what is not listed is counted."""
     many = 30
     rows = [f"X{i},{80 if what == 'speed_mph' else 20},2000,1500" for i in range(many)]
     (campaign_folder / name).write_text("\n".join(["id,speed_mph,front_weight_lb,rear_weight_lb", *rows]))
@@ -342,7 +336,6 @@ def test_the_archive_in_the_folder_teaches_it_unless_another_is_named(
 
 
 def test_an_archive_that_cannot_be_used_is_one_problem_beside_the_others(campaign_folder: Path) -> None:
-    """One that this campaign is in twice, and a damaged one: the advice is to take it out."""
     path, plain = campaign_folder / "archive.cfa", load_campaign(campaign_folder)
     path.write_bytes(made_archive(plain, plain).content)
     (twice,) = problems_of(lambda: load_campaign(campaign_folder))

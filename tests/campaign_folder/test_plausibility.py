@@ -69,7 +69,6 @@ def test_what_is_late_over_no_one_distance_is_told_as_a_time(late_s: FloatArray)
 
 
 def test_one_run_before_the_barrier_hides_no_test(tmp_path: Path) -> None:
-    """It is told, and a test whose time zero is off is, too."""
     folder = tmp_path / "campaign"
     with_gap(folder, 0.2, every=40, filtered=False, slowest_mph=9)
     path = folder / "tests" / "T05.csv"
@@ -169,7 +168,6 @@ def test_records_as_they_should_be_are_not_warned_of(few: Path) -> None:
 @pytest.mark.parametrize(("late_ms", "word"), [(3.0, "late"), (5.0, "late"), (-5.0, "early")])
 @pytest.mark.parametrize("test_id", ["T01", "T05", "T11"])
 def test_a_shifted_record_is_told_of(few: Path, test_id: str, late_ms: float, word: str) -> None:
-    """The one test whose time zero is off is named, slow or fast, with what to check."""
     told = changed(few, test_id, late_ms=late_ms)
     assert {sentence.partition(":")[0] for sentence in told} == {f"tests.csv, {test_id}"}
     assert f" ms {word} by the other tests" in told[0]
@@ -180,7 +178,6 @@ def test_a_shifted_record_is_told_of(few: Path, test_id: str, late_ms: float, wo
 @pytest.mark.parametrize("offset_g", [-1.5, 1.5])
 @pytest.mark.parametrize("test_id", ["T02", "T03", "T09"])
 def test_an_offset_of_the_sensor_is_told_of(few: Path, test_id: str, offset_g: float) -> None:
-    """The one test whose sensor does not read zero at rest is named, with about the offset."""
     (told,) = [sentence for sentence in changed(few, test_id, offset_g=offset_g) if "mean acceleration" in sentence]
     assert told.startswith(f"tests.csv, {test_id}:")
     measured, expected = map(float, re.findall(r"(-?[\d.]+) g[, ]", told.replace("−", "-"))[:2])
