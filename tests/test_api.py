@@ -182,25 +182,30 @@ CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which
 }
 
 
+@pytest.fixture(scope="module")
+def sound(campaign: Campaign, shared_cache: Path) -> dict[str, object]:
+    """What each argument may be."""
+    condition, run = campaign.tests[0].condition, crashfuse.Run(crashfuse.Cache(shared_cache))
+    texts = {"approach": "cae", "test": "T1", "text": "x", "column": "a", "role": "time", "name": "x"}
+    numbers = {"dt_s": 8e-5, "window_ms": 40.0, "speed_mps": 28.0, "front_weight_kg": 950.0, "rear_weight_kg": 700.0}
+    pulses = {"accel_mps2": BRAKING, "time_s": TIME_S, **dict.fromkeys(("reference", "comparison"), BRAKING)}
+    series = {"windows_ms": (40.0,), "criteria": [{"metric": "peak", "at_most": 30.0}], "ids": ("A",), "notes": []}
+    conditions = {"condition": condition, "conditions": (condition,), "matrix": pd.DataFrame()}
+    config = crashfuse.StudyConfig(("cae",))
+    made = {"campaign": campaign, "config": config, "fit": crashfuse.Fit.of(campaign, "cae", config, run)}
+    study = crashfuse.run_study(campaign, held_out=["T1"], approaches=["cae"], workers=1, cache=run.cache)
+    return {**texts, **numbers, **pulses, **series, **conditions, **made, "study": study}
+
+
 @pytest.mark.usefixtures("one_cache")
 @pytest.mark.parametrize("name", CALLS)
 def test_whatever_is_given_is_taken_or_refused_in_a_sentence(
-    name: str, campaign: Campaign, campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, sound: dict[str, object], campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    condition = campaign.tests[0].condition
-    sound: dict[str, object] = {
-        "accel_mps2": BRAKING, "time_s": TIME_S, "dt_s": 8e-5, "window_ms": 40.0, "windows_ms": (40.0,),
-        "speed_mps": 28.0, "front_weight_kg": 950.0, "rear_weight_kg": 700.0, "campaign": campaign,
-        "condition": condition, "approach": "cae", "config": crashfuse.StudyConfig(("cae",)),
-        "criteria": [{"metric": "peak", "at_most": 30.0}], "matrix": pd.DataFrame(), "test": "T1", "text": "x",
-        "ids": ("A",), "conditions": (condition,), "column": "a", "role": "time", "name": "x", "notes": [],
-        **dict.fromkeys(("reference", "comparison"), BRAKING), "fit": crashfuse.Fit.of(campaign, "cae"),
-        **dict.fromkeys(("folder", "path", "source", "out", "table"), tmp_path / "none"),
-        "study": crashfuse.run_study(campaign, held_out=["T1"], approaches=["cae"], workers=1),
-    }  # fmt: skip
+    paths = dict.fromkeys(("folder", "path", "source", "out", "table"), tmp_path / "none")
     arguments = CALLS[name]
-    given = {argument: sound[argument] for argument in arguments if argument in sound}
+    given = {argument: value for argument, value in (sound | paths).items() if argument in arguments}
     if name in ("rate_files", "rate_channels", "explain_files"):
         given |= dict.fromkeys(("reference", "comparison"), campaign_on_disk / "tests" / "T1.csv")
     for argument in arguments:

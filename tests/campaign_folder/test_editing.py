@@ -26,6 +26,7 @@ from crashfuse.errors import DataError, UsageError
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import KPH, LB, MPH
 from tests.archives import made_archive
+from tests.campaign_folder.test_load import reshape
 from tests.conftest import Capture, content_of, problems_of
 
 CONDITION = Condition.of_vector([30 * MPH, 2050 * LB, 1500 * LB], (("drive", "AWD"), ("colour", "red")))
@@ -45,7 +46,7 @@ def addition(run_id: str = "New", speed_mph: float = 30.0) -> editing.Addition:
 @pytest.mark.parametrize("role", ["tests", "cae"])
 @pytest.mark.parametrize("form", ["files", "parquet", "csv"])
 def test_a_pulse_is_added_where_the_others_are_and_taken_back(campaign_folder: Path, role: str, form: str) -> None:
-    _reshape(campaign_folder, role, form)
+    reshape(campaign_folder, role, form)
     before, content = load_campaign(campaign_folder), content_of(campaign_folder)
     new, rows = addition("10146"), (campaign_folder / f"{role}.csv").read_bytes()
     editing.add_to_campaign(campaign_folder, {role: [new]})  # type: ignore[dict-item]
@@ -153,30 +154,6 @@ def test_an_addition_cut_short_leaves_all_as_it_was(campaign_folder: Path, monke
     monkeypatch.undo()
     editing.add_to_campaign(campaign_folder, {"tests": [addition()]})
     assert load_campaign(campaign_folder).test_ids[-1] == "New"
-
-
-def _reshape(folder: Path, role: str, form: str) -> None:
-    """Rewrite the pulses of a role in another form, in ms and m/s²."""
-    loaded = load_campaign(folder)
-    pulses = (
-        [(test.id, test.pulse.accel_mps2) for test in loaded.tests]
-        if role == "tests"
-        else list(zip(loaded.cae.ids, loaded.cae.accel_mps2.astype(float), strict=True))
-    )
-    shutil.rmtree(folder / role, ignore_errors=True)
-    (folder / f"{role}_pulses.parquet").unlink(missing_ok=True)
-    tables = [
-        pd.DataFrame({"id": run_id, "time_ms": GRID_S * 1e3, "acceleration_mps2": accel}) for run_id, accel in pulses
-    ]
-    match form:
-        case "files":
-            (folder / role).mkdir()
-            for (run_id, _), table in zip(pulses, tables, strict=True):
-                table.drop(columns="id").to_csv(folder / role / f"{run_id}.csv", index=False)
-        case "parquet":
-            pd.concat(tables).astype({"id": "category"}).to_parquet(folder / f"{role}_pulses.parquet", index=False)
-        case "csv":
-            pd.concat(tables).to_csv(folder / f"{role}_pulses.csv", index=False)
 
 
 SETTINGS = '# ours\nname = "Our car"  # the red one\n\n[occupant]\nvpi_slack_mm = 20.0\n'
@@ -302,7 +279,7 @@ def test_a_damaged_test_can_be_left_out(folder: Path) -> None:
 
 @pytest.mark.parametrize("form", ["files", "parquet", "csv"])
 def test_a_test_is_taken_out_and_back(folder: Path, form: str) -> None:
-    _reshape(folder, "tests", form)
+    reshape(folder, "tests", form)
     editing.leave_out(folder, ["T2"])
     before, loaded = content_of(folder), load_campaign(folder)
     lines = (folder / "tests.csv").read_bytes().splitlines(keepends=True)
@@ -313,7 +290,7 @@ def test_a_test_is_taken_out_and_back(folder: Path, form: str) -> None:
     assert after.warnings == ()
     assert after.fingerprint == loaded.without(["T4"]).fingerprint
     assert (folder / "tests.csv").read_bytes() == b"".join([lines[0], lines[1], lines[3]])
-    assert not list((folder / "tests").glob("T[24].csv"))
+    assert not list((folder / "tests").glob("T[24].*"))
     assert undo(folder).what == "Taken out: T2, T4"
     assert content_of(folder) == before
 

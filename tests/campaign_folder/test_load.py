@@ -2,7 +2,9 @@
 
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -36,21 +38,23 @@ def test_a_folder_holds_what_was_written(campaign: Campaign, campaign_folder: Pa
     assert loaded.name == "campaign"
 
 
-def _cae_as_files(folder: Path) -> None:
-    (folder / "cae").mkdir()
-    for i, (run_id, rows) in enumerate(pd.read_parquet(folder / "cae_pulses.parquet").groupby("id")):
-        rows = rows.drop(columns="id")
-        if i % 2:
-            rows.to_csv(folder / "cae" / f"{run_id}.csv", index=False)
-        else:
-            rows.to_parquet(folder / "cae" / f"{run_id}.parquet", index=False)
-    (folder / "cae_pulses.parquet").unlink()
+def reshape(folder: Path, role: str, form: str) -> None:
+    """Rewrite the pulses of a role in another form, in ms and m/s²: one table, or files in both formats."""
+    loaded = load_campaign(folder)
+    pulses = loaded.test_pulses_frame if role == "tests" else loaded.cae_pulses_frame
+    pulses["acceleration_mps2"] = G * pulses.pop("acceleration_g")
+    shutil.rmtree(folder / role, ignore_errors=True)
+    (folder / f"{role}_pulses.parquet").unlink(missing_ok=True)
+    if form != "files":
+        _write(pulses, folder / f"{role}_pulses.{form}")
+        return
+    (folder / role).mkdir()
+    for n, (run_id, rows) in enumerate(pulses.groupby("id", observed=True)):
+        _write(rows.drop(columns="id"), folder / role / f"{run_id}.{('csv', 'parquet')[n % 2]}")
 
 
-def _tests_as_table(folder: Path) -> None:
-    files = sorted((folder / "tests").iterdir())
-    pd.concat([pd.read_csv(file).assign(id=file.stem) for file in files]).to_parquet(folder / "tests_pulses.parquet")
-    shutil.rmtree(folder / "tests")
+def _write(table: pd.DataFrame, path: Path) -> None:
+    (table.to_csv if path.suffix == ".csv" else table.to_parquet)(path, index=False)
 
 
 def _as_a_spreadsheet_leaves_it(folder: Path) -> None:
@@ -59,27 +63,21 @@ def _as_a_spreadsheet_leaves_it(folder: Path) -> None:
         path.write_text("\ufeff" + "\r\n".join([*(f"{line}," if line else line for line in lines), ",,", ",,", ""]))
 
 
-def _cae(write: Callable[[pd.DataFrame, Path], object]) -> Callable[[Path], None]:
+def _cae(change: Callable[[pd.DataFrame], pd.DataFrame], **options: Any) -> Callable[[Path], None]:
     """Write the table of CAE pulses otherwise."""
-
-    def rewrite(folder: Path) -> None:
-        path = folder / "cae_pulses.parquet"
-        table = pd.read_parquet(path)
-        path.unlink()
-        write(table, path)
-
-    return rewrite
+    name = "cae_pulses.parquet"
+    return lambda folder: change(pd.read_parquet(folder / name)).to_parquet(folder / name, **options)
 
 
-REWRITTEN = {
-    "CAE as CSV": _cae(lambda table, path: table.to_csv(path.with_suffix(".csv"), index=False)),
-    "CAE as files": _cae_as_files,
-    "tests as table": _tests_as_table,
-    "categories": _cae(lambda table, path: table.astype({"id": "category"}).to_parquet(path, row_group_size=777)),
-    "ids as index": _cae(lambda table, path: table.set_index("id").to_parquet(path)),
-    "numbers as text": _cae(lambda table, path: table.assign(time_ms=table["time_ms"].map(repr)).to_parquet(path)),
+REWRITTEN: dict[str, Callable[[Path], None]] = {
+    "cae as csv": partial(reshape, role="cae", form="csv"),
+    "cae as files": partial(reshape, role="cae", form="files"),
+    "tests as parquet": partial(reshape, role="tests", form="parquet"),
+    "categories": _cae(lambda table: table.astype({"id": "category"}), row_group_size=777),
+    "ids as index": _cae(lambda table: table.set_index("id")),
+    "numbers as text": _cae(lambda table: table.assign(time_ms=table["time_ms"].map(repr))),
     "as a spreadsheet leaves it": _as_a_spreadsheet_leaves_it,
-    "small batches": _cae(lambda table, path: table.to_parquet(path, row_group_size=1000)),
+    "small batches": _cae(lambda table: table, row_group_size=1000),
 }
 
 
@@ -215,7 +213,7 @@ def test_filter_class_of_the_import_is_that_of_all_tests(campaign_folder: Path) 
 
 
 def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
-    REWRITTEN["CAE as CSV"](campaign_folder)
+    reshape(campaign_folder, "cae", "csv")
     for name in ("cae.csv", "cae_pulses.csv"):
         path = campaign_folder / name
         path.write_text(path.read_text().replace("C07,", "NA,"))
