@@ -100,10 +100,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "ms for s": (lambda: crashfuse.Pulse(1e3 * TIME_S, BRAKING), "0.08 ms are 8e-05 s"),
     "window as text": (lambda: crashfuse.rate_iso18571(BRAKING, BRAKING, dt_s=8e-5, window_ms="60"), "is a number"),  # type: ignore[arg-type]
     "a path": (lambda: crashfuse.rate_iso18571("a.csv", "b.csv", dt_s=8e-5), "expected an array of numbers"),  # type: ignore[arg-type]
-    "a step of pulses": (
-        lambda: crashfuse.rate_iso18571(PULSE, PULSE, dt_s=8e-5),
-        "leave out",
-    ),
+    "a step of pulses": (lambda: crashfuse.rate_iso18571(PULSE, PULSE, dt_s=8e-5), "leave out"),
     "other sign": (lambda: crashfuse.pulse_metrics(-BRAKING, 28.0), "change its sign"),
     "g for m/s²": (lambda: crashfuse.pulse_metrics(BRAKING / 9.80665, 28.0), "if it is in g"),
     "mm/s² for m/s²": (lambda: crashfuse.pulse_metrics(BRAKING * 1e3, 28.0), "correct the unit"),
