@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from crashfuse import errors
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.condition import ABOUT, FILE_UNITS, QUANTITIES, About, Condition
 from crashfuse.crash_test import TUNED
-from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, refusal, shortened
+from crashfuse.errors import CORRECT_CELL, KEEP_ONE, DataError, Problem, collecting, printable, refuse_if, shortened
 from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
 from crashfuse.files.parquet import EMPTY
@@ -139,8 +140,8 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
 def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
     conditions = read_conditions(path, by_hand=True).conditions
-    if (count := len(conditions)) > _MOST_CANDIDATES:
-        raise refusal(path.name, f"at most {_MOST_CANDIDATES} candidates", f"{count}", "leave some out")
+    expected, count = f"at most {_MOST_CANDIDATES} candidates", len(conditions)
+    refuse_if(count > _MOST_CANDIDATES, path.name, expected, f"{count}", "leave some out")
     return conditions
 
 
@@ -220,20 +221,14 @@ def safe_id(name: str) -> str:
 
 
 def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
-    if not path.exists():
-        problems.append(Problem(path.name, "this file", NO_FILE, "add it"))
-        return None
-    try:
+    with collecting(problems):
+        refuse_if(not path.exists(), path.name, "this file", errors.NO_FILE, "add it")
         names, rows, numbers = read_rows(path, path.name, by_hand=by_hand, most_rows=_MOST_ROWS[role])
-    except DataError as error:
-        problems.extend(error.problems)
-        return None
-    if not rows:
-        problems.append(Problem(path.name, "a header and at least one row", *EMPTY))
-        return None
-    kept = [at for at, name in enumerate(names) if name]
-    cells = pd.DataFrame([[row[at] for at in kept] for row in rows], columns=[names[at] for at in kept], index=numbers)
-    return cells.astype(str)
+        refuse_if(not rows, path.name, "a header and at least one row", *EMPTY)
+        kept = [at for at, name in enumerate(names) if name]
+        cells = [[row[at] for at in kept] for row in rows]
+        return pd.DataFrame(cells, columns=[names[at] for at in kept], index=numbers).astype(str)
+    return None
 
 
 def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]:
