@@ -205,10 +205,10 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.readers.formats import FORMATS
 
 folder, place, source = sys.argv[1:]
-few, at = ["--approach", "displacement_domain"], "--speed-mph 20 --front-weight-lb 2000 --rear-weight-lb 1500".split()
+few, at = ["--approach", "cae"], "--speed-mph 20 --front-weight-lb 2000 --rear-weight-lb 1500".split()
 for command in (
     ["check", folder],
-    ["study", folder, *few, "--workers", "1", "--out", f"{place}/study"],
+    ["study", folder, "--held-out", "T3", *few, "--workers", "1", "--out", f"{place}/study"],
     ["predict", folder, *at, *few, "--out", f"{place}/predicted"],
     ["next-test", folder, "--out", f"{place}/next"],
     ["import", source, "--format", "csv", "--out", f"{place}/imported"],
