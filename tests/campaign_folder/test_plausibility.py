@@ -11,6 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import ConditionTable
 from crashfuse.campaign_folder.editing import leave_out
 from crashfuse.campaign_folder.history import sample_folder
@@ -68,22 +69,29 @@ def test_what_is_late_over_no_one_distance_is_told_as_a_time(late_s: FloatArray)
     assert "check the time zero of the CAE runs" in gap.warning
 
 
-def test_one_run_before_the_barrier_hides_no_test(tmp_path: Path) -> None:
+def test_one_run_before_the_barrier_hides_no_test(sample: Campaign, tmp_path: Path) -> None:
     folder = tmp_path / "campaign"
-    with_gap(folder, 0.2, every=40, filtered=False, slowest_mph=9)
-    path = folder / "tests" / "T05.csv"
-    record = pd.read_csv(path)
-    record["acceleration_g"] = np.interp(record["time_ms"] - 5, record["time_ms"], record["acceleration_g"], left=0.0)
-    record.to_csv(path, index=False)
-    gap, late = load_campaign(folder).warnings
+    with_gap(sample, folder, 0.2, every=40, filtered=False, slowest_mph=9)
+    gap, late = changed(folder, "T05", late_ms=5.0)
     assert proposed_mm(gap) == pytest.approx(200, abs=4)
     assert "not compared" not in gap
     assert late.startswith("tests.csv, T05: its deceleration begins")
 
 
-def with_gap(folder: Path, gap_m: float, *, every: int, filtered: bool, slowest_mph: float) -> FloatArray:
+def with_runs(folder: Path, runs: pd.DataFrame, pulses: pd.DataFrame) -> Path:
+    """The sample's tests with other CAE runs."""
+    folder.mkdir(exist_ok=True)
+    runs.to_csv(folder / "cae.csv", index=False)
+    pulses.to_parquet(folder / "cae_pulses.parquet", index=False)
+    shutil.copy(sample_folder() / "tests.csv", folder)
+    shutil.copytree(sample_folder() / "tests", folder / "tests")
+    return folder
+
+
+def with_gap(
+    sample: Campaign, folder: Path, gap_m: float, *, every: int, filtered: bool, slowest_mph: float
+) -> FloatArray:
     """The sample with some of its CAE runs, 200 ms long, of which some begin before the barrier; their pulses."""
-    sample = load_campaign(sample_folder())
     runs = pd.read_csv(sample_folder() / "cae.csv")
     runs = runs[runs["speed_mph"] > slowest_mph].iloc[::25]
     tables, wanted = [], []
@@ -94,11 +102,7 @@ def with_gap(folder: Path, gap_m: float, *, every: int, filtered: bool, slowest_
         record = cfc_filter(record, cfc=60, dt_s=DT_S) if filtered else record
         tables.append(pd.DataFrame({"id": run_id, "time_s": LONG_S, "acceleration_g": record / G}))
         wanted.append(np.interp(GRID_S + after_s, LONG_S, record))
-    folder.mkdir()
-    runs.to_csv(folder / "cae.csv", index=False)
-    pd.concat(tables).to_parquet(folder / "cae_pulses.parquet", index=False)
-    shutil.copy(sample_folder() / "tests.csv", folder)
-    shutil.copytree(sample_folder() / "tests", folder / "tests")
+    with_runs(folder, runs, pd.concat(tables))
     return np.array(wanted)
 
 
@@ -108,10 +112,12 @@ def proposed_mm(told: str) -> int:
 
 
 @pytest.mark.parametrize(("every", "filtered", "gap_mm"), [(1, False, 200), (1, True, 120), (2, False, 300)])
-def test_a_library_with_a_gap_accuses_no_test(tmp_path: Path, every: int, filtered: bool, gap_mm: int) -> None:
+def test_a_library_with_a_gap_accuses_no_test(
+    sample: Campaign, tmp_path: Path, every: int, filtered: bool, gap_mm: int
+) -> None:
     """One note says how far and what to do; with the setting nothing is left to say, and pulses begin at contact."""
     folder = tmp_path / "campaign"
-    wanted = with_gap(folder, gap_mm * 1e-3, every=every, filtered=filtered, slowest_mph=9)
+    wanted = with_gap(sample, folder, gap_mm * 1e-3, every=every, filtered=filtered, slowest_mph=9)
     (told,) = load_campaign(folder).warnings
     assert proposed_mm(told) == pytest.approx(gap_mm, abs=10 if filtered else 4)
     assert ("the CAE runs" in told.split(":")[1][:14]) == (every == 1)
@@ -124,26 +130,27 @@ def test_a_library_with_a_gap_accuses_no_test(tmp_path: Path, every: int, filter
         assert proposed_mm(load_campaign(folder).warnings[0]) == pytest.approx(gap_mm, abs=4)
 
 
-def test_a_run_that_never_gets_there_names_the_gap(tmp_path: Path) -> None:
+def test_a_run_that_never_gets_there_names_the_gap(sample: Campaign, tmp_path: Path) -> None:
     """At 2 m/s a gap of 300 mm takes 150 ms: the run is refused as before, with the gap as the thing to check."""
     folder = tmp_path / "campaign"
-    with_gap(folder, 0.3, every=1, filtered=False, slowest_mph=0)
+    with_gap(sample, folder, 0.3, every=1, filtered=False, slowest_mph=0)
     assert {problem.advice for problem in problems_of(lambda: load_campaign(folder))} == {
         "take the gap before the barrier out: cae_gap_mm = 300 in campaign.toml"
     }
 
 
-@pytest.fixture
-def few(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def tenth(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sample's tests with every tenth of its CAE runs."""
-    sample = sample_folder()
-    runs = pd.read_csv(sample / "cae.csv").iloc[::10]
-    runs.to_csv(tmp_path / "cae.csv", index=False)
-    pulses = pd.read_parquet(sample / "cae_pulses.parquet")
-    pulses[pulses["id"].isin(runs["id"])].to_parquet(tmp_path / "cae_pulses.parquet", index=False)
-    shutil.copy(sample / "tests.csv", tmp_path)
-    shutil.copytree(sample / "tests", tmp_path / "tests")
-    return tmp_path
+    runs = pd.read_csv(sample_folder() / "cae.csv").iloc[::10]
+    pulses = pd.read_parquet(sample_folder() / "cae_pulses.parquet")
+    return with_runs(tmp_path_factory.mktemp("tenth"), runs, pulses[pulses["id"].isin(runs["id"])])
+
+
+@pytest.fixture
+def few(tenth: Path, tmp_path: Path) -> Path:
+    """A copy to be changed."""
+    return shutil.copytree(tenth, tmp_path / "few")
 
 
 def changed(folder: Path, test_id: str, *, late_ms: float = 0.0, offset_g: float = 0.0) -> tuple[str, ...]:
