@@ -4,6 +4,7 @@ import inspect
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -67,13 +68,14 @@ def test_types_that_public_calls_ask_for_are_public() -> None:
 
 TIME_S = np.arange(1250) * 8e-5
 BRAKING = -680.0 * np.sin(np.pi * TIME_S / 0.07) * (TIME_S < 0.07)  # takes 30.3 m/s away, so it stops a vehicle at 28
-PULSE = crashfuse.Pulse(TIME_S, BRAKING)
+PULSE, TWO = crashfuse.Pulse(TIME_S, BRAKING), np.ones((600, 2))
+AT = partial(crashfuse.Condition.of, front_weight_kg=950.0, rear_weight_kg=700.0)
+BARE = partial(crashfuse.Condition, front_weight_kg=950.0, rear_weight_kg=700.0)
 
 
 def prediction() -> crashfuse.Prediction:
     """A prediction with two draws."""
-    condition = crashfuse.Condition(speed_mps=28.0, front_weight_kg=950.0, rear_weight_kg=700.0)
-    return crashfuse.Prediction(condition, BRAKING, np.array([BRAKING, 0.9 * BRAKING]))
+    return crashfuse.Prediction(BARE(speed_mps=28.0), BRAKING, np.array([BRAKING, 0.9 * BRAKING]))
 
 
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
@@ -88,14 +90,8 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "mm for m": (lambda: crashfuse.Choices(gap_m=390), "from 0 to 10 m, not 390"),
     "no condition": (lambda: crashfuse.Choices(condition="35 mph"), "takes a PartialCondition"),  # type: ignore[arg-type]
     "role": (lambda: crashfuse.ColumnChoice("Zeit", "zeit"), "There is no role of a column"),  # type: ignore[arg-type]
-    "two units": (
-        lambda: crashfuse.Condition.of(speed_mph=35, speed_kmh=56, front_weight_kg=950, rear_weight_kg=700),
-        "speed_kmh does not end in one of these units",
-    ),
-    "text for a speed": (
-        lambda: crashfuse.Condition(speed_mps="15", front_weight_kg=950, rear_weight_kg=700),  # type: ignore[arg-type]
-        "speed_mps is a number",
-    ),
+    "two units": (lambda: AT(speed_mph=35, speed_kmh=56), "speed_kmh does not end in one of these units"),
+    "text for a speed": (lambda: BARE(speed_mps="15"), "speed_mps is a number"),  # type: ignore[arg-type]
     "a note": (lambda: crashfuse.ReportOptions(notes=["x"]), "takes a Note"),  # type: ignore[arg-type]
     "ms for s": (lambda: crashfuse.Pulse(1e3 * TIME_S, BRAKING), "0.08 ms are 8e-05 s"),
     "window as text": (lambda: crashfuse.rate_iso18571(BRAKING, BRAKING, dt_s=8e-5, window_ms="60"), "is a number"),  # type: ignore[arg-type]
@@ -108,17 +104,11 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "draws": (lambda: crashfuse.pulse_metrics(BRAKING, 28.0, draws_mps2=np.ones((3, 7))), r"shape \(n_draws, 1250\)"),
     "per cent for a share": (lambda: prediction().band(95), "between 0 and 1, such as 0.95, not 95"),
     "a band upside down": (lambda: prediction().band(-0.95), "between 0 and 1"),
-    "two curves at once": (
-        lambda: crashfuse.rate_iso18571(np.ones((600, 2)), np.ones((600, 2)), dt_s=8e-5),
-        "one dimension, found one of 600 × 2",
-    ),
+    "two curves at once": (lambda: crashfuse.rate_iso18571(TWO, TWO, dt_s=8e-5), "one dimension, found one of 600 × 2"),
     "no filter class": (lambda: crashfuse.Choices(channel_filter_class=61), '60, 180, 600, 1000 or "none", not 61'),
     "nor of a comparison": (lambda: crashfuse.RatingChoices(channel_filter_class=61), "not 61"),
-    "no number": (lambda: crashfuse.Condition(speed_mps=np.nan, front_weight_kg=1.0, rear_weight_kg=1.0), "not nan"),
-    "factors": (
-        lambda: crashfuse.Condition(speed_mps=9.0, front_weight_kg=1.0, rear_weight_kg=1.0, factors={"drive": "AWD"}),  # type: ignore[arg-type]
-        "pairs of name and value",
-    ),
+    "no number": (lambda: BARE(speed_mps=np.nan), "not nan"),
+    "factors": (lambda: BARE(speed_mps=9.0, factors={"drive": "AWD"}), "pairs of name and value"),  # type: ignore[arg-type]
     "no folder": (lambda: crashfuse.load_campaign(None), "The path of a campaign folder is text"),  # type: ignore[arg-type]
     "a share in per cent": (lambda: crashfuse.QualityLimits("mine", hourglass_share=5), "5 % is 0.05"),
     "no campaign": (lambda: crashfuse.Fit.of("campaign", "cae"), "takes a Campaign"),  # type: ignore[arg-type]

@@ -347,11 +347,7 @@ def test_a_journal_from_elsewhere_touches_nothing_outside(folder: Path, name: ob
         (editing.leave_out, ["T1", "T2", "T4"], "At least one test has to stay in use."),
         (editing.use_again, ["T1"], "There is no test 'T1' that is left out of use; there is T3."),
         (editing.remove_tests, ["T1", "T2", "T4"], "At least one test has to stay in use."),
-        (
-            lambda folder, ids: editing.say_why(folder, ids[0], "loose"),
-            ["T1"],
-            "There is no test 'T1' that is left out of use; ",
-        ),
+        (lambda folder, ids: editing.say_why(folder, ids[0], ""), ["T1"], "no test 'T1' that is left out of use; "),
     ],
 )
 def test_what_cannot_be_edited_is_said(folder: Path, edit: Callable[..., str], ids: list[str], sentence: str) -> None:
