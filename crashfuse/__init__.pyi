@@ -21,6 +21,7 @@ from .errors import UsageError as UsageError
 from .execution.cache import Cache as Cache
 from .execution.progress import Watch as Watch
 from .execution.run import Run as Run
+from .execution.training_progress import watching as watching
 from .importing.campaign_import import import_source as import_source
 from .importing.detection import Choices as Choices
 from .importing.ratings import RatingChoices as RatingChoices
@@ -45,7 +46,6 @@ from .results.rating_tables import humps_table as humps_table
 from .results.render.figure_data import figure_table as figure_table
 from .results.render.html import ReportOptions as ReportOptions
 from .results.study_report import study_report as study_report
-from .results.training_progress import watching as watching
 from .results.verdicts import certify as certify
 from .signals.metrics import Metric as Metric
 from .signals.metrics import pulse_metrics as pulse_metrics

@@ -16,6 +16,7 @@ from .results.files import write_result as write_result
 from .results.fit_explanations import campaign_events as campaign_events
 from .results.plots.conditions import next_tests_figure as next_tests_figure
 from .results.plots.conditions import sweep_figure as sweep_figure
+from .results.plots.learning import learning_curves as learning_curves
 from .results.plots.learning import over_number_of_tests as over_number_of_tests
 from .results.render.html import ReportForm as ReportForm
 from .results.render.html import ReportOptions as ReportOptions

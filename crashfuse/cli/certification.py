@@ -16,12 +16,12 @@ from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
 from crashfuse.cli.output import opened, say_facts, say_written, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
+from crashfuse.execution.training_progress import watching
 from crashfuse.results import verdicts
 from crashfuse.results.certification_facts import sentences
 from crashfuse.results.certification_tables import SHOWN
 from crashfuse.results.display import Display
 from crashfuse.results.files import replaced
-from crashfuse.results.training_progress import watching
 
 _MOST = 40  # planned tests that are printed
 

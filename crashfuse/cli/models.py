@@ -13,10 +13,10 @@ from crashfuse.cli import output
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.errors import UsageError
 from crashfuse.execution.run import Run
+from crashfuse.execution.training_progress import watching
 from crashfuse.results import predicted
 from crashfuse.results.files import replaced, write_files, write_pulses
 from crashfuse.results.result_tables import next_tests_table
-from crashfuse.results.training_progress import watching
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study import archive_learning
 from crashfuse.study.config import StudyConfig

@@ -20,6 +20,7 @@ from crashfuse.cli import output
 from crashfuse.cli.models import given_settings, settings
 from crashfuse.cli.output import claim, opened, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
+from crashfuse.execution.training_progress import watching
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes, read_csv_table
 from crashfuse.results.files import begin_study, read_begun
@@ -28,7 +29,6 @@ from crashfuse.results.rating_tables import REPEAT, mean_values
 from crashfuse.results.render.html import ReportOptions
 from crashfuse.results.result_tables import gains_table, studies_table
 from crashfuse.results.study_report import comparison_report
-from crashfuse.results.training_progress import watching
 from crashfuse.study import learning_curve as curves
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig, StudyPlan

@@ -1,11 +1,9 @@
-"""Who is in front of a session, what others may see, the log-in, and the log of a server."""
+"""Who is in front of a session, what others may see, and the log-in."""
 
 import logging
 import os
-import re
 import tempfile
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,11 +11,10 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.errors import DataError, UsageError
+from crashfuse.execution.server_log import Visitor
 from crashfuse.files.archive import zipped
 from crashfuse.ui.kit import campaigns, uploads, visitors
 from crashfuse.ui.kit.computation import jobs
-from crashfuse.ui.kit.jobs import Jobs
-from crashfuse.ui.kit.visitors import Visitor
 from tests.conftest import Capture, content_of
 from tests.ui.conftest import Session, Visit
 from tests.ui.test_past_results import kept
@@ -163,49 +160,6 @@ def as_it_was() -> Iterator[None]:
     for handler in whole.handlers:
         handler.close()
     whole.handlers[:], whole.propagate = before
-
-
-def test_a_line_tells_when_who_and_what(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A job's start and end, with the reason if it failed; lines are appended, and none is made by a name."""
-    file = tmp_path / "log"
-    file.write_text("before\n")
-    monkeypatch.setenv(visitors.LOG, str(file))
-    visitors.begin_log()
-    visitors.note_in_log(ANNA, "opened /srv/evil\n2026 ben: opened everything")
-    assert Jobs().start("a", "sled: fit", lambda _: 1 / 0, ANNA).wait(10)
-    before, opened, *lines = file.read_text().splitlines()
-    assert before == "before"
-    stamp = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+-]\d{4} anna@example\.com: "
-    assert re.fullmatch(stamp + r"opened /srv/evil\\n2026 ben: opened everything", opened)
-    assert re.fullmatch(stamp + "started: sled: fit", lines[0])
-    assert re.fullmatch(stamp + r"failed: sled: fit \(This should not have happened \(ZeroDivisionError.*", lines[-1])
-    assert "Traceback (most recent call last):" in lines
-
-
-def test_a_refused_page_is_told_with_what_to_do_once_a_minute(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither name is long or begins a line; another origin has its own line, but a flood of origins has an end."""
-    monkeypatch.delenv(visitors.LOG, raising=False)
-    visitors.begin_log()
-    refusals = visitors.Refusals()
-    for _ in range(3):
-        refusals.note("https://proxy.example\n2026 anna: opened all", "127.0.0.1:8501")
-    (line,) = capsys.readouterr().err.splitlines()
-    assert r" page of 'https://proxy.example\n2026 anna: opened all': was refused and stays empty, for " in line
-    assert " asked for as '127.0.0.1:8501'. " in line
-    assert line.endswith("or add the address to server.corsAllowedOrigins.")
-    refusals.note("https://" + "x" * 5000, "y" * 5000)
-    (line,) = capsys.readouterr().err.splitlines()
-    assert len(line) < 800
-    for i in range(1000):
-        refusals.note(f"https://{i}.example", None)
-    assert len(capsys.readouterr().err.splitlines()) == 18
-    later = time.monotonic() + 61
-    monkeypatch.setattr("time.monotonic", lambda: later)
-    refusals.note("https://0.example", "localhost")
-    assert "https://0.example" in capsys.readouterr().err
-    visitors.begin_log()  # once more, and each line is still there once
-    visitors.note_in_log({ANNA, Visitor("k2", "browser 0a1b2c")}, "did it")
-    assert capsys.readouterr().err.count("anna@example.com and browser 0a1b2c: did it\n") == 1
 
 
 @pytest.mark.parametrize(("text", "asks"), [(GOOD, True), (NAMED, True), ("other = 1", False), ("", False)])

@@ -18,10 +18,11 @@ from crashfuse.campaign_folder.load import ARCHIVE, read_folder
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
+from crashfuse.execution.server_log import note_in_log
 from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.results.display import Display
 from crashfuse.ui.kit import visitors
-from crashfuse.ui.kit.visitors import logged_in, note_in_log, visitor
+from crashfuse.ui.kit.visitors import logged_in, visitor
 
 SAMPLE = "sample"
 HASHED: dict[str | type, Callable[[Any], object]] = {Campaign: lambda campaign: campaign.fingerprint}  # in caches

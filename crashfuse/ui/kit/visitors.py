@@ -1,4 +1,4 @@
-"""Who is in front of a session: the person who has logged in, else the browser; log-in, and the log of a server.
+"""Who is in front of a session: the person who has logged in, else the browser; the log-in.
 
 A log-in by an identity provider (OpenID Connect) is asked for where the secrets file has a section ``[auth]``.
 """
@@ -6,23 +6,19 @@ A log-in by an identity provider (OpenID Connect) is asked for where the secrets
 import hashlib
 import importlib.util
 import json
-import logging
-import os
-import sys
 import threading
-import time
 import tomllib
 import uuid
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import streamlit as st
 
-from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import default_folder
+from crashfuse.execution.server_log import Visitor, note_in_log
 from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.ui.kit.navigation import pages
 from crashfuse.ui.kit.text import plain
@@ -30,11 +26,6 @@ from crashfuse.ui.kit.text import plain
 BROWSER = "crashfuse_browser"  # cookie with a random value, so that a browser is known again after a reload
 _SESSION = "visitor"  # session key, where there is no cookie
 ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, one a line
-LOG = "CRASHFUSE_LOG"  # environment variable: file to append to, instead of standard error
-_LINE = "%(asctime)s %(message)s"
-_LONGEST, _LONGEST_ADDRESS = 1000, 200
-_PAUSE_S, _MOST_ORIGINS = 60, 20  # of lines on refused pages, which anybody can cause
-log = logging.getLogger(__name__)
 _SHARED = ("redirect_uri", "cookie_secret")
 _OWN = ("client_id", "client_secret", "server_metadata_url")
 _SHORTEST = 32  # characters of the secret that signs the cookies
@@ -48,14 +39,6 @@ login_insisted = threading.Event()  # while this process runs, even if the secre
 _linking = threading.Lock()
 
 
-@dataclass(frozen=True)
-class Visitor:
-    """Whom uploads, imports and jobs belong to."""
-
-    key: str  # the same in all sessions of one person or browser; nobody else can guess it
-    name: str  # what others and the log may know: the e-mail address, or a short name of the browser
-
-
 def visitor() -> Visitor:
     """Who is in front of this session."""
     if logged_in():
@@ -64,11 +47,6 @@ def visitor() -> Visitor:
         return Visitor(key, str(person.get("email") or person.get("name") or person.get("sub")))
     key = browser()
     return Visitor(key, f"browser {hashlib.sha256(key.encode()).hexdigest()[:6]}")
-
-
-def names(visitors: Iterable[Visitor]) -> str:
-    """What others may know of them, in a line."""
-    return " and ".join(sorted(visitor.name for visitor in visitors))
 
 
 def browser() -> str:
@@ -111,45 +89,6 @@ def _kept() -> dict[str, Any]:
 def short_key() -> str:
     """What stands for the visitor in names of files: nobody can guess them by it."""
     return hashlib.sha256(visitor().key.encode()).hexdigest()[:16]
-
-
-def begin_log() -> None:
-    """Let lines, warnings and errors go to the file, else to standard error."""
-    file = os.environ.get(LOG)
-    handler = logging.FileHandler(file, encoding="utf-8") if file else logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter(_LINE, "%Y-%m-%dT%H:%M:%S%z"))
-    whole = logging.getLogger("crashfuse")
-    whole.handlers[:] = [handler]
-    whole.propagate = False
-    log.setLevel(logging.INFO)
-
-
-def note_in_log(who: Visitor | set[Visitor], what: str) -> None:
-    """Add a line."""
-    visitors = {who} if isinstance(who, Visitor) else who
-    _add_line(f"{names(visitors) or 'nobody'}: {what}")
-
-
-class Refusals:
-    """Pages of another origin that may not open the WebSocket: why a browser stays empty behind a proxy."""
-
-    def __init__(self) -> None:
-        self._noted: dict[str, float] = {}  # by the origin, when
-
-    def note(self, origin: str, host: str | None) -> None:
-        """Add a line, once a minute for each origin; ``host`` is the name that was asked for."""
-        now, who, here = time.monotonic(), *(printable(repr(text), _LONGEST_ADDRESS) for text in (origin, host))
-        self._noted = {each: at for each, at in self._noted.items() if now - at < _PAUSE_S}
-        if who not in self._noted and len(self._noted) < _MOST_ORIGINS:
-            self._noted[who] = now
-            _add_line(
-                f"page of {who}: was refused and stays empty, for the server was asked for as {here}. Let the proxy "
-                "pass on that name with its port (Host), or add the address to server.corsAllowedOrigins."
-            )
-
-
-def _add_line(line: str) -> None:
-    log.info("%s", printable(line, _LONGEST))
 
 
 def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:

@@ -11,9 +11,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from crashfuse.errors import OUT_OF_MEMORY, DataError, Problem
+from crashfuse.execution.jobs import Jobs
 from crashfuse.execution.progress import Watch
-from crashfuse.ui.kit.jobs import Jobs
-from crashfuse.ui.kit.visitors import Visitor
+from crashfuse.execution.server_log import Visitor
 
 SOON = 60.0
 ANNA, BEN = Visitor("k1", "anna@example.com"), Visitor("k2", "browser 0a1b2c")
@@ -128,8 +128,8 @@ def test_a_job_that_hangs_does_not_hold_up_the_others(
     gate: threading.Event, monkeypatch: pytest.MonkeyPatch, way: str, *, at_once: bool
 ) -> None:
     """It is left behind, once it was cancelled or has not reported for long; what it returns later is not wanted."""
-    monkeypatch.setattr("crashfuse.ui.kit.jobs._LOOK_S", 0.01)
-    monkeypatch.setattr(f"crashfuse.ui.kit.jobs.{'_STOPS_S' if way == 'cancelled' else '_SILENT_S'}", 0.05)
+    monkeypatch.setattr("crashfuse.execution.jobs._LOOK_S", 0.01)
+    monkeypatch.setattr(f"crashfuse.execution.jobs.{'_STOPS_S' if way == 'cancelled' else '_SILENT_S'}", 0.05)
     jobs, begun, returned = Jobs(), threading.Event(), threading.Event()
 
     def hang(_: Watch) -> int:
@@ -152,8 +152,8 @@ def test_a_job_that_hangs_does_not_hold_up_the_others(
 
 
 def test_a_job_that_reports_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("crashfuse.ui.kit.jobs._LOOK_S", 0.01)
-    monkeypatch.setattr("crashfuse.ui.kit.jobs._SILENT_S", 0.3)
+    monkeypatch.setattr("crashfuse.execution.jobs._LOOK_S", 0.01)
+    monkeypatch.setattr("crashfuse.execution.jobs._SILENT_S", 0.3)
     jobs = Jobs()
 
     def work(watch: Watch) -> None:
