@@ -38,7 +38,7 @@ class Field:
             alignment: Literal["right", "left"] = "left" if self.factor is None else "right"
             return st.column_config.TextColumn(self.label, help=self.help, alignment=alignment)
         labels = {**{text: text for text in begun if text}, **self.options}  # what is not known, too
-        return st.column_config.SelectboxColumn(self.label, options=labels, format_func=labels.__getitem__)
+        return st.column_config.SelectboxColumn(self.label, options=labels, format_func=lambda text: labels[str(text)])
 
     def shown(self, text: str, row: list[str]) -> str | None:
         """What a cell shows of a text that is kept."""

@@ -33,7 +33,7 @@ _MOST_LINKS = 1000
 _HOW_TO = "see the how-to on a team server"
 _NOTED = "log-in noted"  # session key
 _KEPT, _MOST_VISITORS = "visitors.json", 200  # what they want in every session; the latest of them
-_LARGEST = 64 << 10  # bytes of a small file
+_LARGEST = 1 << 20  # bytes of the file
 _PATIENCE_S = 5.0  # to wait for another who writes it
 login_insisted = threading.Event()  # while this process runs, even if the secrets file is lost meanwhile
 _linking = threading.Lock()
@@ -61,33 +61,28 @@ def logged_in() -> bool:
 
 def kept_for_visitor() -> dict[str, list[str]]:
     """What the visitor wants in every session, as an address has it."""
-    mine = _kept().get(short_key())
-    return {key: [str(text)] for key, text in mine.items()} if isinstance(mine, dict) else {}
+    mine = _kept().get(short_key(), {})
+    return {key: [str(text) for text in texts] for key, texts in mine.items() if texts and isinstance(texts, list)}
 
 
-def keep_for_visitor(key: str, text: str) -> None:
+def keep_for_visitor(key: str, *texts: str) -> None:
     """Keep it in the cache folder, for this visitor alone; whatever goes wrong, it is only not kept."""
     with suppress(OSError, DataError), sole_writer(default_folder(), _PATIENCE_S):
-        mine = {name: texts[0] for name, texts in kept_for_visitor().items()} | {key: text}
+        mine = kept_for_visitor() | {key: [*texts]}
         others = [(who, theirs) for who, theirs in _kept().items() if who != short_key()]
         kept = dict([*others[1 - _MOST_VISITORS :], (short_key(), mine)])
         write_atomically(default_folder() / _KEPT, json.dumps(kept).encode())
 
 
-def read_small(file: Path) -> object:
-    """What a small JSON file holds; None if there is none, or it is damaged."""
-    with suppress(OSError, ValueError, RecursionError):
-        return json.loads(file.read_text(encoding="utf-8")) if file.stat().st_size <= _LARGEST else None
-    return None
-
-
-def _kept() -> dict[str, Any]:
-    known = read_small(default_folder() / _KEPT)
-    return known if isinstance(known, dict) else {}
+def _kept() -> dict[str, dict[str, Any]]:
+    file, known = default_folder() / _KEPT, None
+    with suppress(OSError, ValueError, RecursionError):  # there is none, or it is damaged
+        known = json.loads(file.read_text(encoding="utf-8")) if file.stat().st_size <= _LARGEST else None
+    return {who: own for who, own in known.items() if isinstance(own, dict)} if isinstance(known, dict) else {}
 
 
 def short_key() -> str:
-    """What stands for the visitor in names of files: nobody can guess them by it."""
+    """What stands for the visitor in the file: nobody can guess them by it."""
     return hashlib.sha256(visitor().key.encode()).hexdigest()[:16]
 
 
