@@ -12,8 +12,8 @@ from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.execution.server_log import Visitor, note_in_log
 from crashfuse.execution.training_progress import Watched
+from crashfuse.execution.visitors import Visitor, note_in_log
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 T = TypeVar("T")

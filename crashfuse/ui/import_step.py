@@ -14,7 +14,7 @@ from crashfuse.campaign_folder.editing import WHAT
 from crashfuse.campaign_folder.history import changed_by, is_vacant
 from crashfuse.campaign_folder.settings import sound_settings
 from crashfuse.errors import DataError, Problem
-from crashfuse.execution.server_log import note_in_log
+from crashfuse.execution.visitors import note_in_log
 from crashfuse.importing import Settled, add_settled
 from crashfuse.importing.campaign_import import Label, parts_of, role_of
 from crashfuse.readers.formats import FORMATS

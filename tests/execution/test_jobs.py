@@ -13,7 +13,7 @@ import pytest
 from crashfuse.errors import OUT_OF_MEMORY, DataError, Problem
 from crashfuse.execution.jobs import Jobs
 from crashfuse.execution.progress import Watch
-from crashfuse.execution.server_log import Visitor
+from crashfuse.execution.visitors import Visitor
 
 SOON = 60.0
 ANNA, BEN = Visitor("k1", "anna@example.com"), Visitor("k2", "browser 0a1b2c")

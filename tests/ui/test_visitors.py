@@ -1,34 +1,22 @@
 """Who is in front of a session, what others may see, and the log-in."""
 
-import logging
 import os
 import tempfile
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from crashfuse import cli
-from crashfuse.errors import DataError, UsageError
-from crashfuse.execution.server_log import Visitor
+from crashfuse.errors import DataError
+from crashfuse.execution.visitors import Visitor
 from crashfuse.files.archive import zipped
 from crashfuse.ui.kit import campaigns, uploads, visitors
 from crashfuse.ui.kit.computation import jobs
-from tests.conftest import Capture, content_of
+from tests.conftest import content_of
 from tests.ui.conftest import Session, Visit
 from tests.ui.test_past_results import kept
 
 ANNA = Visitor("k1", "anna@example.com")
-GOOD = """
-[auth]
-redirect_uri = "https://crashfuse.example.com/oauth2callback"
-cookie_secret = "0123456789abcdef0123456789abcdef"
-client_id = "crashfuse"
-client_secret = "xxx"
-server_metadata_url = "https://login.example.com/.well-known/openid-configuration"
-"""
-NAMED = GOOD.replace("client_id", "[auth.example]\nclient_id")
 
 
 def _upload(session: Session, folder: Path, name: str) -> str:
@@ -149,58 +137,6 @@ def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(
     assert running.is_dir()
     assert other.is_dir()
     assert sorted(tmp_path.glob("crashfuse-uploads-*")) == [running, running.with_suffix(".lock")]
-
-
-@pytest.fixture(autouse=True)
-def as_it_was() -> Iterator[None]:
-    """The program's loggers are given back as they were."""
-    whole = logging.getLogger("crashfuse")
-    before = list(whole.handlers), whole.propagate
-    yield
-    for handler in whole.handlers:
-        handler.close()
-    whole.handlers[:], whole.propagate = before
-
-
-@pytest.mark.parametrize(("text", "asks"), [(GOOD, True), (NAMED, True), ("other = 1", False), ("", False)])
-def test_what_streamlit_understands_is_taken(text: str, asks: bool, tmp_path: Path) -> None:
-    file = tmp_path / "secrets.toml"
-    file.write_text(text)
-    assert visitors.check_login([file, tmp_path / "nowhere.toml"]) is asks
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        (GOOD.replace("[auth]", "[auth"), "expected a TOML file that can be read"),
-        ("[auth]", r"\[auth\]: expected redirect_uri, found none"),
-        (NAMED.replace("client_secret", "secret"), "expected client_secret, found none"),
-        (GOOD.replace("/oauth2callback", ""), "expected the server's address with /oauth2callback"),
-        (GOOD.replace("0123456789abcdef0123456789abcdef", "short"), "expected at least 32 random characters, found 5"),
-    ],
-)
-def test_a_server_that_would_let_in_everybody_does_not_start(
-    text: str, sentence: str, tmp_path: Path, capsys: Capture
-) -> None:
-    """One sentence for each thing that is wrong, exit code 1."""
-    file = tmp_path / "secrets.toml"
-    file.write_text(text)
-    with pytest.raises(DataError, match=sentence):
-        visitors.check_login([file])
-    assert cli.main(["app", "--login", str(file)]) == cli.WRONG_DATA
-    assert "problem" in capsys.readouterr().err
-
-
-def test_a_log_in_that_was_asked_for_must_be_set_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither a file without the section, nor no file; the extra that it needs is named."""
-    (tmp_path / "empty.toml").touch()
-    for name in ("empty.toml", "nowhere.toml"):
-        assert cli.main(["app", "--login", str(tmp_path / name)]) == cli.WRONG_DATA
-    file = tmp_path / "secrets.toml"
-    file.write_text(GOOD)
-    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    with pytest.raises(UsageError, match=r'pip install "crashfuse\[login\]"'):
-        visitors.check_login([file])
 
 
 @pytest.mark.usefixtures("open_campaign")

@@ -16,7 +16,7 @@ from crashfuse.campaign_folder.history import sample_folder
 from crashfuse.campaign_folder.load import ARCHIVE, read_folder
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem
-from crashfuse.execution.server_log import note_in_log
+from crashfuse.execution.visitors import note_in_log
 from crashfuse.results.display import Display
 from crashfuse.ui.kit import visitors
 from crashfuse.ui.kit.visitors import keep_for_visitor, kept_for_visitor, visitor

@@ -12,7 +12,7 @@ from crashfuse.campaign_folder.history import changed_by, changes, undo
 from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, change_notes, read_notes
 from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.errors import DataError, UsageError
-from crashfuse.execution.server_log import note_in_log
+from crashfuse.execution.visitors import note_in_log
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import choose_campaign, kept
 from crashfuse.ui.kit.campaigns import View

@@ -10,7 +10,7 @@ import streamlit as st
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.execution.jobs import Job
-from crashfuse.execution.server_log import names
+from crashfuse.execution.visitors import names
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui.kit.computation import Request, jobs
 from crashfuse.ui.kit.figures import show_figure

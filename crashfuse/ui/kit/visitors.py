@@ -4,21 +4,17 @@ A log-in by an identity provider (OpenID Connect) is asked for where the secrets
 """
 
 import hashlib
-import importlib.util
 import json
 import threading
-import tomllib
 import uuid
-from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import streamlit as st
 
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError
 from crashfuse.execution.cache import default_folder
-from crashfuse.execution.server_log import Visitor, note_in_log
+from crashfuse.execution.visitors import Visitor, note_in_log, providers
 from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.ui.kit.navigation import pages
 from crashfuse.ui.kit.text import plain
@@ -26,11 +22,7 @@ from crashfuse.ui.kit.text import plain
 BROWSER = "crashfuse_browser"  # cookie with a random value, so that a browser is known again after a reload
 _SESSION = "visitor"  # session key, where there is no cookie
 ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, one a line
-_SHARED = ("redirect_uri", "cookie_secret")
-_OWN = ("client_id", "client_secret", "server_metadata_url")
-_SHORTEST = 32  # characters of the secret that signs the cookies
 _MOST_LINKS = 1000
-_HOW_TO = "see the how-to on a team server"
 _NOTED = "log-in noted"  # session key
 _KEPT, _MOST_VISITORS = "visitors.json", 200  # what they want in every session; the latest of them
 _LARGEST = 1 << 20  # bytes of the file
@@ -86,19 +78,6 @@ def short_key() -> str:
     return hashlib.sha256(visitor().key.encode()).hexdigest()[:16]
 
 
-def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:
-    """Whether a secrets file asks for a log-in; an error if that cannot work, or if it is ``required`` in vain."""
-    asked = [(path, auth) for path in map(Path, files) if path.is_file() and (auth := _auth_in(path)) is not None]
-    for path, auth in asked:
-        _check_section(path, auth)
-    if required and not asked:
-        expected = "a secrets file with a section [auth]"
-        raise DataError(Problem(str(files[0]), expected, "none", _HOW_TO))
-    if asked and importlib.util.find_spec("authlib") is None:
-        raise UsageError('A log-in needs the extra "login": python -m pip install "crashfuse[login]".')
-    return bool(asked)
-
-
 def require_login(page: str) -> None:
     """On a server that asks for a log-in, show nothing else before it; a link to a page is followed after it."""
     auth: dict[str, Any] = dict(st.secrets.get("auth", {})) if st.secrets.load_if_toml_exists() else {}
@@ -120,7 +99,7 @@ def require_login(page: str) -> None:
             _links()[browser()] = page, address.given()
     st.title("crashfuse")
     st.markdown("This server is for people who are known to it." if auth else "Nobody can log in at the moment.")
-    for provider in _providers(auth):
+    for provider in providers(auth):
         name = f" with {provider}" if provider else ""
         st.button(f"Log in{plain(name)}", type="primary", icon=":material/login:", on_click=st.login, args=(provider,))
     st.stop()
@@ -141,33 +120,3 @@ def _links() -> dict[str, tuple[str, dict[str, list[str]]]]:
 def _log_out() -> None:
     note_in_log(visitor(), "logged out")
     st.logout()
-
-
-def _providers(auth: dict[str, Any]) -> list[str | None]:
-    if "client_id" in auth:
-        return [None]
-    return [name for name, value in auth.items() if hasattr(value, "keys") and "client_id" in value]
-
-
-def _auth_in(path: Path) -> dict[str, Any] | None:
-    try:
-        auth = tomllib.loads(path.read_text(encoding="utf-8")).get("auth")
-    except (OSError, ValueError) as error:
-        raise DataError(Problem(str(path), "a TOML file that can be read", str(error), "correct it")) from error
-    return auth if auth is None or isinstance(auth, dict) else {}
-
-
-def _check_section(path: Path, auth: dict[str, Any]) -> None:
-    wanted = [auth[name] for name in _providers(auth) if name] or [auth]
-    lacking = [name for name in _SHARED if not auth.get(name)]
-    lacking += [name for section in wanted for name in _OWN if not section.get(name)]
-    where, advice = f"{path}, [auth]", _HOW_TO
-    problems = [Problem(where, name, "none", advice) for name in dict.fromkeys(lacking)]
-    if not lacking and not str(auth["redirect_uri"]).endswith("/oauth2callback"):
-        expected = "the server's address with /oauth2callback"
-        problems.append(Problem(where, expected, str(auth["redirect_uri"]), advice, "redirect_uri"))
-    if not lacking and len(str(auth["cookie_secret"])) < _SHORTEST:
-        expected, found = f"at least {_SHORTEST} random characters", f"{len(str(auth['cookie_secret']))}"
-        problems.append(Problem(where, expected, found, advice, "cookie_secret"))
-    if problems:
-        raise DataError(problems)
