@@ -280,7 +280,10 @@ class User:
             cells = drawn.find_element(By.CSS_SELECTOR, ".nsewdrag")
             right, down = where(cells.rect["width"], cells.rect["height"])
             mouse = ActionChains(self.browser)
-            mouse.move_to_element_with_offset(cells, round(right), round(down)).pause(0.5).click().perform()
+            mouse.move_to_element_with_offset(cells, round(right), round(down)).perform()
+            with suppress(TimeoutException):  # as Plotly names the cell, it hears of a click on it
+                self.wait(lambda: self.all(f"{FIGURE} .hoverlayer .hovertext"), timeout_s=5)
+            mouse.click().perform()
 
         self._clicks_until(lambda: self.texts(MAIN, words), click, f"Nothing came of a click on the cell: {words!r}.")
 
