@@ -108,7 +108,7 @@ def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) ->
     user.press("Limits of these tests")
     user.wait(lambda: "max_crush" in user.browser.current_url)
     user.rests()
-    user.clicks_row(1, 60)
+    user.clicks_row(1, 120)
     ActionChains(user.browser).send_keys(*[Keys.ARROW_RIGHT] * 3).perform()
     user.pastes("25,0\tmy peak\n49\tmy velocity change")
     user.wait(lambda: "peak~~~25~my peak" in unquote_plus(user.browser.current_url))

@@ -20,7 +20,7 @@ from crashfuse.units import UnitSystem
 
 T = TypeVar("T")
 SEPARATOR = "~"  # between the fields of a row, kept as a text
-_LONGEST, _MOST_ROWS = 100, 200  # of a text; of rows, which stand in the address
+_LONGEST, _WIDE, _MOST_ROWS = 100, 30, 1000  # of a text; of one that needs room; of rows, which stand in the address
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,10 @@ class Field:
             alignment: Literal["right", "left"] = "left" if self.factor is None else "right"
             return st.column_config.TextColumn(self.label, help=self.help, alignment=alignment)
         labels = {**{text: text for text in begun if text}, **self.options}  # what is not known, too
-        return st.column_config.SelectboxColumn(self.label, options=labels, format_func=lambda text: labels[str(text)])
+        width: Literal["large"] | None = "large" if any(len(label) > _WIDE for label in labels.values()) else None
+        return st.column_config.SelectboxColumn(
+            self.label, width=width, options=labels, format_func=lambda text: labels[str(text)]
+        )
 
     def shown(self, text: str, row: list[str]) -> str | None:
         """What a cell shows of a text that is kept."""
@@ -74,35 +77,36 @@ def edit_table(
     """Let rows that session and address hold as texts be edited, of which a new one begins as ``blank``.
 
     The table keeps the rows that it began with, and the browser what was edited since, until something else changes
-    rows or units. Another text in a ``deciding`` place empties the others of its row.
+    rows or units, or rows are deleted. Another text in a ``deciding`` place empties the others of its row.
     """
     state, memory = st.session_state, f"{key} table"
     begun, number, before = state.get(memory, ([], 0, None))
     if f"{key} {number}" not in state or before != (state[key], units):
-        begun, number = [parts_of(text, len(blank)) for text in state[key]], number + 1
+        rows = (parts_of(text, len(blank)) for text in state[key])
+        begun, number = [parts for parts in rows if parts != [*blank]], number + 1
         state[memory] = begun, number, (list(state[key]), units)
 
     def take() -> None:
         edits = state[f"{key} {number}"]
-        rows, turned = [*map(list, begun), *(list(blank) for _ in edits["added_rows"])], False
+        rows, anew = [*map(list, begun), *(list(blank) for _ in edits["added_rows"])], bool(edits["deleted_rows"])
         for row, cells in (*edits["edited_rows"].items(), *enumerate(edits["added_rows"], len(begun))):
             if row < len(begun) and cells.get(str(deciding), rows[row][deciding or 0]) != rows[row][deciding or 0]:
-                rows[row], turned = list(blank), True
+                rows[row], anew = list(blank), True
             for place in filter(lambda place: str(place) in cells, fields):  # one that decides is the first
                 rows[row][place] = fields[place].text(cells[str(place)], rows[row])
         left = [parts for row, parts in enumerate(rows) if row not in edits["deleted_rows"] and parts != [*blank]]
         state[key] = [SEPARATOR.join(parts) for parts in left][: _MOST_ROWS + 1]  # of more it is told that they are
-        state[memory] = begun, number, None if turned else (list(state[key]), units)
+        state[memory] = begun, number, None if anew else (list(state[key]), units)
 
     columns = {str(place): [field.shown(row[place], row) for row in begun] for place, field in fields.items()}
     st.data_editor(
-        pd.DataFrame(columns, dtype=object),
+        pd.DataFrame(columns, pd.RangeIndex(1, len(begun) + 1), dtype=object),
         column_config={str(place): field.column([row[place] for row in begun]) for place, field in fields.items()},
         key=f"{key} {number}",
         num_rows="dynamic",
         on_change=take,
         placeholder="",
-        hide_index=True,
+        hide_index=False,  # by which messages name a row
         alt=key.capitalize(),
     )
 
