@@ -37,7 +37,7 @@ class Field:
         if self.options is None:
             alignment: Literal["right", "left"] = "left" if self.factor is None else "right"
             return st.column_config.TextColumn(self.label, help=self.help, alignment=alignment)
-        labels = {**{text: text for text in begun if text}, **self.options}  # what is not known, too
+        labels = {**self.options, **{text: text for text in begun if text and text not in self.options}}
         width: Literal["large"] | None = "large" if any(len(label) > _WIDE for label in labels.values()) else None
         return st.column_config.SelectboxColumn(
             self.label, width=width, options=labels, format_func=lambda text: labels[str(text)]
