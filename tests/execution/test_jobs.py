@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import pytest
 
@@ -40,7 +41,7 @@ def jobs() -> Jobs:
     return Jobs()
 
 
-def ended(job: Job[object]) -> object:
+def ended(job: Job[Any]) -> object:
     """What a job has come to, once it has ended."""
     assert job.wait(SOON)
     return job.result
