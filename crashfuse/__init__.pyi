@@ -19,6 +19,7 @@ from .errors import UsageError as UsageError
 from .execution.cache import Cache as Cache
 from .execution.progress import Watch as Watch
 from .execution.run import Run as Run
+from .execution.training_progress import watching as watching
 from .importing.campaign_import import import_source as import_source
 from .importing.detection import Choices as Choices
 from .importing.ratings import RatingChoices as RatingChoices
@@ -34,7 +35,6 @@ from .results.figures import EarlierPrediction as EarlierPrediction
 from .results.previews import preview_source as preview_source
 from .results.render.html import ReportOptions as ReportOptions
 from .results.study import study_report as study_report
-from .results.training_progress import watching as watching
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.occupant import OccupantModel as OccupantModel
 from .signals.pulse import Pulse as Pulse
