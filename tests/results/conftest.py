@@ -14,6 +14,12 @@ def test(campaign: Campaign) -> CrashTest:
     return campaign.test("T2")
 
 
+@pytest.fixture
+def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
+    """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
+    return with_and_without_band(campaign, test, "fused")
+
+
 def with_and_without_band(campaign: Campaign, test: CrashTest, banded: str) -> dict[str, Prediction]:
     """The paired CAE run, and the same under another name with 101 draws that lie -50 to +50 m/s² off it."""
     run = campaign.cae.paired_run(test.condition)

@@ -20,13 +20,6 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, motion
 from crashfuse.units import MPH, G
 from tests.importing.crashes import CONDITION, PEAK_MPS2, channel, record
-from tests.results.conftest import with_and_without_band
-
-
-@pytest.fixture
-def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
-    """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
-    return with_and_without_band(campaign, test, "displacement_domain")
 
 
 def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
@@ -62,7 +55,7 @@ def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predic
     half = band.x.size // 2
     lower, upper = band.y[:half], band.y[half:][::-1]
     np.testing.assert_array_equal(band.x[:half], band.x[half:][::-1])
-    accel = np.interp(band.x[:half], GRID_S * 1e3, predictions["displacement_domain"].accel_mps2)
+    accel = np.interp(band.x[:half], GRID_S * 1e3, predictions["fused"].accel_mps2)
     np.testing.assert_allclose(lower, accel - 47.5, atol=1e-3)
     np.testing.assert_allclose(upper, accel + 47.5, atol=1e-3)
 
@@ -112,10 +105,10 @@ def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predict
     assert "-" not in "".join(accel.customdata)
     assert ":" not in accel.hovertemplate  # the formats of templates know hyphens only
     assert trace(figure, "CAE", 2).hoverinfo == "none"
-    figure = plots.motion(test, predictions, filled="displacement_domain").figure()
+    figure = plots.motion(test, predictions, filled="fused").figure()
     (banded,) = [own for own in figure.data if own.hovertemplate == "%{y} [%{customdata} mm"]
-    assert banded.legendgroup == "displacement_domain"
-    prediction = predictions["displacement_domain"]
+    assert banded.legendgroup == "fused"
+    prediction = predictions["fused"]
     assert prediction.draws_mps2 is not None
     ends = np.quantile(prediction.draws_mps2[:, 400] / G, [0.025, 0.975])
     said, rest = banded.customdata[400].replace("\N{MINUS SIGN}", "-").split("] g, ")

@@ -29,13 +29,6 @@ from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, Pulse, kinematics
 from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.study.estimate import Estimate
 from crashfuse.units import MPH, MS, G
-from tests.results.conftest import with_and_without_band
-
-
-@pytest.fixture
-def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
-    """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
-    return with_and_without_band(campaign, test, "fused")
 
 
 def table(drawing: Drawing, hidden: tuple[int, ...] = ()) -> pd.DataFrame:
