@@ -171,7 +171,7 @@ class Campaign:
         return f"<Campaign {self.name!r}: {len(self.tests)} tests, {len(self.cae):,} CAE runs>"
 
     def _repr_html_(self) -> str:
-        return views.campaign_html(self)
+        return views.result_html(views.campaign_result(self))
 
     @cached_property
     def fingerprint(self) -> str:

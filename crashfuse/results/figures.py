@@ -99,13 +99,13 @@ class Curves:
     """What a figure of pulses shows: a test, if any, and estimates by approach, then whatever is beside."""
 
     test: CrashTest | None
-    shown: Mapping[str, Estimate | Prediction]
+    shown: Mapping[str, Prediction]
     band: str | None = None  # the approach whose band is filled, by default the preferred one
 
     @property
     def predictions(self) -> dict[str, Prediction]:
         """The pulses by their names."""
-        return pulses_of(self.shown)
+        return dict(self.shown)
 
     def draw(self, figure: str, display: Display) -> Drawing:
         """The figure of this name; a UsageError if there is none."""
@@ -142,7 +142,7 @@ def campaign_figure(
     """A figure of a campaign, see :meth:`Campaign.plot`."""
     display = Display.of(campaign.units, **options)
     shown = [campaign.test(test) for test in several(tests) or campaign.test_ids]
-    further = pulses_of(beside(campaign, also, display))
+    further = beside(campaign, also, display)
     of_all: dict[str, Any] = {"speeds_mps": _speeds(campaign), "display": display}
     marked: dict[str, Any] = {"highlight": held_out, **of_all}
 
@@ -227,7 +227,7 @@ def figure_of_test(
     def rating() -> Drawing:
         name = by_preference(estimates)[0]
         explanation = fold.explained(name, _rated(study, display))
-        return ratings.rated_curves(explanation, name, display, pulses_of(further))
+        return ratings.rated_curves(explanation, name, display, further)
 
     figures: dict[str, Draw] = {
         **curves.figures(display),
@@ -298,7 +298,7 @@ def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str |
     return {name: one_of("prediction by", name, known) for name in names}
 
 
-def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Estimate | Prediction]:
+def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Prediction]:
     """Further pulses by their names in the legend; a UsageError if there is no such test or CAE run."""
     return dict(_further(campaign, asked, display) for asked in several(also))
 
@@ -306,17 +306,12 @@ def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dic
 def other_fold(estimates: Mapping[str, Estimate], band: str | None) -> dict[str, Prediction]:
     """The pulse by the approach whose band is filled, if a test folds as one that stands apart near it, by its name."""
     approach = next(iter([band] if band in estimates else by_preference(estimates)), None) or ""
-    prediction = estimates[approach].prediction if approach else None
+    prediction = estimates[approach] if approach else None
     if prediction is None or not prediction.folds_mps2:
         return {}
     name = f"{LABELS[approach]} if it folds as {prediction.apart_as}"
     line, (_, accel) = {**curve_line(approach), "dash": _FOLDED}, prediction.folds_mps2
     return {LegendName.of(name, line): Prediction(prediction.condition, accel)}
-
-
-def pulses_of(shown: Mapping[str, Estimate | Prediction]) -> dict[str, Prediction]:
-    """What estimates predict; other pulses as they are."""
-    return {name: own.prediction if isinstance(own, Estimate) else own for name, own in shown.items()}
 
 
 def pulse_name(of: str, condition: Condition, display: Display) -> str:
@@ -330,7 +325,7 @@ def prediction_name(approach: str, condition: Condition, display: Display) -> st
     return f"{LABELS[approach]} at {display.words(condition.brief)}"
 
 
-def _further(campaign: Campaign, asked: Further, display: Display) -> tuple[str, Estimate | Prediction]:
+def _further(campaign: Campaign, asked: Further, display: Display) -> tuple[str, Prediction]:
     if not isinstance(asked, str):
         if not hasattr(asked, "curve"):
             raise UsageError(f"Shown beside are ids and predictions, not {printable(repr(asked), 60)}.")

@@ -113,7 +113,7 @@ def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
     """Each note once, with the labels of the approaches it applies to."""
     makers: dict[str, list[str]] = {}
     for estimate in estimates:
-        for note in estimate.prediction.notes:
+        for note in estimate.notes:
             makers.setdefault(note, []).append(LABELS[estimate.approach])
     return makers
 

@@ -7,10 +7,11 @@ from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.errors import one_of, require_a
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.predicted import PredictedPulse, by_one, cautions, side_by_side
+from crashfuse.results.predicted import cautions, side_by_side
 from crashfuse.results.provenance import prediction_command
 from crashfuse.results.render.figure_files import Report
 from crashfuse.results.render.html import ReportForm, details, render
+from crashfuse.study.prediction import PredictedPulse, by_one
 
 _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper

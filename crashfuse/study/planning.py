@@ -98,7 +98,7 @@ def sweep(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> SpeedSweep:
-    """Predict the pulse metrics over impact speed; otherwise as :func:`crashfuse.results.predicted.predict`.
+    """Predict the pulse metrics over impact speed; otherwise as :func:`crashfuse.study.prediction.predict`.
 
     Parameters
     ----------

@@ -24,14 +24,7 @@ from crashfuse.results.display import Display
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import whole_sentences
 from crashfuse.results.planning import MEANING, next_tests_result, sweep_result
-from crashfuse.results.predicted import (
-    PredictedPulse,
-    by_one,
-    cautions,
-    column_names,
-    predictions_table,
-    side_by_side,
-)
+from crashfuse.results.predicted import cautions, column_names, predictions_table, side_by_side
 from crashfuse.results.prediction_report import prediction_report
 from crashfuse.results.render.text import parquet_bytes
 from crashfuse.signals.metrics import METRIC_LABELS
@@ -39,6 +32,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.planning import BEST, ConditionRange, NextTests, rank_next_tests, weights_sentence
+from crashfuse.study.prediction import PredictedPulse, by_one
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pinned

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.calibration import Calibration, Coverage
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.campaign import Campaign
@@ -37,8 +36,8 @@ def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -
     folds = []
     for test, factor in zip(campaign.tests[:2], (1.0, 1.5), strict=True):
         draws = factor * np.linspace(0.95, 1.05, 100)[:, None] * test.pulse.accel_mps2
-        with_band = Estimate("displacement_domain", Prediction(test.condition, draws[50], draws), {}, 0.0)
-        without = Estimate("cae", Prediction(test.condition, draws[50]), {}, 0.0)
+        with_band = Estimate(test.condition, draws[50], draws, approach="displacement_domain")
+        without = Estimate(test.condition, draws[50], approach="cae")
         folds.append(Fold(test, (without, with_band), {}))
     config = StudyConfig(approaches=("cae", "displacement_domain"))
     found = Study(campaign, config, tuple(folds)).coverage

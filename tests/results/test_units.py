@@ -25,7 +25,6 @@ from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion
-from crashfuse.results.predicted import PredictedPulse
 from crashfuse.results.prediction_report import prediction_report
 from crashfuse.results.render.html import report
 from crashfuse.results.study_report import study_report
@@ -34,6 +33,7 @@ from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.planning import ConditionRange, NextTests, SpeedSweep
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, Sentence, UnitSystem, speed
 
@@ -60,7 +60,7 @@ def estimate(test: CrashTest) -> Estimate:
         "hyperparameters": {"by speed, length in v0 in m/s": 12.0, "by weight, length in front weight in kg": 300.0},
         **{"points": 9, "bias_rms_g": 3.2, "log_marginal_likelihood": 1.0, "retries": 0, "dead": False},
     }
-    return Estimate("cae", prediction, state, 0.1, {test.id: accel})
+    return Estimate(**vars(prediction), approach="cae", state=state, seconds=0.1, left_out_mps2={test.id: accel})
 
 
 def sweep(campaign: Campaign) -> SpeedSweep:

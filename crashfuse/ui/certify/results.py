@@ -10,7 +10,7 @@ from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification import file_store
-from crashfuse.certification.certify import APPROACH, Certification, Variant, is_computed
+from crashfuse.certification.certify import APPROACH, Certification, Variant, certify, is_computed
 from crashfuse.certification.criteria import Criteria, criteria_text, varied
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.matrix import Matrix
@@ -22,7 +22,7 @@ from crashfuse.results.certification_tables import SHOWN, changed_text, csv_as_g
 from crashfuse.results.display import Display
 from crashfuse.results.plots.certification import MOST_WORDS
 from crashfuse.results.table import Table
-from crashfuse.results.verdicts import Planned, certify, planned
+from crashfuse.results.verdicts import Planned, planned
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong

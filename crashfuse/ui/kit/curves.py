@@ -13,9 +13,9 @@ from crashfuse.results import figures
 from crashfuse.results.display import Display
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.curves import TEST
-from crashfuse.results.predicted import PredictedPulse, by_one
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures_near
+from crashfuse.study.prediction import PredictedPulse, by_one
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config, kept_choice, pinned
 from crashfuse.ui.kit.campaigns import HASHED, View

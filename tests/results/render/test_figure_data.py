@@ -60,7 +60,7 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
     shown = drawing_table(motion(test, {"fused": prediction}))
     names = [f"Fused: Acceleration{end} (g)" for end in ("", ", lower", ", upper")]
     whole = [f"Fused, {WHOLE}: Acceleration, {end} (g)" for end in ("lower", "upper")]
-    written = pulses_table([Estimate("fused", prediction, {}, 0.0)])
+    written = pulses_table([Estimate(**vars(prediction), approach="fused")])
     np.testing.assert_allclose(shown[whole][:750], written[["whole_lower_g", "whole_upper_g"]][:750])
     assert shown[whole][750:].isna().all(axis=None)
     assert (
