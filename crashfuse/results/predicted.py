@@ -9,7 +9,7 @@ import pandas as pd
 
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.certification.matrix import Matrix
-from crashfuse.errors import several
+from crashfuse.errors import one_of, several
 from crashfuse.results import figures
 from crashfuse.results.certification_tables import condition_columns, factors_of
 from crashfuse.results.display import DEFAULT, Display, DisplayOptions
@@ -40,7 +40,8 @@ def prediction_figure(
     lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
     if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
         further = {**lead.representative, **further}
-    return figures.Curves(None, estimates | further, band).draw(figure, shown)
+    drawn = figures.pulse_figures(None, estimates | further, band, shown)
+    return one_of("figure of pulses", figure, drawn)()
 
 
 def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:
