@@ -22,7 +22,7 @@ from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots import displacement, learning, pulses, ratings
 from crashfuse.results.plots.conditions import condition_space
-from crashfuse.results.plots.curves import LegendName, add_marks, curve_line
+from crashfuse.results.plots.curves import LegendName, add_marks, by_speed, curve_line
 from crashfuse.results.plots.palette import added_test_line
 from crashfuse.signals.metrics import Metric
 from crashfuse.study.config import StudyConfig, require_rated
@@ -128,19 +128,20 @@ def campaign_figure(
     display = Display.of(campaign.units, **options)
     shown = [campaign.test(test) for test in several(tests) or campaign.test_ids]
     further = beside(campaign, also, display)
-    of_all: dict[str, Any] = {"speeds_mps": _speeds(campaign), "display": display}
-    marked: dict[str, Any] = {"highlight": held_out, **of_all}
+    speeds_mps = _speeds(campaign)
+    tests_by_speed = by_speed(shown, display, speeds_mps=speeds_mps)
+    marked = by_speed(shown, display, highlight=held_out, speeds_mps=speeds_mps)
 
     def bias() -> Drawing:
         model = CaeModel().fit(campaign.cae, Run.of(campaign))
-        return displacement.bias_by_speed(shown, [measured_bias(test, model) for test in shown], **marked)
+        return displacement.bias_by_speed(marked, {test.id: measured_bias(test, model) for test in shown}, display)
 
     figures: dict[str, Draw] = {
-        "tests": lambda: pulses.measured_pulses(shown, cfc=cfc, further=further, **marked),
+        "tests": lambda: pulses.measured_pulses(marked, display, cfc=cfc, further=further),
         "conditions": lambda: condition_space(campaign.cae, shown, held_out=held_out, display=display),
-        "cae": lambda: pulses.library_band(campaign.cae, shown, further=further, **of_all),
+        "cae": lambda: pulses.library_band(campaign.cae, tests_by_speed, display, further=further),
         "bias": bias,
-        "wall": lambda: pulses.wall_forces([test for test in shown if test.wall is not None], **of_all),
+        "wall": lambda: pulses.wall_forces([own for own in tests_by_speed if own[0].wall is not None]),
         "cae events": lambda: displacement.missing_force(cae_events(campaign, display.window_ms), display, held_out),
     }
     draw = one_of("figure of a campaign", figure, figures)

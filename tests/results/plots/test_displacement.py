@@ -12,6 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.display import Display
 from crashfuse.results.plots import displacement as plots
+from crashfuse.results.plots.curves import by_speed
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.units import MS, G
@@ -107,9 +108,10 @@ def test_the_mark_is_the_maximum_crush_with_the_interval_of_the_tables(
 
 
 def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: CaeModel) -> None:
-    biases = [measured_bias(test, model) for test in campaign.tests]
-    figure = plots.bias_by_speed(campaign.tests, biases, display=Display(unit="m/s²", deceleration=True)).figure()
-    for test, bias, curve in zip(campaign.tests, biases, figure.data, strict=True):
+    biases = {test.id: measured_bias(test, model) for test in campaign.tests}
+    display = Display(unit="m/s²", deceleration=True)
+    figure = plots.bias_by_speed(by_speed(campaign.tests), biases, display).figure()
+    for test, bias, curve in zip(campaign.tests, biases.values(), figure.data, strict=True):
         _, displacement, accel = motion(test)
         expected = np.interp(curve.x / 1000, displacement, accel)
         np.testing.assert_allclose(bias.cae.accel_mps2 - curve.y, expected, atol=0.01 * np.abs(accel).max())

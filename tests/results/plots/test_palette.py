@@ -14,6 +14,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.results.drawing import darkened
 from crashfuse.results.plots import palette
 from crashfuse.results.plots.conditions import condition_space
+from crashfuse.results.plots.curves import by_speed
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion, overlay
 from crashfuse.signals.pulse import FloatArray
 from tests.conftest import ROOT
@@ -84,8 +85,8 @@ def figures(campaign: Campaign, predictions: dict[str, Prediction]) -> list[go.F
     return [
         overlay(test, predictions).figure(),
         motion(test, predictions).figure(),
-        measured_pulses(campaign.tests, highlight="T2", cfc=180).figure(),
-        library_band(campaign.cae, campaign.tests).figure(),
+        measured_pulses(by_speed(campaign.tests, highlight="T2"), cfc=180).figure(),
+        library_band(campaign.cae, by_speed(campaign.tests)).figure(),
         condition_space(campaign.cae, campaign.tests, held_out="T2").figure(),
     ]
 

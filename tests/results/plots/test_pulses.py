@@ -14,7 +14,7 @@ from crashfuse.importing import settle
 from crashfuse.results.display import Display
 from crashfuse.results.plots import pulses as plots
 from crashfuse.results.plots.canvas import new_drawing
-from crashfuse.results.plots.curves import WHOLE
+from crashfuse.results.plots.curves import WHOLE, by_speed
 from crashfuse.results.plots.pulses import imported_pulse
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, motion
@@ -126,18 +126,18 @@ def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
     assert band.name == "5–95 % of 101 runs"
     stray = CrashTest("stray", campaign.cae.conditions[0], campaign.tests[0].pulse)
     figure = plots.library_band(
-        CaeLibrary(("C",), campaign.cae.conditions[1:2], campaign.cae.accel_mps2[1:2]), [stray]
+        CaeLibrary(("C",), campaign.cae.conditions[1:2], campaign.cae.accel_mps2[1:2]), by_speed([stray])
     ).figure()
     assert len(figure.data) == 2
-    figure = plots.library_band(campaign.cae, campaign.tests).figure()
+    figure = plots.library_band(campaign.cae, by_speed(campaign.tests)).figure()
     assert len(figure.data) == 2 + len(campaign.tests)
     assert figure.data[2].name == f"C20 · {campaign.tests[0].condition.speed_mps / MPH:.1f} mph"
 
 
 def test_filtered_tests_are_drawn_over_what_was_read(campaign: Campaign) -> None:
     """Two curves a test of one colour: the thin one as read, the named one filtered to the class."""
-    plain = plots.measured_pulses(campaign.tests).figure()
-    figure = plots.measured_pulses(campaign.tests, cfc=180, display=Display(unit="m/s²")).figure()
+    plain = plots.measured_pulses(by_speed(campaign.tests)).figure()
+    figure = plots.measured_pulses(by_speed(campaign.tests), Display(unit="m/s²"), cfc=180).figure()
     assert (len(plain.data), len(figure.data)) == (4, 8)
     for test in campaign.tests:
         read, filtered = (trace for trace in figure.data if trace.legendgroup == test.id)
