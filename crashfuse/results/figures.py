@@ -74,18 +74,13 @@ class EarlierPrediction:
         return otherwise(self.config, self.shown)
 
     def curve(self, _: Display | None = None) -> tuple[str, Estimate]:
-        """Its name in a legend, and itself."""
-        return earlier_name(self.estimate.approach, self.config, self.shown), self.estimate
+        """Its name in a legend, ``Fused, seed 1`` say, and itself."""
+        return ", ".join(filter(None, [LABELS[self.estimate.approach], self.text])), self.estimate
 
 
 def how_left_out(way: str) -> str:
     """How a test was left out: alone, or with its speed group."""
     return LEFT_OUT["test"] if way == "test" else WITH_GROUP
-
-
-def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig) -> str:
-    """Name of a prediction with other settings in a legend: ``Fused, seed 1``."""
-    return ", ".join(filter(None, [LABELS[approach], otherwise(config, shown)]))
 
 
 def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
@@ -99,14 +94,13 @@ def pulse_figures(
     test: CrashTest | None, shown: Mapping[str, Prediction], band: str | None, display: Display
 ) -> dict[str, Draw]:
     """What draws each figure of pulses: of a test, if any, of estimates by approach, and of whatever is beside."""
-    figures: dict[str, Draw] = {
+    return {
         "motion": lambda: pulses.motion(test, shown, display, filled=band),
         "acceleration": lambda: pulses.overlay(test, shown, display, filled=band),
         "displacement": lambda: displacement.over_displacement(test, shown, display, filled=band, crush=_crush(shown)),
         "energy": lambda: displacement.energy_over_crush(test, shown, filled=band),
         "integration": lambda: displacement.integration_check(test, shown),
     }
-    return figures
 
 
 def _crush(shown: Mapping[str, Prediction]) -> dict[str, Metric]:
