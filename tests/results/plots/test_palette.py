@@ -14,7 +14,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.results.drawing import darkened
 from crashfuse.results.plots import palette
 from crashfuse.results.plots.conditions import condition_space
-from crashfuse.results.plots.curves import by_speed
+from crashfuse.results.plots.curves import Predictions, by_speed
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion, overlay
 from crashfuse.signals.pulse import FloatArray
 from tests.conftest import ROOT
@@ -69,7 +69,7 @@ def blend(colour: str, ground: str, share: float = 0.6) -> str:
 
 
 @pytest.fixture
-def predictions(campaign: Campaign) -> dict[str, Prediction]:
+def predictions(campaign: Campaign) -> Predictions:
     test = campaign.test("T2")
     accel = test.pulse.accel_mps2
     draws = accel * np.linspace(0.9, 1.1, 21)[:, None]
@@ -79,7 +79,7 @@ def predictions(campaign: Campaign) -> dict[str, Prediction]:
 
 
 @pytest.fixture
-def figures(campaign: Campaign, predictions: dict[str, Prediction]) -> list[go.Figure]:
+def figures(campaign: Campaign, predictions: Predictions) -> list[go.Figure]:
     """Figures with all that figures have: curves, bands, points, windows, text."""
     test = campaign.test("T2")
     return [

@@ -14,7 +14,7 @@ from crashfuse.importing import settle
 from crashfuse.results.display import Display
 from crashfuse.results.plots import pulses as plots
 from crashfuse.results.plots.canvas import new_drawing
-from crashfuse.results.plots.curves import WHOLE, by_speed
+from crashfuse.results.plots.curves import WHOLE, Predictions, by_speed
 from crashfuse.results.plots.pulses import imported_pulse
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, motion
@@ -28,7 +28,7 @@ def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
     return found
 
 
-def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predictions: Predictions) -> None:
     """A pulse of -9.80665 m/s² is drawn at -1."""
     measured = trace(plots.overlay(test, predictions).figure(), "Test")
     np.testing.assert_allclose(measured.x, GRID_S * 1000, rtol=1e-6)
@@ -36,9 +36,7 @@ def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predi
     assert measured.line.color == "#000000"
 
 
-def test_deceleration_in_si_is_the_negative_of_the_signed_data(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_deceleration_in_si_is_the_negative_of_the_signed_data(test: CrashTest, predictions: Predictions) -> None:
     """The sign and the unit are the plot's own; the axis says so, and the rated window is shaded and named."""
     figure = plots.overlay(test, predictions, Display(40.0, unit="m/s²", deceleration=True)).figure()
     np.testing.assert_allclose(trace(figure, "CAE").y, -predictions["cae"].accel_mps2, rtol=1e-6)
@@ -48,7 +46,7 @@ def test_deceleration_in_si_is_the_negative_of_the_signed_data(
     assert figure.layout.annotations[0].text == "rated: 0–40 ms"
 
 
-def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predictions: Predictions) -> None:
     """Of 101 evenly spaced draws from -50 to +50 the interval is -47.5 to +47.5."""
     figure = plots.overlay(test, predictions, Display(unit="m/s²")).figure()
     (band,) = [t for t in figure.data if t.fill == "toself"]
@@ -60,7 +58,7 @@ def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predic
     np.testing.assert_allclose(upper, accel + 47.5, atol=1e-3)
 
 
-def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, predictions: Predictions) -> None:
     for curve in plots.motion(test, predictions).figure().data:
         assert curve.x.size == curve.y.size
         assert curve.x.size < N_SAMPLES if curve.hoverinfo == "skip" else curve.x.size == N_SAMPLES
@@ -68,9 +66,7 @@ def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, pred
         assert (np.nanmin(curve.x), np.nanmax(curve.x)) == (0, end)
 
 
-def test_velocity_and_displacement_are_those_of_the_closed_form(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_velocity_and_displacement_are_those_of_the_closed_form(test: CrashTest, predictions: Predictions) -> None:
     """A half sine that stops the car and throws it back at a tenth of v0: v(t) = v0 (0.45 + 0.55 cos(π t / T))."""
     v0 = test.condition.speed_mps
     figure = plots.motion(test, predictions).figure()
@@ -82,7 +78,7 @@ def test_velocity_and_displacement_are_those_of_the_closed_form(
     np.testing.assert_allclose(trace(figure, "Test", 3).y, moved * 1000, atol=0.5)
 
 
-def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions: dict[str, Prediction]) -> None:
+def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions: Predictions) -> None:
     """A test at 35 mph beside one at 25: its velocity begins at 35 mph, its displacement ends where its own does."""
     test, other = campaign.test("T2"), campaign.test("T4")
     beside = {"T4 · 35 mph": Prediction(other.condition, other.pulse.accel_mps2)}
@@ -93,7 +89,7 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
     assert trace(figure, "CAE", 2).y[0] == pytest.approx(test.condition.speed_mps / MPH)
 
 
-def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: Predictions) -> None:
     """Where the acceleration is, with the ends of the filled band; numbers have a minus sign, not a hyphen."""
     figure = plots.motion(test, predictions).figure()
     accel = trace(figure, "CAE")
