@@ -131,9 +131,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> pd.DataFrame:
     with writing(run.out):
         study.write(run.out, report=run.report, display=display)
     keep(PastResult.of_study(study))
-    result = study_result(study)
-    printed = lines(result, display)
-    print(*printed, *(text for text in map(display.words, result.sentences["worst"]) if text not in printed), sep="\n")
+    print(*lines(study_result(study), display), sep="\n")
     return studies_table([(run.name, study)])
 
 

@@ -148,14 +148,17 @@ def _whole(value: float) -> Quantity:
     return Quantity((value,), "", ".0f")
 
 
+MEASURED = "Measured"  # heading of what was measured, beside the approaches
+
+
 def estimates_result(
     campaign: Campaign, estimates: Sequence[Estimate], test: CrashTest | None = None, known: Sequence[str] = ()
 ) -> Result:
     """Metrics by approach (and of the test), notes that are not ``known`` yet, and how the fits went."""
-    columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
+    columns = [] if test is None else [(MEASURED, campaign.metrics_of(test))]
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
-    metrics, more_metrics = metrics_shown(columns, campaign, f"Pulse metric{of_test}")
+    metrics, more_metrics = metrics_shown(columns, campaign, f"Pulse metric{of_test}", MEASURED)
     missing, more_missing = metric_remarks(columns)
     makers = notes_by_makers(estimates).items()
     remarks = (joined([", ".join(who), note], ": ") for note, who in makers if note not in known)

@@ -85,7 +85,7 @@ def study_result(study: Study, options: ReportOptions = ReportOptions(), window_
         held_out=held_out,
         answer=(*(fact.sentence for fact in verdict), f"{left_out}, rated by {campaign.rating_basis}."),
         shown=("means",) if study.speed_groups is None else ("means", "speed_groups"),
-        sentences={"worst": about, "weak_spots": tuple(_weak_spots(study, recommend(study).approach))},
+        sentences={"remarks": about, "weak_spots": tuple(_weak_spots(study, recommend(study).approach))},
         tables=_tables(study),
         figures=_figures(study, window, whole=whole),
         parts=Deferred(
@@ -93,7 +93,7 @@ def study_result(study: Study, options: ReportOptions = ReportOptions(), window_
             folds=lambda: tuple(_fold(study, study.fold(test), window, options) for test in tests),
         ),
         values={
-            "worst": heading,
+            "remarks": heading,
             "window": f"0–{window:g} ms",
             "notes": [(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
             "speed_step": speed(SPEED_STEP_MPS, form=".2g"),

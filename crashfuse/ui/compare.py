@@ -9,7 +9,7 @@ import streamlit as st
 from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.results.drawing import Drawing
-from crashfuse.results.fit_explanations import whole_sentences
+from crashfuse.results.fit_explanations import estimates_result, whole_sentences
 from crashfuse.results.plots.curves import TEST
 from crashfuse.results.rating_tables import REPEAT, excursions_table, humps_table
 from crashfuse.results.study import study_files, study_result
@@ -208,13 +208,10 @@ def _show_ratings(comparison: _Comparison) -> None:
     st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
     if "lf_tcn" in config.approaches:
         st.caption(LF)
-    columns = [
-        (results.TEST_COLUMN, campaign.metrics_of(comparison.view.held_out)),
-        *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),
-    ]
-    results.show_metrics(columns, comparison.view)
-    said = () if comparison.advice is None else comparison.advice.sentences
-    results.show_details(columns, fold.estimates, comparison.view, said)
+    known = () if comparison.advice is None else comparison.advice.sentences
+    about = estimates_result(campaign, fold.estimates, comparison.view.held_out, known)
+    results.show_metrics(about)
+    results.show_details(about)
 
 
 def _show_files(comparison: _Comparison) -> None:

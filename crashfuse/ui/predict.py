@@ -20,7 +20,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.results.display import Display
 from crashfuse.results.drawing import Drawing
-from crashfuse.results.fit_explanations import whole_sentences
+from crashfuse.results.fit_explanations import estimates_result
 from crashfuse.results.planning import MEANING, next_tests_result, sweep_result
 from crashfuse.results.prediction import cautions, column_names, prediction_result, side_by_side
 from crashfuse.signals.metrics import METRIC_LABELS
@@ -231,15 +231,14 @@ def _show_pulses(
     key = shown, fitted.key, fitted.approaches, condition, view.display, curves.key
     show_cached_figure(draw, alt, *key, name=name)
     estimates = [estimate for estimate in prediction.estimates if estimate.approach in curves.approaches]
-    columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
+    known = (*(advice.sentences if advice else ()), *view.campaign.cae.extrapolation(condition))
+    about = estimates_result(view.campaign, estimates, known=known)
     if at_pins:
         _show_differences(by_one(approach, [prediction, *at_pins]), view.display)
     else:
-        results.show_metrics(columns, view)
+        results.show_metrics(about)
     weight = f"{view.display.weight(condition.mass_kg)} in all."
-    remarks = [weight, *nearest_sentences(view.campaign, condition), *whole_sentences(estimates)]
-    said = (*(advice.sentences if advice else ()), *view.campaign.cae.extrapolation(condition))
-    results.show_details(columns, estimates, view, said, remarks)
+    results.show_details(about, [weight, *nearest_sentences(view.campaign, condition), *about.sentences["whole"]])
 
 
 def _show_differences(shown: Sequence[PredictedPulse], display: Display) -> None:

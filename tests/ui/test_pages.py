@@ -255,9 +255,9 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     expected = quick_study(campaign, StudyConfig(), held_out=("T1",)).folds[0].ratings["cae"]
     assert ratings["0–20 ms"][0] == f"{expected[20.0].overall:.3f} {expected[20.0].grade}"
     assert ratings["Slope"][0] == f"{expected[60.0].slope:.3f}"
-    assert metrics.columns[:2].tolist() == ["Pulse metric", "Test"]
+    assert metrics.columns[:2].tolist() == ["Pulse metric, T1", "Measured"]
     assert "[" in metrics["Displacement domain"][0]
-    assert more["Pulse metric"].iloc[0] == "Equivalent square wave (g)"
+    assert more["Pulse metric, T1"].iloc[0] == "Equivalent square wave (g)"
     assert any("single draws: over 0–60 ms" in caption.value for caption in session.app.caption)
     assert "Made for a test." in session.words
     assert "Fitted to 300 points of a bias of 7.2 g RMS" in session.words

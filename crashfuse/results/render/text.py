@@ -22,7 +22,8 @@ def lines(result: Result, display: Display) -> list[str]:
     for table in (result.tables[name] for name in result.shown):
         left = [f"{len(table) - _MOST_ROWS:,} more rows are in the files."] * (len(table) > _MOST_ROWS)
         printed += [table.name] * (len(result.shown) > 1) + [table.head(_MOST_ROWS).to_string(display), *left]
-    return [*printed, *map(display.words, result.sentences.get("remarks", ())), *against_lines(result, display)]
+    remarks = map(display.words, result.sentences.get("remarks", ()))
+    return [*printed, *(text for text in remarks if text not in printed), *against_lines(result, display)]
 
 
 def against_lines(result: Result, display: Display) -> list[str]:

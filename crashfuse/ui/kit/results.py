@@ -1,6 +1,6 @@
 """What pages show of results: tables, problems in data, recommendation, notes."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import groupby
@@ -9,29 +9,26 @@ import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
 
-from crashfuse.approaches.registry import LABELS, label_of
+from crashfuse.approaches.registry import label_of
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.display import Display
-from crashfuse.results.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
 from crashfuse.results.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
 from crashfuse.results.rating_tables import REPEAT, TTZV_COLUMN
 from crashfuse.results.render.text import spreadsheet_text
-from crashfuse.results.result_tables import metrics_shown
+from crashfuse.results.result import Result
 from crashfuse.results.table import CONDITION, Cell, Column, Table, of_condition
-from crashfuse.signals.metrics import MAIN_METRICS, Metric
+from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, rate_windows
 from crashfuse.study.config import WINDOWS_MS
-from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
-from crashfuse.ui.kit.campaigns import HASHED, View
+from crashfuse.ui.kit.campaigns import HASHED
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import METRICS, PULSE_SHAPE, advice_on_page, chosen_units, plain
 
 _MOST_ROWS = 50  # shown; the downloaded file has all
-TEST_COLUMN = "Test"  # heading of what was measured, beside the approaches
 
 
 def show_table(table: Table, key: str = "", remark: str = "", meanings: Sequence[str] = ()) -> None:
@@ -195,31 +192,22 @@ def show_account(sentences: Sequence[str], *, missed: bool) -> None:
     st.markdown(f":material/{'warning' if missed else 'info'}: **{first}** {' '.join(others)}")
 
 
-def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) -> None:
+def show_metrics(about: Result) -> None:
     """Show the main pulse metrics of the test and of approaches."""
-    main, _ = metrics_shown(columns, view.campaign, test=TEST_COLUMN)
+    main = about.tables["metrics"]
     missed = " Coloured: the test lies outside." if main.is_marked else ""
     remark = f"Values: the middle of what tests show. Brackets: 95 of 100 lie inside.{missed}"
     show_table(main, remark=remark, meanings=[METRICS[name] for name in MAIN_METRICS])
 
 
-def show_details(
-    columns: Sequence[tuple[str, Sequence[Metric]]],
-    estimates: Sequence[Estimate],
-    view: View,
-    said: Collection[str],
-    remarks: Sequence[str] = (),
-) -> None:
-    """Show, folded, what few readers need; notes already ``said`` on the page are left out."""
+def show_details(about: Result, remarks: Sequence[str] = ()) -> None:
+    """Show, folded, what few readers need."""
     with st.expander("More: equivalent pulses, loading, rebound; notes; fits", icon=":material/notes:"):
-        show_table(metrics_shown(columns, view.campaign, test=TEST_COLUMN)[1])
+        show_table(about.tables["more_metrics"])
         st.caption(PULSE_SHAPE)
-        main, more = metric_remarks(columns)
-        st.caption("  \n".join(map(plain, [*main, *more, *remarks])))
-        makers = {note: names for note, names in notes_by_makers(estimates).items() if note not in said}
-        st.markdown("\n".join(f"- {', '.join(names)}: {plain(note)}" for note, names in makers.items()))
-        for estimate in estimates:
-            if sentences := fit_sentences(estimate.state):
-                st.markdown("\n\n".join([f"**{LABELS[estimate.approach]}**", *map(plain, sentences)]))
-                if not (table := fit_table(estimate.approach, estimate.state)).empty:
-                    show_table(table)
+        st.caption("  \n".join(map(plain, [*about.sentences["more_missing"], *remarks])))
+        st.markdown("\n".join(f"- {plain(text)}" for text in about.sentences["remarks"]))
+        for fit in about.parts["fits"]:
+            st.markdown("\n\n".join([f"**{fit.title}**", *map(plain, fit.sentences["fit"])]))
+            if not (table := fit.tables["hyperparameters"]).empty:
+                show_table(table)
