@@ -7,17 +7,29 @@ import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.results.certification import certification_result
+from crashfuse.results.comparison import comparison_result
 from crashfuse.results.display import Display
 from crashfuse.results.files import RESULT_FILES
 from crashfuse.results.planning import next_tests_result, sweep_result
+from crashfuse.results.prediction import prediction_result
 from crashfuse.results.render.figure_files import contents_of
 from crashfuse.results.render.html import report
 from crashfuse.results.render.text import lines
 from crashfuse.results.result import Result
+from crashfuse.results.study import study_result
+from crashfuse.study.history import StudyComparison
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.units import KPH_KG
-from tests.results.test_units import certification, ranking, sweep
+from tests.results.test_comparison import SECOND
+from tests.results.test_report import CONFIG, estimate
+from tests.results.test_units import certification, ranking, study, sweep
+from tests.study.test_history import FIRST
+from tests.study.test_history import study as past_study
 
 KINDS: dict[str, Callable[[Campaign], Result]] = {
+    "prediction": lambda campaign: prediction_result(PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG)),
+    "study": lambda campaign: study_result(study(campaign)),
+    "comparison": lambda _: comparison_result(StudyComparison(past_study(FIRST), past_study(SECOND))),
     "sweep": lambda campaign: sweep_result(sweep(campaign)),
     "certification": lambda campaign: certification_result(certification(campaign)),
     "ranking of next tests": lambda campaign: next_tests_result(ranking(campaign)),

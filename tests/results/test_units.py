@@ -25,9 +25,9 @@ from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion
-from crashfuse.results.prediction_report import prediction_report
+from crashfuse.results.prediction import prediction_result
 from crashfuse.results.render.html import report
-from crashfuse.results.study_report import study_report
+from crashfuse.results.study import study_report
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
@@ -99,8 +99,8 @@ def certification(campaign: Campaign) -> Certification:
 
 
 REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
-    "prediction": lambda campaign, display: prediction_report(
-        PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG), display
+    "prediction": lambda campaign, display: report(
+        prediction_result(PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG)), display
     ),
     "study": lambda campaign, display: study_report(study(campaign), display),
     "sweep": lambda campaign, display: report(sweep_result(sweep(campaign)), display),

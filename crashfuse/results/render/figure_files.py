@@ -22,7 +22,6 @@ from crashfuse.results.plots.canvas import without_links
 from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.results.render.text import against_lines
 from crashfuse.results.result import Result
-from crashfuse.units import joined
 
 FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
@@ -79,19 +78,16 @@ class Report(str):
 
 def contents_of(result: Result, display: Display) -> FiguresOfReport:
     """What a report and its slides have in common: the figures of a result, its answer, what has to be known."""
-    title = joined([result.campaign.name, display.words(result.title)], ": ")
     figures = [
         ReportFigure.of(display.words(figure.title), figure.draw(display), is_answer=figure.is_answer)
         for figure in result.all_figures()
     ]
-    notices, answers = (
-        [*map(display.words, texts)] for texts in ([own.sentence for own in result.facts], result.answer)
-    )
+    notices, answers = (tuple(map(display.words, texts)) for texts in (result.notices, result.answer))
     rows = result.tables[result.shown[0]].texts(display) if result.shown else pd.DataFrame()
     left = [("…",) * rows.shape[1]] if len(rows) > _SLIDE_ROWS else []
     table = tuple(tuple(map(str, row)) for row in (rows.columns, *rows.to_numpy()[:_SLIDE_ROWS], *left) if len(rows))
-    labels, doubts = tuple(own.label for own in result.facts), tuple(against_lines(result, display))
-    return FiguresOfReport(title, tuple(notices), labels, figures, tuple(answers), table, doubts)
+    labels, doubts = tuple(fact.label for fact in result.facts), tuple(against_lines(result, display))
+    return FiguresOfReport(display.words(result.heading), notices, labels, figures, answers, table, doubts)
 
 
 def slides(result: Result, display: Display) -> bytes:

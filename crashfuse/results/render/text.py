@@ -18,12 +18,11 @@ _MOST_ROWS = 40  # of a table in a terminal
 
 def lines(result: Result, display: Display) -> list[str]:
     """What a command prints: facts of the data, the answer, tables that answer, and what speaks against it."""
-    sentences = [*(fact.sentence for fact in result.facts), *result.answer]
-    printed = [*dict.fromkeys(map(display.words, sentences))]
+    printed = [*dict.fromkeys(map(display.words, (*result.notices, *result.answer)))]
     for table in (result.tables[name] for name in result.shown):
         left = [f"{len(table) - _MOST_ROWS:,} more rows are in the files."] * (len(table) > _MOST_ROWS)
         printed += [table.name] * (len(result.shown) > 1) + [table.head(_MOST_ROWS).to_string(display), *left]
-    return printed + against_lines(result, display)
+    return [*printed, *map(display.words, result.sentences.get("remarks", ())), *against_lines(result, display)]
 
 
 def against_lines(result: Result, display: Display) -> list[str]:
