@@ -199,10 +199,9 @@ def against(certification: Certification) -> dict[str, Sentence]:
     said = {*answer(certification), *(fact.sentence for fact in campaign_facts(certification.campaign))}
     found = {}
     for subject, told in exceptions(certification).items():
-        new = [sentence for sentence in told if sentence not in said]
-        if new and subject in DECISIVE:
-            first, *others = new
-            found[subject] = joined([first, *([f"(and {len(others)} more)"] if others else [])])
+        left = [sentence for sentence in told if sentence not in said]
+        if left and subject in DECISIVE:
+            found[subject] = joined([left[0], *([f"(and {len(left) - 1} more)"] if left[1:] else [])])
     return found
 
 
