@@ -33,7 +33,7 @@ from .results.export.solver_curves import SolverCurve as SolverCurve
 from .results.figures import EarlierPrediction as EarlierPrediction
 from .results.previews import preview_source as preview_source
 from .results.render.html import ReportOptions as ReportOptions
-from .results.study_report import study_report as study_report
+from .results.study import study_report as study_report
 from .results.training_progress import watching as watching
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.occupant import OccupantModel as OccupantModel

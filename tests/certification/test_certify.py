@@ -19,8 +19,7 @@ from crashfuse.execution.run import Run
 from crashfuse.execution.workers import Local
 from crashfuse.results.certification_facts import facts
 from crashfuse.results.certification_record import certification_record
-from crashfuse.results.certification_tables import certification_table, track_record_table
-from crashfuse.results.verdicts import planned
+from crashfuse.results.certification_tables import certification_table, planned, track_record_table
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
