@@ -28,7 +28,6 @@ REAL = SHARED / "real/nhtsa_10146_camry2018"
 
 
 def test_a_campaign_grows_from_four_formats(tmp_path: Path) -> None:
-    """NHTSA, ISO-MME and a German CSV as tests and a foreign table as CAE runs make a campaign without a warning."""
     written(tmp_path / "v00005", nhtsa_files())
     written(tmp_path / "mme", isomme("M1", scatter=1.5))
     written(tmp_path, {"T7.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), -1.5))})
@@ -51,7 +50,6 @@ def test_a_campaign_grows_from_four_formats(tmp_path: Path) -> None:
 
 
 def test_a_record_goes_raw_into_a_campaign_that_filters(campaign_folder: Path, tmp_path: Path) -> None:
-    """Filtered once, by the campaign, whole: as if it had been filtered on the way in."""
     raw = written(tmp_path, {"T9.csv": german(clock(), half_sine_g(clock()) + ringing_g(clock()))}) / "T9.csv"
     (campaign_folder / "campaign.toml").write_text("channel_filter_class = 60\n")
     import_source(raw, campaign_folder, GIVEN)
@@ -64,7 +62,6 @@ def test_a_record_goes_raw_into_a_campaign_that_filters(campaign_folder: Path, t
 
 
 def test_all_of_a_source_or_nothing(tmp_path: Path) -> None:
-    """One bad record among good ones keeps all out, and every problem is told."""
     bad = german(clock(), 0.1 * half_sine_g(clock()))
     written(tmp_path / "in", {"A.csv": german(clock(), half_sine_g(clock())), "B.csv": bad, "C.csv": bad})
     problems = problems_of(lambda: import_source(tmp_path / "in", tmp_path / "out", GIVEN))
@@ -73,7 +70,6 @@ def test_all_of_a_source_or_nothing(tmp_path: Path) -> None:
 
 
 def test_conditions_are_joined_by_id(tmp_path: Path) -> None:
-    """The user's, else the file's, in a table beside the pulses or elsewhere; one that fits none is a mistake."""
     table = "ID;speed [km/h];front [kg];rear [kg];drive\nt7;56;950;750;AWD\nT8;50;950;750;FWD\n"
     written(tmp_path, {"in/T7.csv": german(clock(), half_sine_g(clock())), "conditions.csv": table.encode()})
     (one,) = import_source(tmp_path / "in", tmp_path / "out", conditions=tmp_path / "conditions.csv")
@@ -87,7 +83,6 @@ def test_conditions_are_joined_by_id(tmp_path: Path) -> None:
 
 
 def test_what_the_cae_model_has_seen_is_said_on_import(tmp_path: Path) -> None:
-    """Of these tests, not of those before; a word that is neither yes nor no leaves the campaign as it was."""
     out = tmp_path / "campaign"
     for number, tuned in enumerate((None, True, False)):
         record = german(clock(), (1 + 0.1 * number) * half_sine_g(clock()) + scatter_g(clock(), 0.5 * number))
@@ -99,7 +94,6 @@ def test_what_the_cae_model_has_seen_is_said_on_import(tmp_path: Path) -> None:
 
 
 def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:
-    """Eight imports into one campaign at the same time: each test has its row, its pulse and its history."""
     ids = [f"T{number}" for number in range(8)]
     for number, test_id in enumerate(ids):
         pulse = half_sine_g(clock()) + scatter_g(clock(), 2.0 * number)
@@ -120,7 +114,6 @@ def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:
 @needs_shared
 @pytest.mark.parametrize("name", ["tidy_10kHz_raw_and_cfc60.csv", "tidy_cfc60_12p5kHz_0_100ms.csv"])
 def test_a_real_test_as_a_table_is_what_it_is_in_its_own_format(tmp_path: Path, name: str) -> None:
-    """Raw with what came before contact, or filtered and cut by somebody else: the same car stops alike."""
     whole = PartialCondition(57.09 * KPH, 1719.0)
     sensors = [
         f"floor_{side}_rear_xmember_X_{rank}_{'raw' if 'raw' in name else 'cfc60'}_g"
@@ -202,7 +195,6 @@ def test_sensors_of_one_crash_a_file_each_are_told(
 
 @needs_shared
 def test_sills_of_another_crash_are_told(tmp_path: Path) -> None:
-    """Left and right, a file each."""
     source = SHARED / "real" / "formats" / "one_file_per_sensor" / "V7"
     choices = Choices(condition=PartialCondition(51.12 * KPH, front_weight_kg=905, rear_weight_kg=655))
     settled = import_source(source, tmp_path / "campaign", choices)
@@ -212,7 +204,6 @@ def test_sills_of_another_crash_are_told(tmp_path: Path) -> None:
 
 
 def test_the_good_are_told_from_the_bad(tmp_path: Path) -> None:
-    """One test without its speed, one table that is none: the rest can be added."""
     for number, speed in ((5, "56.0"), (6, "")):
         written(tmp_path / "in" / f"v{number}", nhtsa_files(number, speed=speed))
     records, unread = read_each(Reading(tmp_path / "in"))
@@ -262,7 +253,6 @@ def test_the_unit_that_a_slow_run_leaves_open_is_that_of_the_others(tmp_path: Pa
     ],
 )
 def test_a_name_or_a_number_of_records_looks_like_cae(files: dict[str, int], found: tuple[str, ...]) -> None:
-    """Beside others that do not, or alone; a name that says test is none."""
     labels = [Label(source, f"V{number}") for source, n in files.items() for number in range(n)]
     assert tuple(name for name, is_cae in parts_of(labels).items() if is_cae) == found
 
@@ -282,7 +272,6 @@ def test_a_name_or_a_number_of_records_looks_like_cae(files: dict[str, int], fou
     ],
 )
 def test_sheets_and_ids_tell_records_of_one_file_apart(labels: list[tuple[str, str]], parts: dict[str, bool]) -> None:
-    """Named by their ids, or by their sheets where both have one id; what is alike stays one file."""
     assert parts_of(Label(*label) for label in labels) == parts
 
 
@@ -297,7 +286,6 @@ def mixed(tmp_path: Path) -> Path:
 
 
 def test_a_mixture_is_asked_about_and_nothing_written(mixed: Path, tmp_path: Path) -> None:
-    """The one sentence names the files, and the options that settle it."""
     (problem,) = problems_of(lambda: import_source(mixed, tmp_path / "out"))
     assert problem.found == "what looks like CAE runs (CAE_1.csv, CAE_2.csv) beside T1.csv, T2.csv"
     assert "(--cae CAE_1.csv CAE_2.csv)" in problem.advice
@@ -306,7 +294,6 @@ def test_a_mixture_is_asked_about_and_nothing_written(mixed: Path, tmp_path: Pat
 
 
 def test_where_all_look_like_cae_runs_it_is_asked(tmp_path: Path) -> None:
-    """By name, or by a format of solvers: nothing is written before they are said to be CAE runs, or tests."""
     time_s = clock()
     content = {"sim_1.csv": german(time_s, half_sine_g(time_s)), "sim_2.csv": german(time_s, half_sine_g(time_s))}
     runs, solver = written(tmp_path / "sims", content), written(tmp_path / "lib", {"r1/binout": Run().binout()})
@@ -320,7 +307,6 @@ def test_where_all_look_like_cae_runs_it_is_asked(tmp_path: Path) -> None:
 
 
 def test_files_that_are_cae_runs_go_where_they_belong_in_one_change(mixed: Path, tmp_path: Path) -> None:
-    """Tests and CAE runs are added together, and taken back together; a file that is not there is refused."""
     out = tmp_path / "out"
     added = import_source(mixed, out, cae=("CAE_1.csv", "CAE_2.csv"))
     roles = {"CAE_1": "cae", "CAE_2": "cae", "T1": "tests", "T2": "tests"}

@@ -132,14 +132,12 @@ def isomme(*channels: tuple[str, str, str], **descriptors: str) -> IsommeTest:
 def test_what_the_file_speaks_against_is_not_averaged(
     channels: Sequence[tuple[str, str, str]], taken: tuple[str, ...], told: str
 ) -> None:
-    """Simulated or a parameter, failed, questionable beside a sound one: left out and told."""
     settled = settle(record_of(isomme(*channels), "T1"))
     assert settled.channels == taken
     assert any(all(part in step for part in told.split(" .* ")) for step in settled.steps)
 
 
 def test_where_all_have_failed_it_is_refused_and_one_may_be_chosen() -> None:
-    """In one sentence that names them; who chooses one is told what the file says."""
     beside = problem(record_of(isomme((LEFT, "", "channel failed"), (RIGHT, "simulation", "ok")), "T1"))
     assert f"expected a sound channel of T1, found {LEFT} (channel failed), {RIGHT} (simulation)" in beside
     failed = record_of(isomme((LEFT, "", "channel failed"), (RIGHT, "", "no data")), "T1")
@@ -150,7 +148,6 @@ def test_where_all_have_failed_it_is_refused_and_one_may_be_chosen() -> None:
 
 @pytest.mark.parametrize("samples", [b"", b"NOVALUE\r\n" * 3501, b"0.5\r\n" * 7, b"no signal\r\n"])
 def test_a_failed_channel_may_hold_anything(tmp_path: Path, samples: bytes) -> None:
-    """Nothing, no value, too few, no numbers: the sound one beside it is the pulse."""
     files = isomme_files(isomme((LEFT, "", "ok"), (RIGHT, "", "channel failed")))
     name = "T1/Channel/T1.002"
     header = files[name].partition(b"Number of samples")
@@ -173,7 +170,6 @@ def test_a_failed_channel_may_hold_anything(tmp_path: Path, samples: bytes) -> N
     ],
 )
 def test_what_says_that_it_is_simulated_is_no_test(tmp_path: Path, source: str, descriptors: dict[str, str]) -> None:
-    """Alone, it is asked for; as a CAE run it is taken; no option makes a test of it."""
     test = isomme((LEFT, source, "ok"), **descriptors)
     folder = written(tmp_path, isomme_files(test)) / "T1"
     for role in (None, "tests"):
@@ -212,7 +208,6 @@ def test_channels_that_failed_are_not_rated_and_questionable_ones_noted(tmp_path
     ],
 )
 def test_files_of_others_give_the_crush_of_their_crash(name: str, crush_mm: float) -> None:
-    """15.6 m/s, 870 + 630 kg."""
     weights = Choices(condition=PartialCondition(front_weight_kg=870.0, rear_weight_kg=630.0))
     (found,) = read_records(Reading(FORMATS / name))
     settled = settle(found, weights)

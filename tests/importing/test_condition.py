@@ -53,7 +53,6 @@ def test_two_weights_of_the_user_tell_both_axles_whatever_the_file_says(
     ],
 )
 def test_weights_that_a_user_cannot_mean_are_refused(given: PartialCondition, share: float | None, found: str) -> None:
-    """None that contradicts others is dropped in silence; a share of no vehicle is named in both forms."""
     with pytest.raises(UsageError, match=re.escape(found)):
         weights(record(channel()), given, share)
 
@@ -77,13 +76,11 @@ def test_weights_of_a_file_that_contradict_each_other_are_refused_until_the_user
     ],
 )
 def test_what_no_vehicle_weighs_is_refused(front: float, rear: float, message: str) -> None:
-    """Tonnes under kg, a share under a weight, axles exchanged: a sentence each."""
     with pytest.raises(DataError, match=message):
         weights(record(channel(), condition=PartialCondition(SPEED_MPS, None, front, rear)), PartialCondition())
 
 
 def test_a_table_of_conditions_overrules_what_a_file_says_of_weights() -> None:
-    """Axle weights of a table put the file's mass aside, a mass keeps the file's share of the front axle."""
     axles = CONDITION.overruled(PartialCondition(front_weight_kg=1100, rear_weight_kg=900))
     assert (axles.mass_kg, axles.front_weight_kg, axles.rear_weight_kg) == (None, 1100, 900)
     heavier = CONDITION.overruled(PartialCondition(mass_kg=3400))
@@ -101,7 +98,6 @@ def test_a_table_of_conditions_overrules_what_a_file_says_of_weights() -> None:
     ],
 )
 def test_a_speed_that_no_crash_has_is_named_with_what_is_expected(speed_mps: float, found: str) -> None:
-    """It is not as if nothing had been given; what else is lacking is told along with it."""
     one = record(channel(), condition=PartialCondition())
     lacking, speed = problems_of(lambda: weights(one, PartialCondition(speed_mps)))
     assert (lacking.expected, lacking.found) == ("the weights on both axles of T1", "none")
@@ -119,7 +115,6 @@ def test_a_speed_that_no_crash_has_is_named_with_what_is_expected(speed_mps: flo
 def test_one_weight_that_was_given_is_named_where_another_is_asked_for(
     given: PartialCondition, share: float | None, found: str
 ) -> None:
-    """Any two of mass, front weight, rear weight and share do; one alone is not passed over."""
     problems = problems_of(lambda: weights(record(channel(), condition=PartialCondition(SPEED_MPS)), given, share))
     assert [problem.found for problem in problems] == [found]
 

@@ -50,7 +50,6 @@ def motion(settled: Settled) -> Kinematics:
     ],
 )
 def test_unit_and_sign_are_found(scale: float, unit: str | None, found: tuple[str, str]) -> None:
-    """Whatever the numbers are in and whichever sign deceleration has, the pulse is the same, in closed form."""
     settled = settle(record(channel(scale=scale, unit=unit)))
     assert (settled.unit, settled.deceleration_sign) == found
     assert settled.pulse.time_s[0] == 0
@@ -74,7 +73,6 @@ def test_a_unit_that_contradicts_the_speed_is_refused_until_the_user_says_so() -
 
 
 def test_time_zero_is_the_files_own_where_it_has_one() -> None:
-    """A record that begins before 0 has contact at 0; a format may say so, and a user overrules both."""
     assert settle(record(channel())).time_zero_s == 0.0
     own = replace(record(channel(start_s=0.0)), own_time_zero="by definition")
     assert settle(own).time_zero_s == 0.0
@@ -104,7 +102,6 @@ def test_a_raw_record_is_filtered_whole_before_it_is_cut() -> None:
 
 
 def test_what_is_filtered_already_is_not_filtered_again() -> None:
-    """By what the file says, by its rate, or by its spectrum; a user may ask for another class or none."""
     time_s = clock()
     raw = half_sine_g(time_s) + crashes.ringing_g(time_s)
     said = RecordedChannel("X", "X", time_s, raw, "g", 100.0)
@@ -163,7 +160,6 @@ def test_what_reads_something_before_contact_is_pointed_out() -> None:
 
 
 def test_channels_are_averaged_chosen_or_left_out() -> None:
-    """Left and right are averaged; one that saw another crash is left out of three; the user chooses others."""
     left, right, dead = channel("L", 1.05), channel("R", 0.95), channel("D", 0.1)
     both = settle(record(left, right))
     assert both.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
@@ -216,7 +212,6 @@ def test_a_pulse_that_will_be_refused_asks_for_no_weights_first() -> None:
     ],
 )
 def test_a_channel_has_the_name_that_is_printed(name: str, label: str, typed: str) -> None:
-    """With its label or without, blanks as in the file or not, control characters as they are shown."""
     wanted, other = replace(channel(name), label=label), channel("Y", 2.0)
     found = replace(record(wanted, other), proposed=())
     assert found.chosen([typed]) == (wanted,)
@@ -236,7 +231,6 @@ def test_a_vehicle_that_does_not_stop_is_pointed_out() -> None:
 
 
 def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
-    """Jitter of a tenth of a step is interpolated and told; a gap, a step back or too few samples are refused."""
     with pytest.raises(DataError, match="at least 1000 samples a second"):
         settle(record(channel(rate_hz=500)), role="cae")
     time_s = clock()
@@ -284,7 +278,6 @@ def test_a_record_that_ends_before_its_crash_says_when(role: Literal["tests", "c
 
 
 def test_a_record_that_ends_after_the_stop_is_taken_with_a_warning() -> None:
-    """Pushed with 6.7 g, in closed form: what is taken for the rest is told."""
     (told,) = [step for step in settle(record(channel(end_s=0.075)), role="cae").steps if "record ends" in step]
     assert told.startswith("Careful: the record ends 75 ms after contact at −6.7 g")
     assert not [step for step in settle(record(channel(end_s=0.1)), role="cae").steps if "record ends" in step]
@@ -330,7 +323,6 @@ def test_a_record_that_ends_while_the_vehicle_moves_fast_has_lost_its_end_not_it
 
 
 def test_a_channel_whose_sensor_failed_is_left_out_beside_a_sound_one() -> None:
-    """What was lost is no part of the mean; alone, or chosen, it is kept with a word; a CAE run has no sensor."""
     sound, failed = channel("L"), channel("R")
     within = (failed.time_s >= 30 * MS) & (failed.time_s < 35 * MS)
     failed = replace(failed, values=np.where(within, 0.0, failed.values))

@@ -46,7 +46,6 @@ def overall(table: pd.DataFrame) -> list[float]:
 
 
 def test_own_tables_are_rated_as_they_stand(campaign_on_disk: Path) -> None:
-    """The same numbers as of the pulses, over the windows asked for; nothing is filtered, and that is said."""
     one, other = (campaign_on_disk / "tests" / f"{name}.csv" for name in ("T1", "T2"))
     table = rate_files(one, other, [30, 50])
     expected = rate_windows(read_pulse(one), read_pulse(other), [30, 50])
@@ -58,7 +57,6 @@ def test_own_tables_are_rated_as_they_stand(campaign_on_disk: Path) -> None:
 
 
 def test_own_tables_are_filtered_if_asked_for(tmp_path: Path) -> None:
-    """Whole, with the class that is given."""
     time_s = clock(0, 0.15)
     clean, noisy = (pd.DataFrame({"time_s": time_s, "acceleration_g": half_sine_g(time_s)}) for _ in range(2))
     noisy["acceleration_g"] += ringing_g(time_s)
@@ -75,7 +73,6 @@ def test_own_tables_are_filtered_if_asked_for(tmp_path: Path) -> None:
 
 
 def test_a_rating_is_the_same_before_and_after_the_import(files: Path) -> None:
-    """Time zero, sign and CFC 60 are those of the import, although no speed or weights are given."""
     before = rate_files(files / "lab.csv", files / "iso.zip", [20, 60])
     campaign = files / "campaign"
     weights = "id,speed_kph,front_weight_kg,rear_weight_kg\nlab,56,950,750\nV2,56,950,750\n"
@@ -141,7 +138,6 @@ def test_what_the_import_changes_is_told_and_left_out_on_demand(tmp_path: Path, 
 
 @pytest.mark.parametrize("header", ["t [ms];Verzögerung [g]", "t [ms];decel x [g]"])
 def test_what_is_named_a_deceleration_is_turned_and_told(tmp_path: Path, header: str) -> None:
-    """It is positive while braking; with --as-given it stays so."""
     time_s = clock(0, 0.15)
     one, own = german(time_s, -half_sine_g(time_s), header=header), german(time_s, half_sine_g(time_s))
     files = written(tmp_path, {"own.csv": own, "one.csv": one})
@@ -174,7 +170,6 @@ def test_files_that_are_no_pulse_say_what_they_lack(files: Path) -> None:
 
 
 def test_pairs_of_a_table_are_rated_and_those_that_cannot_be_say_why(files: Path) -> None:
-    """Paths are relative to the table; ratings are those of each pair alone."""
     (files / "pairs.csv").write_text(
         "reference,comparison,comparison_channel\nown.csv,lab.csv,\nown.csv,gone.csv,\nown.csv,iso.zip,10VEHC000000ACXP\n"
     )
@@ -218,7 +213,6 @@ def dummy(name: str, head_g: FloatArray, force_unit: str = "N") -> dict[str, byt
 
 
 def test_isomme_tests_are_rated_channel_by_channel(tmp_path: Path) -> None:
-    """Same codes against each other, the n-th of a code against the n-th; what cannot be rated says why."""
     time_s = clock()
     head = -60 * np.exp(-(((time_s - 0.06) / 0.012) ** 2))
     folder = written(tmp_path, {**dummy("A", head), **dummy("BB", 0.9 * head)})
@@ -250,7 +244,6 @@ def test_one_crash_in_two_formats_rates_1() -> None:
 
 
 def test_further_measures_are_columns_where_they_are_asked_for(campaign_on_disk: Path, capsys: Capture) -> None:
-    """Beside ratings that stay as they are, in the library, as a table and as JSON; a name that is none is refused."""
     one, other = (str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T1", "T2"))
     alone, also = (rate_files(one, other, choices=RatingChoices(also=names)) for names in ((), tuple(FURTHER_METRICS)))
     pd.testing.assert_frame_equal(also[list(COLUMNS)], alone)

@@ -38,7 +38,6 @@ def settled(name: str, choices: Choices = WEIGHTS, role: Role = "tests") -> Sett
     ],
 )
 def test_the_crash_is_found(name: str, role: Role, channels: list[str], told: str) -> None:
-    """The pulse, and the force of the barrier where there is one, of the crash that all of them are made of."""
     found = settled(name, role=role)
     motion = found.pulse.kinematics(found.condition.speed_mps)
     assert [*found.channels] == channels
@@ -64,6 +63,5 @@ def test_the_crash_is_found(name: str, role: Role, channels: list[str], told: st
     ],
 )
 def test_what_no_file_tells_is_asked(name: str, choices: Choices, role: Role, told: str) -> None:
-    """A failed channel alone, a unit of length, the test of a file with two."""
     with pytest.raises(DataError, match=told):
         settled(name, choices, role)

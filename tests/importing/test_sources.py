@@ -18,7 +18,6 @@ from tests.readers.nhtsa_files import nhtsa_files
 
 
 def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
-    """In files, folders and zips; none of them, or two at once, is refused, unless one is named."""
     written(tmp_path / "n", nhtsa_files() | {"readme.csv": b"a"})
     written(tmp_path / "i", isomme("M1"))
     written(tmp_path / "d", {"binout0000": b"", "notes.txt": b""})
@@ -42,7 +41,6 @@ def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
 
 
 def test_what_systems_leave_in_folders_is_passed_over(tmp_path: Path) -> None:
-    """Locks of open workbooks, AppleDouble, thumbnails: as in an archive, whatever their format by name."""
     left = ("~$T1.xlsx", "._T1.csv", ".DS_Store", "__MACOSX/._T1.mme", "x/Thumbs.db", "x/.~lock.T1.csv#", "._T1.EV5")
     source = written(tmp_path / "in", {"T1.csv": german(clock(), half_sine_g(clock())), **dict.fromkeys(left, b"\0")})
     assert [record.id for record in read_records(Reading(source))] == ["T1"]
@@ -69,7 +67,6 @@ def test_tar_archives_are_read_as_zips_are(tmp_path: Path, ending: str, mode: Li
 def test_a_folder_that_cannot_be_read_is_not_passed_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fmt: str | None
 ) -> None:
-    """Tests in it would silently lack."""
     written(tmp_path, {"x.csv": german(clock(), half_sine_g(clock())), "closed/y.csv": b"", "v/v00005.EV5": b""})
     listed = os.scandir
 
@@ -84,7 +81,6 @@ def test_a_folder_that_cannot_be_read_is_not_passed_over(
 
 
 def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
-    """One import for a whole download: folders, a zip for each test, a zip of tables or of tests."""
     for number in (5, 6):
         written(tmp_path / "in" / f"v{number}", nhtsa_files(number))
     written(tmp_path / "mme", isomme("M1") | isomme("M2"))
@@ -104,7 +100,6 @@ def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
 
 
 def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:
-    """COLUMN=ROLE:UNIT overrules the proposal; channels of one table are averaged under one id."""
     time_s = clock()
     other_g = half_sine_g(time_s) + scatter_g(time_s, 6.0)
     source = written(tmp_path, {"x.csv": german(time_s, half_sine_g(time_s), other_g, header="c1;c2;c3")})
@@ -125,14 +120,12 @@ def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:
 
 
 def test_a_table_without_pulses_says_what_it_lacks(tmp_path: Path) -> None:
-    """The columns that are there are named, and how to map them."""
     written(tmp_path, {"x.csv": b"p,q\n1,2\n1,5\n2,4\n"})
     with pytest.raises(DataError, match=r"x\.csv with the columns p, q; map the columns"):
         import_source(tmp_path / "x.csv", tmp_path / "out", GIVEN)
 
 
 def test_tables_beside_another_format_are_not_passed_over_in_silence(tmp_path: Path) -> None:
-    """A test exported as CSV beside NHTSA's files is named, a table of conditions that is read is not."""
     written(tmp_path, nhtsa_files())
     written(tmp_path, {"T7.csv": b"time;a", "conditions.csv": b"id,speed [km/h]\n00005,56"})
     (record,) = read_records(Reading(tmp_path, conditions=tmp_path / "conditions.csv"))
@@ -143,7 +136,6 @@ def test_tables_beside_another_format_are_not_passed_over_in_silence(tmp_path: P
 
 
 def test_uploads_become_a_file_a_folder_or_a_folder_of_all(tmp_path: Path) -> None:
-    """A zip is unpacked under its own name; the content is kept to the byte."""
     for number, (uploads, inside) in enumerate(
         [
             ([("a.csv", b"1")], {"a.csv": b"1"}),

@@ -70,7 +70,6 @@ def side_by_side(folder: Path, headers: str) -> Path:
 
 
 def test_each_acceleration_has_the_time_to_its_left(tmp_path: Path) -> None:
-    """Tests side by side, named above: both have their contact at 0 of their own time, and their titles as ids."""
     path = side_by_side(tmp_path, "Test 1;;Test 2;\nt [ms];ax [g];t [ms];ax [g]")
     records = by_id(read_records(Reading(path)))
     assert list(records) == ["Test 1", "Test 2"]
@@ -100,7 +99,6 @@ def test_sensors_with_times_of_their_own_are_no_tests(tmp_path: Path) -> None:
 
 
 def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
-    """Left beside right: refused, averaged under an id, or two records if the conditions of both are there."""
     right_g = PULSE_G + scatter_g(TIME_S, 2.0)
     path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, right_g)
     said = refusal(path)
@@ -121,7 +119,6 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("engine", ["engine_top_X [g]", "Motor oben ax [g]", "10ENGN000000ACXP [g]"])
 def test_the_engine_is_not_averaged_with_the_floor(tmp_path: Path, engine: str) -> None:
-    """It stops first: with it the vehicle would seem to crush less. Chosen by name, or alone, it is read."""
     path = table(tmp_path, f"t [ms];floor left ax [g];{engine}", TIME_S / MS, PULSE_G, 1.3 * PULSE_G)
     (one,) = import_source(path, tmp_path / "floor", GIVEN, record_id="T1")
     assert one.channels == ("floor left ax [g]",)
@@ -147,7 +144,6 @@ def test_the_engine_is_not_averaged_with_the_floor(tmp_path: Path, engine: str) 
     ],
 )
 def test_names_with_blanks_stand_above_columns_separated_by_blanks(tmp_path: Path, header: str) -> None:
-    """Split where it gives one name a column; the pulse is the last one, not what slipped above it."""
     path = tmp_path / "x.txt"
     rows = "\n".join(f"{t:.5f}   {0.1 * a:.5f}   {a:.5f}" for t, a in zip(TIME_S, PULSE_G, strict=True))
     path.write_text(f"{header}\n{rows}")
@@ -158,7 +154,6 @@ def test_names_with_blanks_stand_above_columns_separated_by_blanks(tmp_path: Pat
 
 
 def test_duplicate_times_are_called_that(tmp_path: Path) -> None:
-    """Rounded to ms at 5 kHz: the first pair is named with its rows, and how many more there are."""
     said = refusal(table(tmp_path, "t [s];ax [g]", np.round(TIME_S, 3), PULSE_G))
     assert "x.csv, column t [s], row 3: expected each time once, found -0.02000 after -0.02000" in said
 
@@ -186,7 +181,6 @@ DUMMIES = (
     ],
 )
 def test_the_pulse_is_the_acceleration_of_the_vehicle_along_x(tmp_path: Path, header: str, pulse: str) -> None:
-    """By words, codes and units: no other direction, no dummy, no force, no second time."""
     path = table(tmp_path, header, TIME_S, *[PULSE_G] * header.count(";"))
     assert [column for column, role in roles(path).items() if role == "acceleration"] == ([pulse] if pulse else [])
 
@@ -213,7 +207,6 @@ def test_what_was_planned_or_carried_is_not_what_was_tested(tmp_path: Path) -> N
     ],
 )
 def test_two_columns_of_one_quantity_are_a_question(tmp_path: Path, pair: str, role: str) -> None:
-    """Neither is taken silently; the user leaves one out."""
     path = tmp_path / "c.csv"
     path.write_text(f"id;{pair}\nT1;1400;1650\n")
     (sheet,) = read_sheets(path)
@@ -252,7 +245,6 @@ def test_conditions_are_read_whatever_is_beside(tmp_path: Path, text: str, speed
     [("id;v [km/h];VA [kg];HA [kg]", {"HA [kg]"}), ("id;speed;front load;HA [kg]", {"speed", "front load", "HA [kg]"})],
 )
 def test_every_fault_among_conditions_is_told_once(tmp_path: Path, header: str, columns: set[str]) -> None:
-    """Units that are missing and a cell that is no number, all at once; no record is said to lack its speed."""
     folder = tmp_path / "in"
     folder.mkdir()
     for name in ("A.csv", "B.csv"):
@@ -279,7 +271,6 @@ def test_records_below_each_other_are_not_to_be_sorted(tmp_path: Path) -> None:
 
 
 def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
-    """Seven lines of keys above a table; a remark amid the data does not cut it; decimal commas in quotes are read."""
     preamble = "".join(f"Key {number};{number}\n" for number in range(7))
     path = tmp_path / "x.csv"
     path.write_text(preamble + lines("Time;Accel\ns;g", TIME_S, PULSE_G))
@@ -327,7 +318,6 @@ def workbook(path: Path, rows: Sequence[Sequence[object]]) -> Path:
     [("-0,5", "-20,0", "numbers kept as text, such as '-20,0'"), ("=1+1", -20.0, "formulas")],
 )
 def test_a_workbook_without_numbers_says_why(tmp_path: Path, accel: str, time: object, found: str) -> None:
-    """A person sees numbers in it; a hidden sheet is left out, and said to be."""
     header = ["t [ms]", "ax [g]"]
     assert f"found {found}" in refusal(workbook(tmp_path / "x.xlsx", [header, *[[time, accel]] * 30]))
     path = workbook(tmp_path / "y.xlsx", [header, *np.column_stack([TIME_S / MS, PULSE_G]).tolist()])
@@ -373,7 +363,6 @@ OF_OTHERS: Sequence[tuple[str, str, dict[str, Any]]] = (
 def test_each_kind_of_foreign_file_is_read_or_refused_by_its_cause(
     tmp_path: Path, name: str, right: str, options: dict[str, Any]
 ) -> None:
-    """The pulse comes out of the channel that is right, or the cause is told in one sentence and nothing written."""
     speed_mps = 6.5 if "6.5" in name else 15.6 if "tables" in name else 14.2
     given = replace(GIVEN, condition=PartialCondition(speed_mps, front_weight_kg=905.0, rear_weight_kg=655.0))
     if right.endswith((" [g]", "ACXP", "A8874", "acc", "Acc X")):
@@ -395,7 +384,6 @@ def test_each_kind_of_foreign_file_is_read_or_refused_by_its_cause(
 
 @needs_shared
 def test_a_logger_that_counts_within_the_second_is_read_with_its_clock() -> None:
-    """1801 samples at 10 kHz, over the full second."""
     (record,) = read_records(Reading(FILES / "forms_of_time" / "us_wraps.csv"))
     np.testing.assert_allclose(record.channels[0].time_s, 1e-4 * np.arange(1801), atol=1e-9)
 
@@ -434,7 +422,6 @@ def test_a_logger_that_counts_within_the_second_is_read_with_its_clock() -> None
     ],
 )
 def test_what_names_a_column_is_read_wherever_it_stands(tmp_path: Path, above: str, right: str) -> None:
-    """In rows and lines above, with line breaks, in any language: one column is the pulse, or the cause is told."""
     n = above.count(";") if '"' in above else max(line.count(";") for line in above.split("\n"))
     path = table(tmp_path, above, TIME_S / MS, *[PULSE_G] * n)
     if right.startswith("= "):
@@ -450,7 +437,6 @@ def test_what_names_a_column_is_read_wherever_it_stands(tmp_path: Path, above: s
     [("cp932", "時間 [ms];頭部加速度 [g]"), ("gb18030", "时间 [ms];头部 [g]"), ("cp1251", "Время [ms];голова [g]")],
 )
 def test_encodings_are_told_by_their_words(tmp_path: Path, encoding: str, header: str) -> None:
-    """Excel writes CSV in that of its language."""
     (tmp_path / "x.csv").write_bytes(lines(header, TIME_S / MS, PULSE_G).encode(encoding))
     assert f"{header.partition(';')[2]}: a dummy's" in refusal(tmp_path / "x.csv")
 
@@ -493,7 +479,6 @@ def test_clocks_and_counters_that_begin_anew_are_times(tmp_path: Path, header: s
 
 
 def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> None:
-    """Asked about, added as a CAE run of the same condition, or left out of the average of sensors and told."""
     path = table(tmp_path, "t [ms];Versuch7 [g];CAE7 [g]", TIME_S / MS, PULSE_G, 0.9 * PULSE_G)
     assert "found what looks like CAE runs (CAE7) beside Versuch7; name those that are" in refusal(path)
     with pytest.raises(DataError, match=r"by its own account CAE7 \[g\]"):
@@ -517,7 +502,6 @@ def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> N
     ],
 )
 def test_a_prediction_of_ours_is_no_test(tmp_path: Path, header: str) -> None:
-    """A table or curve that predict wrote, or the library's: it says so, whatever the user says."""
     columns = {"time_ms": TIME_S / MS, "acceleration_g": PULSE_G, "lower_g": PULSE_G - 1, "upper_g": PULSE_G + 1}
     path = table(
         tmp_path,
@@ -531,7 +515,6 @@ def test_a_prediction_of_ours_is_no_test(tmp_path: Path, header: str) -> None:
 
 
 def test_sheets_of_dummies_and_other_directions_are_left_out_and_told(tmp_path: Path) -> None:
-    """A sheet is a title: columns called alike in it are of what it says."""
     book = Workbook()
     for title, factor in (("X", 1.0), ("Y", 0.2), ("Kopf", 1.3)):
         sheet = book.create_sheet(title)
@@ -558,7 +541,6 @@ def test_a_table_of_far_too_many_conditions_is_refused(tmp_path: Path, monkeypat
 
 
 def test_tables_are_sorted_by_their_headers(tmp_path: Path) -> None:
-    """What cannot be read is passed over; a choice is what differs: a column not picked, or of another unit."""
     written(library(tmp_path), {"a.csv": b"ID;v [km/h]\n1;2\n", "b.csv": b"ID;v [km/h]\n2;3\n3;4\n", "c.csv": b"\x00"})
     forms = {form.names: form for form in table_forms(tables_of(tmp_path))}
     assert set(forms) == {("a.csv", "b.csv"), ("conditions.csv",), ("runs.csv",)}

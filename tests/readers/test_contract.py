@@ -64,14 +64,12 @@ def test_the_pulse_is_that_of_the_crash(tmp_path: Path, fmt: str, files: Files) 
     ],
 )
 def test_bytes_of_another_format_under_a_name_are_refused(tmp_path: Path, fmt: str, files: Files, other: str) -> None:
-    """Renaming makes no test: whatever the bytes are, it is said that they are not of this format."""
     foreign = max(GOOD[other].values(), key=len)
     assert refusal(written(tmp_path / "renamed", dict.fromkeys(files, foreign)), fmt)
 
 
 @pytest.mark.parametrize("fmt", [fmt for fmt in FORMATS if fmt != TABLES])
 def test_a_file_that_is_named_as_another_format_is_not_its_folder(tmp_path: Path, fmt: str) -> None:
-    """Whoever names a table as NHTSA gets no other test that lies somewhere below it."""
     for name, files in GOOD.items():
         written(tmp_path if name == TABLES else tmp_path / f"old {name}", files)
     with pytest.raises(DataError, match=r"T1\.csv: expected .* found a file of another kind"):
@@ -139,7 +137,6 @@ def polar(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 
 def test_a_new_format_is_one_function_and_one_line(polar: Path, capsys: Capture) -> None:
-    """It is recognised, told of, offered by the command line and imported; no other file knows it."""
     assert format_of(polar) == "polar"
     assert "Polar (.polar)" in all_formats()
     with pytest.raises(SystemExit):
@@ -155,7 +152,6 @@ def test_a_new_format_is_one_function_and_one_line(polar: Path, capsys: Capture)
 
 
 def test_tables_lie_beside_every_format(polar: Path) -> None:
-    """A folder of a format and a table of its conditions is of that format, also of one that was added last."""
     table = "id;speed [km/h];front [kg];rear [kg]\nP1;56;950;750\n"
     written(polar.parent, {"conditions.csv": table.encode()})
     assert format_of(polar.parent) == "polar"

@@ -76,7 +76,6 @@ def as_zip(files: dict[str, bytes], path: Path) -> Path:
 
 @pytest.fixture
 def test_with_numbers() -> IsommeTest:
-    """A test with numbers that need all their digits, and a sample without value."""
     rng = np.random.default_rng(0)
     values = rng.standard_normal(300) * 10.0 ** rng.integers(-300, 300, 300)
     values[7] = np.nan
@@ -88,7 +87,6 @@ def test_with_numbers() -> IsommeTest:
 
 @pytest.mark.parametrize("packed", [True, False])
 def test_what_is_written_is_read_again_to_the_bit(test_with_numbers: IsommeTest, tmp_path: Path, packed: bool) -> None:
-    """Folder or zip: samples to the last bit, sampling, names, units, comments and descriptors in their order."""
     files = isomme_files(test_with_numbers)
     again = read_isomme(as_zip(files, tmp_path / "t.zip") if packed else written(tmp_path, files) / "T 1")
     assert (again.name, again.descriptors) == (test_with_numbers.name, test_with_numbers.descriptors)
@@ -116,7 +114,6 @@ def test_files_keep_to_the_form_of_the_standard(test_with_numbers: IsommeTest) -
 
 
 def test_a_line_break_in_a_name_writes_no_second_descriptor(test_with_numbers: IsommeTest, tmp_path: Path) -> None:
-    """A campaign's name is the user's; it cannot forge the rest of the header."""
     forged = replace(
         test_with_numbers, descriptors=(("Title", "x\r\nDate of the test :2024-01-01\x85Regulation :R94"),)
     )
@@ -128,7 +125,6 @@ def test_a_line_break_in_a_name_writes_no_second_descriptor(test_with_numbers: I
 @pytest.mark.parametrize(("encoding", "newline"), [("cp1252", "\r\n"), ("utf-8", "\n"), ("utf-8-sig", "\r")])
 @pytest.mark.parametrize("packed", [True, False])
 def test_what_laboratories_write_is_read(tmp_path: Path, encoding: str, newline: str, packed: bool) -> None:
-    """Any encoding, line end and capitals; colons in values; implicit time, a time channel, or none at all."""
     files = laboratory(encoding, newline)
     inside = {f"T1/{name}": content for name, content in files.items()}
     test = read_isomme(as_zip(inside, tmp_path / "v1.ZIP") if packed else written(tmp_path / "T1", files))
@@ -173,7 +169,6 @@ def test_a_start_that_nobody_tells_is_none(tmp_path: Path) -> None:
 
 
 def test_the_header_file_chooses_among_tests_in_one_folder(tmp_path: Path) -> None:
-    """A folder of two tests is refused, the .mme file of one of them is not."""
     written(tmp_path, {f"A/{name}": content for name, content in laboratory().items()})
     written(tmp_path, {f"B/{name}": content for name, content in laboratory().items()})
     with pytest.raises(DataError, match=r"one \.mme file, found 2 of them"):
@@ -197,13 +192,11 @@ def test_the_header_file_chooses_among_tests_in_one_folder(tmp_path: Path) -> No
     ],
 )
 def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path: Path, changed: dict[str, str], expected: str) -> None:
-    """The sentence says which file, what was expected and what was found."""
     with pytest.raises(DataError, match=expected):
         read_isomme(written(tmp_path, laboratory("utf-8", **changed)))
 
 
 def test_a_test_without_its_parts_is_refused(tmp_path: Path) -> None:
-    """No folder, no .mme file, no channels, too much of it: a sentence each."""
     with pytest.raises(DataError, match="no such folder"):
         read_isomme(tmp_path / "nowhere")
     with pytest.raises(DataError, match=r"one \.mme file, found none"):
@@ -250,7 +243,6 @@ def isomme(*codes: str, **changed: str) -> IsommeTest:
 def test_channels_speed_and_weights_are_of_one_vehicle(
     codes: tuple[str, ...], proposed: tuple[str, ...], vehicle: str
 ) -> None:
-    """Of two cars in a test, the first whose acceleration is there is taken, with its own speed and mass, and told."""
     second = [("Velocity test object 2", "10"), ("Mass test object 2", "1200")]
     record = record_of(IsommeTest("T1", [*DESCRIPTORS, *second], tuple(map(channel, codes))), "T1")
     assert record.proposed == proposed
@@ -272,7 +264,6 @@ def test_without_a_time_of_the_first_sample_time_zero_is_looked_for() -> None:
 
 
 def test_a_channel_without_an_even_time_is_said_to_be_one() -> None:
-    """It is left out beside others and refused if it is chosen or alone, but never said to be missing."""
     untimed = replace(channel("10VEHC000000ACXP"), interval_s=None)
     with pytest.raises(DataError, match="T1, 10VEHC000000ACXP: expected an even time"):
         record_of(IsommeTest("T1", DESCRIPTORS, (untimed,)), "T1")
@@ -287,7 +278,6 @@ def test_a_channel_without_an_even_time_is_said_to_be_one() -> None:
     ("text", "speed_mps"), [("15.6", 15.6), ("56.3 km/h", 56.3 * KPH), ("56,3 km/h", 56.3 * KPH), ("-", None)]
 )
 def test_speeds_are_in_metres_a_second_unless_they_say_otherwise(text: str, speed_mps: float | None) -> None:
-    """The format's unit is m/s; laboratories write their own beside the number."""
     found = record_of(isomme("10VEHC000000ACXP", velocity=text), "T1").condition.speed_mps
     assert found == (None if speed_mps is None else pytest.approx(speed_mps))
 
@@ -303,7 +293,6 @@ def test_speeds_are_in_metres_a_second_unless_they_say_otherwise(text: str, spee
     ],
 )
 def test_another_crash_is_named(descriptor: tuple[str, str], named: str) -> None:
-    """By the type of the test or the side of the impact."""
     record = record_of(IsommeTest("T1", [*DESCRIPTORS, descriptor], (channel("10VEHC000000ACXP"),)), "T1")
     assert record.other_setup == named
 
@@ -335,7 +324,6 @@ FAILED = load_cell(CELLS[0], status="channel failed")
     ],
 )
 def test_the_force_of_the_barrier_is_counted_once(cells: list[Channel], told: str) -> None:
-    """By its cells or by their sum, named as one or not."""
     record = record_of(IsommeTest("T1", DESCRIPTORS, (channel("10TUNN000000ACXP"), *cells)), "T1")
     assert any(f"Force of the barrier: {told}" in step for step in record.steps)
     assert record.wall is not None
@@ -354,7 +342,6 @@ OWN_ACCOUNT = "Left out by the file's own account: 10SEATLERE00ACXP"
     ],
 )
 def test_a_channel_that_the_file_doubts_is_not_averaged(changed: dict[str, Any], told: str) -> None:
-    """By a comment, a name or the class of its filter; alone it is taken with care, or refused."""
     doubtful, sound = replace(channel("10SEATLERE00ACXP"), **changed), channel("10SEATRIRE00ACXP")
     record = record_of(IsommeTest("T1", DESCRIPTORS, (doubtful, sound)), "T1")
     assert record.proposed == (sound.code,)
@@ -375,13 +362,11 @@ def test_nhtsas_download_is_the_pulse_of_its_ascii_form() -> None:
 
 
 def test_a_test_without_such_a_channel_is_refused() -> None:
-    """Dummies alone make no pulse."""
     with pytest.raises(DataError, match="an X acceleration of the vehicle"):
         record_of(isomme("11HEAD0000H3ACXP"), "T1")
 
 
 def test_axle_weights_of_our_own_exports_are_read() -> None:
-    """What crashfuse itself writes comes back with its weights."""
     own = [(".Front weight test object 1", "900"), (".Rear weight test object 1", "700")]
     record = record_of(IsommeTest("T1", [*DESCRIPTORS, *own], (channel("10VEHC000100ACXD"),)), "T1")
     assert (record.condition.front_weight_kg, record.condition.rear_weight_kg) == (900, 700)

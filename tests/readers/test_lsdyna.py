@@ -57,7 +57,6 @@ def same(one: Record, other: Record) -> bool:
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("unit", ["mm/ms²", "mm/s²", "m/s²"])
 def test_units_sign_and_speed_are_found_in_either_form(tmp_path: Path, form: str, direction: int, unit: str) -> None:
-    """In any consistent system, driving to either side, binary or not: speed and pulse are those of the closed form."""
     run = Run(unit=unit, direction=direction)
     record = only(saved(tmp_path / "run7", **{form: run.binout() if form == "binout" else run.nodout()}))
     assert record.id == "run7"
@@ -105,7 +104,6 @@ def test_mass_and_force_are_of_one_system_of_units(tmp_path: Path, unit: str, ha
 def test_a_velocity_that_is_set_after_a_preload_begins_the_crash(
     tmp_path: Path, form: str, unit: str, axis: str, direction: int
 ) -> None:
-    """From there on are pulse, speed, mass and energies read; what rests before is no part of the crash."""
     run = Run(unit=unit, axis=axis, direction=direction, step_s=5e-4, rest_s=0.03)
     record = only(saved(tmp_path, **{form: run.binout() if form == "binout" else run.nodout()}))
     settled = settle(record, WEIGHTS, role="cae")
@@ -155,7 +153,6 @@ def test_of_states_that_a_restart_repeats_the_later_are_read(tmp_path: Path, par
 
 
 def test_of_states_that_a_binout_repeats_the_later_are_read(tmp_path: Path) -> None:
-    """Numbered on, with other numbers before."""
     once = [FOLDERS[name] for name in STATES]
     other = [{name: 3 * of if "x_" in name else of for name, of in state.items()} for state in once]
     written_twice = enumerate([*once[:60], *other[60:80], *once[60:]], start=1)
@@ -175,7 +172,6 @@ def as_bodies(folders: Folders) -> Folders:
 
 @pytest.mark.parametrize("of", [lambda folders: folders, as_bodies], ids=["nodes", "bodies"])
 def test_without_accelerations_the_velocities_tell(tmp_path: Path, of: Callable[[Folders], Folders]) -> None:
-    """Of nodes and of rigid bodies; without either the solver is to be asked."""
     for words, found in ((("acceleration",), ""), (("acceleration", "velocity"), "ask the solver")):
         folders = {path: {i: t[i] for i in t if not i.endswith(words)} for path, t in FOLDERS.items()}
         folder = saved(tmp_path / "-".join(words), binout0000=lsda(of(folders)))
@@ -194,7 +190,6 @@ LAYOUTS = (Layout(order=">"), SHORT_FIELDS, Layout(relative=True), Layout(folder
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_layout_that_the_header_may_declare_is_read_alike(tmp_path: Path, layout: Layout) -> None:
-    """Byte order, widths, relative folders and a symbol table a state make no difference."""
     plain = only(saved(tmp_path / "a", binout=SHORT.binout()))
     assert same(plain, only(saved(tmp_path / "b", binout=SHORT.binout(layout))))
 
@@ -222,7 +217,6 @@ def test_shards_and_restarts_merge_into_the_run(tmp_path: Path) -> None:
 
 
 def test_where_no_title_says_so_nodes_that_travel_alike_are_proposed(tmp_path: Path) -> None:
-    """Of six nodes without a title, the one in the crush and the one on the wall are left out."""
     scales = {1: 1.0, 2: 1.01, 3: 0.99, 4: 1.02, 5: 3.0, 6: 0.6}
     run = Run(nodes={number: ("", scale) for number, scale in scales.items()})
     record = only(saved(tmp_path, binout=run.binout()))
@@ -254,7 +248,6 @@ def test_ascii_numbers_may_touch_and_lose_their_e(tmp_path: Path) -> None:
 
 
 def test_a_run_killed_while_writing_is_read_up_to_its_last_whole_state(tmp_path: Path) -> None:
-    """What a killed solver leaves is a shorter run: half a row of text, data that no symbol table lists."""
     whole = only(saved(tmp_path / "whole", nodout=SHORT.nodout()))
     text = SHORT.nodout()
     last = text.rindex(b"x-accl")
@@ -266,7 +259,6 @@ def test_a_run_killed_while_writing_is_read_up_to_its_last_whole_state(tmp_path:
 
 
 def test_rigid_bodies_or_text_serve_where_the_binout_has_no_nodes(tmp_path: Path) -> None:
-    """The rigid body of rbdout is the pulse, or the text beside a binout whose energies give the mass."""
     folders = Run(nodes={12: ("", 1.0)}).folders()
     record = only(saved(tmp_path / "bodies", binout=lsda(as_bodies(folders))))
     assert record.proposed == ("body 12",)
@@ -288,7 +280,6 @@ def test_rigid_bodies_or_text_serve_where_the_binout_has_no_nodes(tmp_path: Path
     ],
 )
 def test_runs_are_called_by_what_tells_their_folders_apart(tmp_path: Path, folders: list[str], ids: list[str]) -> None:
-    """Folders that all runs share are no part of their ids; a run is never silently mixed with another."""
     for folder in folders:
         saved(tmp_path / folder, binout=SHORT.binout())
     if ids:
@@ -298,7 +289,6 @@ def test_runs_are_called_by_what_tells_their_folders_apart(tmp_path: Path, folde
 
 
 def test_of_too_many_nodes_those_with_a_title_are_kept_first(tmp_path: Path) -> None:
-    """Of 500 nodes 200 stay, the titled one among them, wherever it stands; in text as in binary."""
     nodes = dict.fromkeys(range(1, 500), ("", 1.0)) | {9999: ("REAR SILL LEFT", 1.0)}
     run = Run(nodes=nodes, end_s=0.005, step_s=1e-3)
     for form, content in (("binout", run.binout()), ("nodout", run.nodout())):
@@ -319,7 +309,6 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
 
 
 def test_claims_beyond_the_file_cost_nothing(tmp_path: Path) -> None:
-    """Tables in a circle, a variable of 2^60 numbers and one that lies elsewhere are refused at once."""
     sound = SHORT.binout()
     link = 8 + 9
     (table,) = struct.unpack_from("<Q", sound, link)
@@ -360,7 +349,6 @@ def _half(state: str, *, after: bool) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("torn", [False, True])
 @pytest.mark.parametrize("last", ["binout0000%002", "binout0000_"])
 def test_continuations_without_metadata_are_read_whole(tmp_path: Path, torn: bool, last: str) -> None:
-    """Three files, the later ones with states alone, the last perhaps of a restart: what one file gives."""
     first, second, third = continued(60, 140, torn=torn)
     folder = saved(tmp_path / "split", **{"binout0000": first, "binout0000%001": second, last: third})
     whole = only(saved(tmp_path / "whole", binout0000=RUN.binout()))
@@ -372,7 +360,6 @@ def test_continuations_without_metadata_are_read_whole(tmp_path: Path, torn: boo
 
 
 def test_a_state_that_was_never_finished_is_left_out(tmp_path: Path) -> None:
-    """The first file of a family alone ends in the middle of a state: the run ends with the state before."""
     first, *_ = continued(60, torn=True)
     record = only(saved(tmp_path / "alone", binout0000=first))
     assert {channel.time_s.size for channel in record.channels} == {59}
@@ -385,14 +372,12 @@ def test_a_state_that_was_never_finished_is_left_out(tmp_path: Path) -> None:
     [("binout0000 %002", "%001"), ("%001 %002", ""), ("binout0000 %001 %003", "%002"), ("_", "")],
 )
 def test_a_family_with_a_missing_member_is_refused(tmp_path: Path, there: str, missing: str) -> None:
-    """Whatever would leave a hole in the run, or its nodes without numbers."""
     names = [name if name == "binout0000" else f"binout0000{name}" for name in there.split()]
     said = problem(saved(tmp_path, **dict.fromkeys(names, RUN.binout())))
     assert f"expected binout0000{missing} before it, found none; copy all files of the run" in said
 
 
 def test_a_state_that_lacks_its_nodes_is_refused(tmp_path: Path) -> None:
-    """Numbers of other nodes than were listed, or none in the middle of the run, are never passed over."""
     fewer = {name: np.zeros(3, "f4") if name != "time" else values for name, values in FOLDERS[STATES[7]].items()}
     said = problem(saved(tmp_path / "fewer", binout0000=lsda({**FOLDERS, STATES[7]: fewer})))
     assert "x_velocity of 4 nodes in each state, found 3 in d000008; copy it again from the run" in said
@@ -402,7 +387,6 @@ def test_a_state_that_lacks_its_nodes_is_refused(tmp_path: Path) -> None:
 
 
 def test_two_runs_in_one_folder_are_never_mixed(tmp_path: Path) -> None:
-    """Numbered like processors they are refused; named by job they are two runs, and so are nodouts."""
     said = problem(saved(tmp_path / "mixed", binout0000=RUN.binout(), binout0001=Run(direction=-1).binout()))
     assert "nodout of one run in a folder, found the same nodes as in binout0000; keep each run in" in said
     other = Run(direction=-1, end_s=0.15, step_s=1e-3)
@@ -424,7 +408,6 @@ JOBS = ("run12 .binout0000", "Simulation .key.binout0000", "job .nodout", "v1.2 
     ("run_id", "ending"), [*(job.split() for job in JOBS), ("here", "nodouthf"), ("here", "BINOUT")]
 )
 def test_names_of_jobs_are_those_of_the_runs(tmp_path: Path, run_id: str, ending: str) -> None:
-    """As LS-DYNA writes them with jobid=, with the energies beside under the same name."""
     name = f"{run_id}{ending}" if ending[0] == "." else ending
     content = RUN.nodout() if "nodout" in name else RUN.binout()
     folder = saved(tmp_path / "here", **{name: content, f"{run_id}.glstat": Energies().glstat(), "d3plot": b"\0"})
@@ -442,7 +425,6 @@ def test_names_of_jobs_are_those_of_the_runs(tmp_path: Path, run_id: str, ending
 
 @pytest.mark.parametrize("form", ["binout", "text"])
 def test_nodes_of_nodouthf_are_those_that_are_averaged(tmp_path: Path, form: str) -> None:
-    """A node in both is read where it was written more often; the others keep their own clock."""
     fine = Run(end_s=0.15, step_s=2e-4, nodes={1001: RUN.nodes[1001]}, database="nodouthf")
     if form == "binout":
         folder = saved(tmp_path, binout0000=lsda({**FOLDERS, **fine.folders()}))
@@ -456,7 +438,6 @@ def test_nodes_of_nodouthf_are_those_that_are_averaged(tmp_path: Path, form: str
 
 
 def test_nodes_that_end_before_the_energies_are_pointed_out(tmp_path: Path) -> None:
-    """The energies go on to 150 ms, the nodes were cut at 120: files are missing."""
     folders = {**RUN.folders(states=slice(0, 121)), **Energies(time=(0.0, 75.0, 150.0)).glstat_folders()}
     record = only(saved(tmp_path / "a", binout0000=lsda(folders)))
     assert not [step for step in record.steps if "energies at" in step]  # within two steps of the energies

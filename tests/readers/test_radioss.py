@@ -52,7 +52,6 @@ def refusal(folder: Path, **files: bytes) -> str:
 @pytest.mark.parametrize("layout", [3040, 3050, 4021])
 @pytest.mark.parametrize("curves", [("DX", "DZ", "VX", "AX"), ("VX", "AX"), ("VX",), ("AX",)])
 def test_the_pulse_of_what_lies_behind_the_crush_is_read(tmp_path: Path, curves: tuple[str, ...], layout: int) -> None:
-    """Of two nodes the one that rebounds less, in the direction of travel, whatever was written of it."""
     content = RadiossRun(curves, layout=layout).binary()
     (tmp_path / "hc1T01").write_bytes(content)
     assert format_of(tmp_path / "hc1T01") == "radioss"
@@ -76,7 +75,6 @@ def test_units_are_those_that_the_run_states(tmp_path: Path) -> None:
 
 
 def test_an_accelerometer_in_a_skew_of_its_own_is_read(tmp_path: Path) -> None:
-    """Beside nodes or alone, its integral written or not; its speed is that of all that moves."""
     for number, gauge in enumerate((("AX", "AY", "AZ"), ("AX", "AY", "AZ", "WX", "WY", "WZ"))):
         record = only(tmp_path / f"{number}", hc1T01=RadiossRun((), gauge).binary())
         assert record.proposed == ("accelerometer 9",)
@@ -150,7 +148,6 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[by
 
 
 def test_a_run_that_was_stopped_is_read_to_its_last_whole_state(tmp_path: Path) -> None:
-    """Half a state at the end is left out, and it is said, of either form."""
     for name, content in (("hc1T01", RUN.binary()), ("hc1T01_csv", RUN.csv())):
         for lost in (1, 30):
             record = only(tmp_path / f"{name}{lost}", **{name: content[:-lost]})
@@ -174,7 +171,6 @@ def test_a_restarted_run_is_one_run(tmp_path: Path, form: str) -> None:
 
 
 def test_a_run_with_a_part_missing_is_refused(tmp_path: Path) -> None:
-    """Between two parts, or before the first; and time that no part covers."""
     late = replace(RUN, begin_ms=80.0).binary()
     early = replace(RUN, end_ms=60.0).binary()
     said = refusal(tmp_path / "a", hc1T01=early, hc1T03=late)
@@ -197,7 +193,6 @@ def test_nodes_may_lie_in_an_additional_file(tmp_path: Path) -> None:
 
 
 def test_a_folder_of_runs_is_a_library(tmp_path: Path) -> None:
-    """A record a run, by its name, else by its folder; a CSV beside its original is no run of its own."""
     files = {"aT01": RUN.binary(), "aT01.csv": RUN.csv(), "b-2T01": RUN.binary()}
     assert [record.id for record in read_radioss(written(tmp_path / "one", files))] == ["a", "b-2"]
     files = {"a/hc1T01": RUN.binary(), "b/hc1T01": RUN.binary(), "b/hc1T01_TITLES": b"         0 VX"}
@@ -213,7 +208,6 @@ def test_a_folder_of_runs_is_a_library(tmp_path: Path) -> None:
 @pytest.mark.parametrize("version", ["2022", "doubled", "today"])
 @pytest.mark.parametrize("written", [12, 15, 18, 22])
 def test_the_csv_gives_the_original_numbers(tmp_path: Path, version: Converter, titled: bool, written: int) -> None:
-    """Whichever version of the converter labelled it, with labels shifted or not, with titles of the run or without."""
     run = replace(RUN, globals_=written, curves=("DX", "DZ", "VX", "VZ", "AX"))
     original = only(tmp_path / "T01", hc1T01=run.binary())
     converted = only(tmp_path / "csv", hc1T01_csv=run.csv(version, titled=titled))
@@ -227,7 +221,6 @@ def test_the_csv_gives_the_original_numbers(tmp_path: Path, version: Converter, 
 
 @pytest.mark.parametrize("titled", [False, True])
 def test_accelerometers_of_a_csv_are_told_by_their_change_of_velocity(tmp_path: Path, titled: bool) -> None:
-    """Which of AX, AY, AZ stops the car, the labels of the converter standing three columns off or not."""
     run = RadiossRun((), ("AX", "AY", "AZ"), globals_=12)
     record = only(tmp_path, hc1T01_csv=run.csv(titled=titled))
     assert record.proposed == ("accelerometer 9",)
@@ -270,7 +263,6 @@ def test_rows_that_hold_no_state_each_are_refused(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["hc1T01", "hc1T01.csv"])
 def test_damage_is_a_sentence_or_a_record(tmp_path: Path, name: str) -> None:
-    """Bytes flipped, lost, doubled, cut: read, or refused in one sentence, and nothing else."""
     run = replace(RUN, step_ms=0.5)
     sound, dice = run.csv() if name.endswith("csv") else run.binary(), np.random.default_rng(18571)
     refused = 0
@@ -290,7 +282,6 @@ def test_damage_is_a_sentence_or_a_record(tmp_path: Path, name: str) -> None:
 
 @needs_shared
 def test_a_vehicle_of_openradioss_is_read_as_its_converter_reads_it(tmp_path: Path) -> None:
-    """A vehicle front: the pulse of the occupant cell, and quality as from the CSV of the solver's own converter."""
     (record,) = read_radioss(FILES / "veh_pickup" / "hc1T01")
     table = pd.read_csv(FILES / "veh_pickup" / "hc1T01.csv")
     table.columns = [name.strip() for name in table.columns]
@@ -337,7 +328,6 @@ def test_an_accelerometer_of_openradioss_is_the_same_in_both_forms() -> None:
     ],
 )
 def test_runs_without_a_vehicle_are_fairly_refused(name: str, found: str) -> None:
-    """A tensile specimen and a box: nothing sets out, or nothing has the mass of a vehicle."""
     problems: list[Problem] = []
     with collecting(problems):
         settle(read_radioss(FILES / name)[0], role="cae")

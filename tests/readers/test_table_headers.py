@@ -35,7 +35,6 @@ def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
     ],
 )
 def test_the_axis_of_a_table_is_found_from_the_motion(tmp_path: Path, header: str, along: str) -> None:
-    """A model that drives along y: its pulse is read, with a word of care; along x nothing is said."""
     columns = [PULSE if axis == along else SHAKING for axis in "xyz"]
     source = table(tmp_path, header, *columns)
     (run,) = import_source(source, tmp_path / "out", GIVEN, role="cae")
@@ -51,7 +50,6 @@ def test_the_axis_of_a_table_is_found_from_the_motion(tmp_path: Path, header: st
 
 
 def test_a_table_without_x_is_read_along_what_it_has(tmp_path: Path, capsys: Capture) -> None:
-    """Only y in it: taken, with a word of care; a direction that is not in it is refused."""
     source = table(tmp_path, "Time history ay [g]", PULSE)
     (run,) = import_source(source, tmp_path / "out", GIVEN, role="cae")
     assert any(step.startswith("Careful: travel along y") for step in run.steps)
@@ -79,7 +77,6 @@ CURVES = "RF1;rwall_1;vx;v_x;Contact 3;disp;force;Kraft;Weg;Geschwindigkeit;си
 
 
 def test_words_of_many_languages_tell_dummies_from_vehicles_and_quantities() -> None:
-    """With accents and without, in any script."""
     assert [name for name in DUMMIES.split(";") if not Heading(name).names_a_dummy] == []
     assert [
         name for name in VEHICLES.split(";") if Heading(name).names_a_dummy or Heading(name).why_no_acceleration

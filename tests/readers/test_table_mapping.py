@@ -57,7 +57,6 @@ def table(header: str, delimiter: str, decimal: str = ".", scale: float = 1.0) -
     ],
 )
 def test_whatever_the_form_the_pulse_is_the_same(tmp_path: Path, content: str, encoding: str) -> None:
-    """Delimiter, decimal comma, preamble, row of units, encoding, unit in the header: one pulse comes out."""
     record = one_record(one_sheet(tmp_path / "T1.csv", content, encoding))
     (channel,) = record.channels
     np.testing.assert_allclose(channel.time_s, np.array(TIMES_MS) * MS, atol=1e-12)
@@ -78,7 +77,6 @@ def test_without_headers_the_clock_is_found(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("missing", [{0}, {0, 1, 2}, {2}, {1, 7, 50}])
 def test_a_missing_cell_among_the_first_rows_loses_no_header(tmp_path: Path, missing: set[int]) -> None:
-    """The sensor answered late, or not always: the names stay, and so does the unit in them."""
     rows = [f"{0.1 * i:g},{'' if i in missing else -i}" for i in range(100)]
     sheet = one_sheet(tmp_path / "T1.csv", "\n".join(["time (ms),accel x (g)", *rows]))
     assert (sheet.columns, sheet.first_row) == (("time (ms)", "accel x (g)"), 2)
@@ -88,7 +86,6 @@ def test_a_missing_cell_among_the_first_rows_loses_no_header(tmp_path: Path, mis
 
 
 def test_columns_are_records_or_channels_of_one(tmp_path: Path) -> None:
-    """Several pulses beside one time are records named by their headers, or channels where the user says so."""
     text = "t [ms],T1 [g],T2 [g]\n0,0,0\n1,-1,-2\n2,-2,-4\n3,-1,\n"
     sheet = one_sheet(tmp_path / "all.csv", text)
     records = apply_mapping(sheet, propose(sheet), record_id="all")
@@ -100,7 +97,6 @@ def test_columns_are_records_or_channels_of_one(tmp_path: Path) -> None:
 
 
 def test_a_column_of_ids_parts_a_tidy_table(tmp_path: Path) -> None:
-    """A long table gives one record an id, in the order of the file."""
     text = "Versuch;Zeit [ms];a [m/s²]\nB;0;1,5\nB;1;2,5\nA;0;3,5\nA;1;4,5\n"
     sheet = one_sheet(tmp_path / "long.csv", text)
     records = apply_mapping(sheet, propose(sheet), record_id="x")
@@ -108,7 +104,6 @@ def test_a_column_of_ids_parts_a_tidy_table(tmp_path: Path) -> None:
 
 
 def test_the_least_filtered_of_one_signal_is_taken(tmp_path: Path) -> None:
-    """Raw beside CFC 60: the raw one is proposed; alone, the filtered one is, with its cutoff."""
     sheet = one_sheet(tmp_path / "x.csv", "t_s,left_raw_g,left_cfc60_g,right_CFC180_g\n0,1,2,3\n1,1,2,3\n")
     assert [use.role for use in propose(sheet).uses] == ["time", "acceleration", "ignored", "acceleration"]
     records = apply_mapping(sheet, propose(sheet), record_id="x")
@@ -116,7 +111,6 @@ def test_the_least_filtered_of_one_signal_is_taken(tmp_path: Path) -> None:
 
 
 def test_the_user_overrules_the_proposal(tmp_path: Path) -> None:
-    """A column is what the user says, in the unit that the user says; what cannot be is refused."""
     sheet = one_sheet(tmp_path / "x.csv", "Kanal 1,Kanal 2,bemerkung\n0,1,2\n5,1,2\n")
     mapping = propose(sheet).overruled("Kanal 1", "time", "ms").overruled("Kanal 2", "acceleration", "m/s^2")
     (record,) = apply_mapping(sheet, mapping.overruled("bemerkung", "ignored"), record_id="x")
@@ -137,7 +131,6 @@ def test_the_user_overrules_the_proposal(tmp_path: Path) -> None:
     ],
 )
 def test_conditions_with_foreign_names(tmp_path: Path, text: str) -> None:
-    """Speeds and weights come out in SI, whatever they are called; a mass is shared; the rest are factors."""
     sheet = one_sheet(tmp_path / "conditions.csv", text)
     mapping = propose(sheet)
     assert mapping.kind == "conditions"
@@ -159,7 +152,6 @@ def test_conditions_with_foreign_names(tmp_path: Path, text: str) -> None:
     ],
 )
 def test_conditions_that_cannot_be_understood_are_refused(tmp_path: Path, text: str, message: str) -> None:
-    """The column, the row and what to do are named."""
     sheet = one_sheet(tmp_path / "c.csv", text)
     with pytest.raises(DataError, match=message):
         apply_conditions(sheet, propose(sheet))
@@ -177,20 +169,17 @@ def test_conditions_that_cannot_be_understood_are_refused(tmp_path: Path, text: 
     ],
 )
 def test_what_is_no_table_is_refused(tmp_path: Path, name: str, content: bytes, message: str) -> None:
-    """Each in one sentence."""
     (problem,) = problems_of(lambda: one_sheet(tmp_path / name, content))
     assert message in str(problem)
 
 
 def test_a_cell_that_is_no_number_is_named(tmp_path: Path) -> None:
-    """File, column and row, as a spreadsheet counts them."""
     sheet = one_sheet(tmp_path / "x.csv", "note\nt_ms,a_g\n0,1\n1,2\n2,oops\n3,4\n4,5\n5,6\n6,1\n")
     with pytest.raises(DataError, match="column a_g, row 5: expected a number, found 'oops'"):
         one_record(sheet)
 
 
 def test_a_workbook_gives_a_sheet_a_table(tmp_path: Path) -> None:
-    """Conditions on one sheet, pulses on another; the sheet without a table is no harm."""
     book = Workbook()
     notes = book.active
     assert notes is not None
@@ -212,7 +201,6 @@ def test_a_workbook_gives_a_sheet_a_table(tmp_path: Path) -> None:
 
 
 def test_sizes_are_bounded(tmp_path: Path) -> None:
-    """A table beyond the limits is refused before it is parsed."""
     (tmp_path / "x.csv").write_text("t_s,a_g\n" + "0,1\n" * 1000)
     with pytest.raises(DataError, match="at most 10 rows"):
         read_sheets(tmp_path / "x.csv", Limits(rows=10))
@@ -221,7 +209,6 @@ def test_sizes_are_bounded(tmp_path: Path) -> None:
 
 
 def test_units_are_known_by_their_spellings() -> None:
-    """Laboratories spell units in many ways; what is asked for as a speed is no time."""
     spelt: dict[str | None, tuple[str, ...]] = {
         **{"m/s²": ("m/(s*s)", "m/s**2", "M/S^2"), "mm/ms²": ("mm/ms^2",), "g": ("G'S",), "ms": ("[ms]", "msec")},
         **{"km/h": ("km/h",), "lb": ("lbs",), None: ("furlong", "")},
@@ -234,7 +221,6 @@ def test_units_are_known_by_their_spellings() -> None:
 
 @pytest.mark.slow
 def test_damaged_workbooks_give_a_sentence_or_a_record(tmp_path: Path) -> None:
-    """Whatever is cut off, flipped or doubled, nothing but our own errors comes out."""
     dice = random.Random(13)  # noqa: S311  (no secret)
     book, path, refused = Workbook(), tmp_path / "x.xlsx", 0
     sheet = book.active

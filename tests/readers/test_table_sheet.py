@@ -86,7 +86,6 @@ HOSTILE: dict[str, tuple[Callable[[], str], str]] = {
 
 
 def test_a_gap_of_a_few_rows_is_a_gap(tmp_path: Path) -> None:
-    """What the file declares of its size doesn't matter, nor that a row lacks its last cell."""
     text = sheet(rows(40) + rows(40, first=50), '<dimension ref="A1:XFD2000000000"/>')
     text = text.replace('<c r="B60"><v>3</v></c>', "", 1)
     (table,) = read_sheets(workbook(tmp_path / "gap.xlsx", text))

@@ -71,7 +71,6 @@ QUOTED = [f'"{number}"' for number in NUMBERS]
     ],
 )
 def test_one_pulse_comes_out_of_the_right_columns(tmp_path: Path, content: str) -> None:
-    """Row names of R, an index of pandas, sample numbers, empty columns, limits, titles, parts of dummies."""
     name = "T1.txt" if content.split("\n")[1].count(" ") == 2 else "T1.csv"
     assert pulse(tmp_path, content, name) == (TIME_MS.tolist(), ACCEL.tolist())
 
@@ -100,7 +99,6 @@ BOTH, WITHOUT = "either between columns or in numbers", "without thousands separ
     ],
 )
 def test_what_could_be_read_in_two_ways_is_refused_by_its_cause(tmp_path: Path, content: str, cause: str) -> None:
-    """Never half of a number, nor a column below the name of another."""
     (problem,) = problems_of(lambda: pulse(tmp_path, content))
     assert cause in str(problem)
 
@@ -125,7 +123,6 @@ def test_what_could_be_read_in_two_ways_is_refused_by_its_cause(tmp_path: Path, 
     ],
 )
 def test_a_column_that_is_no_pulse_says_why(tmp_path: Path, content: str, reason: str) -> None:
-    """A title speaks for a name that says nothing; row numbers are no time."""
     (sheet,) = sheets(tmp_path, content, "T1.csv")
     mapping = propose(sheet)
     assert mapping.kind == "neither"
@@ -181,7 +178,6 @@ def measurement(
 @pytest.mark.parametrize("x_columns", ["One", "Multi", "No"])
 @pytest.mark.parametrize(("delimiter", "decimal"), [("\t", "."), ("\t", ","), (",", ".")])
 def test_the_header_has_names_units_and_times(tmp_path: Path, x_columns: str, delimiter: str, decimal: str) -> None:
-    """However times are written; comments are no channel, and special blocks no names."""
     content = measurement(x_columns=x_columns, delimiter=delimiter, decimal=decimal)
     for name in ("V7.lvm", "V7.txt"):
         (sheet,) = sheets(tmp_path, content, name)
@@ -212,7 +208,6 @@ def test_segments_that_continue_are_one_record_and_others_are_refused(tmp_path: 
 
 
 def test_volts_are_no_acceleration(tmp_path: Path) -> None:
-    """What was never scaled is refused for its unit, whatever its name."""
     (sheet,) = sheets(tmp_path, measurement(unit="Volts"))
     assert propose(sheet).kind == "neither"
 

@@ -86,7 +86,6 @@ def problem(path: Path) -> str:
 
 
 def test_an_nhtsa_test_gives_condition_and_pulse(tmp_path: Path) -> None:
-    """Of six channels the sound ones of the rear crossmember are averaged; speed, mass and unit are the file's."""
     path = saved(tmp_path / "v09999.tdms", nhtsa_test())
     assert format_of(path) == "tdms"
     (record,) = read_tdms(path)
@@ -104,7 +103,6 @@ def test_an_nhtsa_test_gives_condition_and_pulse(tmp_path: Path) -> None:
 
 
 def test_other_setups_are_told_and_a_test_without_the_vehicle_is_refused(tmp_path: Path) -> None:
-    """An oblique test is marked; channels on dummies alone are no pulse; no speed is said to be none."""
     (record,) = read_tdms(saved(tmp_path / "a.tdms", nhtsa_test(Test_TstCfn="VTV", Test_ImpAng=15.0)))
     assert record.other_setup == "vehicle into vehicle (VTV) at 15°"
     (record,) = read_tdms(saved(tmp_path / "b.tdms", nhtsa_test(Veh_VehSpd=0.0, Test_ClsSpd=0.0)))
@@ -113,7 +111,6 @@ def test_other_setups_are_told_and_a_test_without_the_vehicle_is_refused(tmp_pat
 
 
 def test_any_tdms_file_offers_its_accelerations(tmp_path: Path) -> None:
-    """Without NHTSA's properties the unit tells; one acceleration is proposed, of two one has to be chosen."""
     wave = {"wf_increment": 0.1, "wf_start_offset": -50.0, "wf_xunit_string": "ms"}
     tunnel = ChannelObject("Car", "Tunnel X", pulse(93), properties={"unit_string": "m/s^2", **wave})
     force = ChannelObject("Car", "Force", pulse(93), properties={"unit_string": "N", **wave})
@@ -129,7 +126,6 @@ def test_any_tdms_file_offers_its_accelerations(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), (None, 1e3)])
 def test_a_channel_of_time_beside_the_values_is_their_clock(tmp_path: Path, unit: str | None, scale: float) -> None:
-    """As other programs write it, without a waveform's properties; in ms where it says so or lasts that long."""
     said = {} if unit is None else {"unit_string": unit}
     time_s = ChannelObject("Car", "Zeit", scale * clock(), properties=said)
     accel = ChannelObject("Car", "AX", half_sine_g(clock()), properties={"unit_string": "g"})
@@ -141,7 +137,6 @@ def test_a_channel_of_time_beside_the_values_is_their_clock(tmp_path: Path, unit
 
 
 def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> None:
-    """An engine's sensor without samples costs no test; it is told, and refused only where it is chosen."""
     channels = [
         ChannelObject("v1", name, pulse(sensor[0]) if sensor[0] != 95 else np.zeros(1), properties=said(*sensor))
         for name, sensor in SENSORS.items()
@@ -155,7 +150,6 @@ def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("kind", ["f8", "f4", "i2", "u1", "i8"])
 def test_values_are_those_that_were_written_whatever_their_type(kind: str) -> None:
-    """Channels of several types in three segments, one of them with a new property, come back number for number."""
     values = np.arange(100).astype(kind)
     parts = [
         [ChannelObject("it's", "a", values[:40]), ChannelObject("it's", "text", ["x", "yy"])],
@@ -182,7 +176,6 @@ def by_hand(contents: int, data: bytes, count: int = 3, to_next: int | None = No
 
 @pytest.mark.parametrize(("bit", "order"), [(0, "<"), (0, ">"), (1 << 5, "<"), (1 << 5, ">")])
 def test_interleaved_big_endian_and_repeated_chunks_are_read(bit: int, order: str) -> None:
-    """Two chunks of three values for each of two channels, in every arrangement."""
     a, b = np.arange(6.0), 10 + np.arange(6.0)
     rows = [np.column_stack([a[k : k + 3], b[k : k + 3]]) for k in (0, 3)]
     data = b"".join((row if bit else row.T).astype(f"{order}f8").tobytes() for row in rows)
@@ -194,7 +187,6 @@ def test_interleaved_big_endian_and_repeated_chunks_are_read(bit: int, order: st
 
 
 def test_what_is_not_read_or_makes_no_sense_is_refused(tmp_path: Path) -> None:
-    """DAQmx, scales, 2^60 values, an endless list of objects, a file cut short: a sentence each."""
     assert "DAQmx" in problem(saved(tmp_path / "a.tdms", by_hand(0b10001110, bytes(48))))
     wave = {"unit_string": "g", "wf_increment": 1e-4, "NI_Number_Of_Scales": np.uint32(4_000_000_000)}
     scaled = written([ChannelObject("g", "a", np.zeros(9, "i2"), properties=wave)])
@@ -243,7 +235,6 @@ def iihs_test() -> bytes:
 
 
 def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
-    """Of 229 channels the raw one of the vehicle's along X is the pulse; the speed is the file's, a text in km/h."""
     record = read(tmp_path, DUMMIES + VEHICLE, Impact_velocity="56.0")
     assert [channel.name for channel in record.channels] == ["11VEHC0000__ACX_", "11VEHC0000__ACXD"]
     assert record.proposed == ("11VEHC0000__ACX_",)
@@ -258,7 +249,6 @@ def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
 
 
 def test_the_speed_is_a_property(tmp_path: Path) -> None:
-    """In km/h unless it says otherwise; what is no speed is none."""
     speeds: dict[str, float | None] = {"55,8 km/h": 55.8, "n/a": None, "-3": None, "4 furlongs": None}
     mph: dict[str, Any] = {"impact velocity (mph)": 35.0}
     given = [(mph, 35 * 1.609344), *(({"Impact_velocity": text}, kph) for text, kph in speeds.items())]
@@ -285,7 +275,6 @@ def test_units_and_time_are_in_the_names(tmp_path: Path) -> None:
 
 
 def test_another_crash_is_named_as_that(tmp_path: Path) -> None:
-    """A small overlap test is read with a warning; where it does not stop the vehicle, it is refused as what it is."""
     record = read(tmp_path, VEHICLE, Impact_velocity="56", Test_type="Small overlap frontal: driver side")
     careful = "Careful: not a full-frontal barrier crash, by its own account: Small overlap frontal: driver side."
     assert careful in settle(record, WEIGHTS).steps
@@ -300,7 +289,6 @@ def test_another_crash_is_named_as_that(tmp_path: Path) -> None:
 def test_sensors_are_aligned_by_the_times_at_which_recording_began(
     tmp_path: Path, late_us: int, unit: str, factor: float, offset_s: float
 ) -> None:
-    """A second logger that was triggered at another time sees the same crash, whatever its zero and unit of time."""
     began = datetime(2026, 3, 2, 9, 15)
     time_s = np.arange(4000) * 1e-4 - 0.08  # of the first logger, whose record begins 80 ms before contact
     pulses = {"10SEATLERE00ACXP": (0, time_s), "10SEATRIRE00ACXP": (late_us, time_s + late_us * 1e-6)}
@@ -331,7 +319,6 @@ def test_sensors_are_aligned_by_the_times_at_which_recording_began(
     ],
 )
 def test_what_is_not_taken_is_named(tmp_path: Path, channels: str, proposed: int, told: str) -> None:
-    """Of two tests neither is taken; of two vehicles, and of loggers, the others are named."""
     names = [name.split("/") for name in channels.split()]
     record = read(tmp_path, [(group, name, RAW_G) for group, name in names], Impact_velocity="56")
     assert record.proposed == tuple(name for _, name in names)[:proposed]
@@ -342,7 +329,6 @@ def test_what_is_not_taken_is_named(tmp_path: Path, channels: str, proposed: int
 
 
 def test_what_is_kept_of_isomme_descriptors_counts(tmp_path: Path) -> None:
-    """A failed or simulated channel beside a sound one, as converters of ISO-MME write it, is not averaged."""
     said: list[tuple[str, dict[str, Any]]] = [
         ("10SEATLERE00ACXP", {"Data_status": "channel failed"}),
         ("10SEATRIRE00ACXP", {"Data status": "ok"}),
@@ -355,7 +341,6 @@ def test_what_is_kept_of_isomme_descriptors_counts(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("group", "name"), [("Simulation", "Vehicle Acc X"), ("Vehicle", "CAE Acc X")])
 def test_a_group_or_name_of_a_simulation_is_heard(tmp_path: Path, group: str, name: str) -> None:
-    """As that of a table's column is; beside a measured channel it is left out."""
     simulated = ChannelObject(group, name, RAW_G, properties=WAVE)
     (alone,) = read_tdms(saved(tmp_path / "alone.tdms", written([simulated])))
     assert alone.is_simulated

@@ -89,7 +89,6 @@ SCALED = {"NI_Scaling_Status": "scaled"}
     ],
 )
 def test_values_are_those_of_nptdms(channel: Scale, group: Scale, root: Scale) -> None:
-    """Linear, polynomial, table, sum and difference, at any level, applied already or not."""
     content = file_of(channel, group, root)
     expected = TdmsFile.read(BytesIO(content))["g"]["a"][:]
     np.testing.assert_allclose(ours(content), expected, rtol=1e-12, atol=1e-12)
@@ -97,7 +96,6 @@ def test_values_are_those_of_nptdms(channel: Scale, group: Scale, root: Scale) -
 
 @given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-50, 50)), min_size=1, max_size=8))
 def test_any_chain_of_linear_scales_is_their_product(chain: list[tuple[float, float]]) -> None:
-    """Each takes the one before it."""
     scales: Scale = {}
     expected = VALUES.astype(float)
     for n, (slope, intercept) in enumerate(chain):
