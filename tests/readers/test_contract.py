@@ -4,10 +4,12 @@ A new format is one function from a path to records, one line of the table, and 
 """
 
 import struct
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from openpyxl import Workbook
 
 from crashfuse import cli
 from crashfuse.cli.arguments import parser
@@ -40,7 +42,20 @@ GOOD: dict[str, Files] = {
     "csv": {"T1.csv": TABLE},
 }
 """A sound test or run of each format, by the names of its files."""
+
+
+def workbook() -> bytes:
+    """The table as a workbook."""
+    book, content = Workbook(), BytesIO()
+    header, *rows = TABLE.decode("cp1252").replace(",", ".").split("\n")
+    for row in (header.split(";"), *([float(cell) for cell in row.split(";")] for row in rows)):
+        book.worksheets[0].append(row)
+    book.save(content)
+    return content.getvalue()
+
+
 EVERY = [*GOOD.items(), ("lsdyna", {"nodout": SHORT.nodout()}), ("tdms", {"CEN1908.tdms": iihs_test()})]
+EVERY += [("radioss", {"hc1T01.csv": RadiossRun(step_ms=0.5).csv()}), ("csv", {"T1.xlsx": workbook()})]
 
 
 def test_every_format_has_a_good_file_here() -> None:
@@ -107,10 +122,13 @@ for _kind in _SLOW:
 pytest.mark.slow(ReaderContract.test_claims_beyond_the_file_cost_nothing)
 
 for _fmt, _files in EVERY:
-    _name = f"Test_{_fmt}_{next(iter(_files)).partition('.')[0]}"
+    _name = f"Test_{_fmt}_{next(iter(_files)).replace('.', '_')}"
     _own: dict[str, object] = {"format": _fmt, "files": _files}
     # other files of a format declare their sizes as those in GOOD do
     _own |= {"claims": claims(_fmt)} if _files is GOOD[_fmt] else {"test_claims_beyond_the_file_cost_nothing": None}
+    if "hc1T01.csv" in _files:  # a table by its name
+        _by_name = "a_sound_file_is_recognised_and_read", "capitals_of_names_make_no_difference", "a_zip_bomb_is_refused"
+        _own |= dict.fromkeys(f"test_{name}" for name in _by_name)
     globals()[_name] = type(_name, (ReaderContract,), _own)
 
 
