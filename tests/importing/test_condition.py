@@ -120,11 +120,8 @@ def test_one_weight_that_was_given_is_named_where_another_is_asked_for(
 
 
 def test_weights_are_said_in_the_units_of_the_reader() -> None:
-    steps: list[str] = []
-    one = record(channel(), condition=PartialCondition(SPEED_MPS))
-    complete_condition(
-        one, Choices(condition=PartialCondition(mass_kg=1000 * LB), front_share=0.58), steps, role="tests"
-    )
+    steps, choices = list[str](), Choices(condition=PartialCondition(mass_kg=1000 * LB), front_share=0.58)
+    complete_condition(record(channel(), condition=PartialCondition(SPEED_MPS)), choices, steps, role="tests")
     told = steps[-1]
     assert told == "Front weight 263 kg (580 lb): 58 % of 454 kg (1000 lb)."
     assert isinstance(told, Sentence)

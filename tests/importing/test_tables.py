@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from openpyxl import Workbook
 
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, UsageError
@@ -22,7 +21,7 @@ from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.testing.readers import written
 from crashfuse.units import KPH, MS, G
 from tests.conftest import SHARED, needs_shared, problems_of
-from tests.importing.crash_files import german, library
+from tests.importing.crash_files import german, library, sentence, workbook
 from tests.importing.crashes import GIVEN, clock, half_sine_g, scatter_g
 
 TIME_S = clock(-0.02, 0.15, 5000)
@@ -42,17 +41,11 @@ def table(folder: Path, header: str, *columns: FloatArray, name: str = "x.csv") 
     return path
 
 
-def roles(path: Path) -> dict[str, str]:
-    """What is proposed for each column."""
-    (sheet,) = read_sheets(path)
-    return {use.column: use.role for use in propose(sheet).uses}
-
-
 def refusal(path: Path, conditions: Path | None = None) -> str:
     """The one sentence that a source is refused with."""
-    (problem,) = problems_of(lambda: import_source(path, path.parent / "out", GIVEN, conditions=conditions))
+    said = sentence(lambda: import_source(path, path.parent / "out", GIVEN, conditions=conditions))
     assert not (path.parent / "out").exists()
-    return str(problem)
+    return said
 
 
 def by_id(records: Sequence[Record]) -> dict[str, Record]:
@@ -63,9 +56,8 @@ def by_id(records: Sequence[Record]) -> dict[str, Record]:
 def side_by_side(folder: Path, headers: str) -> Path:
     """Two tests, the second twice as long and with 20 ms more before contact; the shorter ends in empty cells."""
     later_s = clock(-0.04, 0.3, 5000)
-    first = [
-        np.pad(column, (0, later_s.size - TIME_S.size), constant_values=np.nan) for column in (TIME_S / MS, PULSE_G)
-    ]
+    padding = (0, later_s.size - TIME_S.size)
+    first = [np.pad(column, padding, constant_values=np.nan) for column in (TIME_S / MS, PULSE_G)]
     return table(folder, headers, *first, later_s / MS, half_sine_g(later_s))
 
 
@@ -87,10 +79,8 @@ def test_each_acceleration_has_the_time_to_its_left(tmp_path: Path) -> None:
 def test_sensors_with_times_of_their_own_are_no_tests(tmp_path: Path) -> None:
     """Titles that name channels: refused, until the others are left out or conditions say that they are crashes."""
     path = side_by_side(tmp_path, "sill left;;sill right;\nt [ms];left [g];t [ms];right [g]")
-    assert (
-        "found left, right, each with a time of its own; if they are sensors of one crash, leave out the others"
-        in refusal(path)
-    )
+    said = "found left, right, each with a time of its own; if they are sensors of one crash, leave out the others"
+    assert said in refusal(path)
     (one,) = read_records(Reading(path, columns=(ColumnChoice("right [g]", "ignored"),)))
     assert one.id == "left"
     conditions = tmp_path / "of_both.txt"
@@ -125,9 +115,8 @@ def test_the_engine_is_not_averaged_with_the_floor(tmp_path: Path, engine: str) 
     assert f"Ahead of the passenger cell, not averaged: {engine}." in one.steps
     (chosen,) = import_source(path, tmp_path / "engine", replace(GIVEN, channels=(engine,)), record_id="T1")
     assert chosen.channels == (engine,)
-    tunnel = table(
-        tmp_path, "t [ms];ax left [g];transmission tunnel X [g]", TIME_S / MS, PULSE_G, PULSE_G, name="t.csv"
-    )
+    header = "t [ms];ax left [g];transmission tunnel X [g]"
+    tunnel = table(tmp_path, header, TIME_S / MS, PULSE_G, PULSE_G, name="t.csv")
     assert len(import_source(tunnel, tmp_path / "tunnel", GIVEN, record_id="T1")[0].channels) == 2
     (alone,) = read_records(Reading(table(tmp_path, f"t [ms];{engine}", TIME_S / MS, PULSE_G, name="alone.csv")))
     assert alone.proposed == (engine,)
@@ -181,8 +170,8 @@ DUMMIES = (
     ],
 )
 def test_the_pulse_is_the_acceleration_of_the_vehicle_along_x(tmp_path: Path, header: str, pulse: str) -> None:
-    path = table(tmp_path, header, TIME_S, *[PULSE_G] * header.count(";"))
-    assert [column for column, role in roles(path).items() if role == "acceleration"] == ([pulse] if pulse else [])
+    (sheet,) = read_sheets(table(tmp_path, header, TIME_S, *[PULSE_G] * header.count(";")))
+    assert [use.column for use in propose(sheet).of("acceleration")] == [pulse] * bool(pulse)
 
 
 def test_what_was_planned_or_carried_is_not_what_was_tested(tmp_path: Path) -> None:
@@ -292,25 +281,12 @@ def test_thousands_separators_are_no_decimal_signs(tmp_path: Path, separator: st
     path = tmp_path / "x.csv"
     noise = 300 * np.random.default_rng(1).normal(size=TIME_S.size)
     cells = [f"{value:,.0f}".replace(",", separator) for value in 9806.65 * PULSE_G + noise]
-    path.write_text(
-        "Zeit [µs];a [mm/s²]\n" + "\n".join(f"{t * 1e6:.0f};{a}" for t, a in zip(TIME_S, cells, strict=True))
-    )
+    rows = (f"{t * 1e6:.0f};{a}" for t, a in zip(TIME_S, cells, strict=True))
+    path.write_text("\n".join(["Zeit [µs];a [mm/s²]", *rows]))
     assert "found thousands separators, as in" in refusal(path)
     fine = np.round(PULSE_G * 8) / 8  # halves and eighths, written as short as can be
     path.write_text("Zeit [ms];a [g]\n" + "\n".join(f"{t / MS:g};{a:g}" for t, a in zip(TIME_S, fine, strict=True)))
     np.testing.assert_array_equal(read_records(Reading(path))[0].channels[0].values, fine)
-
-
-def workbook(path: Path, rows: Sequence[Sequence[object]]) -> Path:
-    """A workbook with this table, and the same in a hidden sheet."""
-    book = Workbook()
-    hidden = book.create_sheet("rejected")
-    hidden.sheet_state = "hidden"
-    for row in rows:
-        book.worksheets[0].append(list(row))
-        hidden.append(list(row))
-    book.save(path)
-    return path
 
 
 @pytest.mark.parametrize(
@@ -318,10 +294,11 @@ def workbook(path: Path, rows: Sequence[Sequence[object]]) -> Path:
     [("-0,5", "-20,0", "numbers kept as text, such as '-20,0'"), ("=1+1", -20.0, "formulas")],
 )
 def test_a_workbook_without_numbers_says_why(tmp_path: Path, accel: str, time: object, found: str) -> None:
-    header = ["t [ms]", "ax [g]"]
-    assert f"found {found}" in refusal(workbook(tmp_path / "x.xlsx", [header, *[[time, accel]] * 30]))
-    path = workbook(tmp_path / "y.xlsx", [header, *np.column_stack([TIME_S / MS, PULSE_G]).tolist()])
-    assert "Left out as hidden: rejected." in read_records(Reading(path))[0].steps
+    header, rows = ["t [ms]", "ax [g]"], np.column_stack([TIME_S / MS, PULSE_G]).tolist()
+    tables = {"x.xlsx": [header, *[[time, accel]] * 30], "y.xlsx": [header, *rows]}
+    books = {name: workbook({"a": rows, "rejected": rows}, hidden="rejected") for name, rows in tables.items()}
+    assert f"found {found}" in refusal(written(tmp_path, books) / "x.xlsx")
+    assert "Left out as hidden: rejected." in read_records(Reading(tmp_path / "y.xlsx"))[0].steps
 
 
 FILES = SHARED / "real" / "formats"
@@ -371,10 +348,8 @@ def test_each_kind_of_foreign_file_is_read_or_refused_by_its_cause(
         found = motion.t0_s / MS, motion.displacement_m.max() / MS, -one.pulse.accel_mps2.min() / G
         assert one.channels == (right,)
         assert found == pytest.approx(RIGHT[speed_mps], rel=0.015)
-        assert [one.role, *(other.role for other in others)] == [
-            options.get("role", "tests"),
-            *["cae"] * ("cae" in options),
-        ]
+        roles = [options.get("role", "tests"), *["cae"] * ("cae" in options)]
+        assert [one.role, *(other.role for other in others)] == roles
         return
     with pytest.raises(DataError, match=right) as caught:
         import_source(FILES / name, tmp_path / "out", given, **options)
@@ -485,9 +460,8 @@ def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> N
         import_source(path, tmp_path / "out", GIVEN, role="tests")
     both = import_source(path, tmp_path / "both", GIVEN, cae=["CAE7"])
     assert [(one.id, one.role) for one in both] == [("Versuch7", "tests"), ("CAE7", "cae")]
-    sensors = table(
-        tmp_path, "t [ms];left [g];right [g];CAE [g]", TIME_S / MS, PULSE_G, PULSE_G, 0.5 * PULSE_G, name="y.csv"
-    )
+    columns = (TIME_S / MS, PULSE_G, PULSE_G, 0.5 * PULSE_G)
+    sensors = table(tmp_path, "t [ms];left [g];right [g];CAE [g]", *columns, name="y.csv")
     (one,) = import_source(sensors, tmp_path / "one", GIVEN, record_id="T1")
     assert one.channels == ("left [g]", "right [g]")
     assert "Left out by the file's own account: CAE [g] (CAE)." in one.steps
@@ -503,27 +477,19 @@ def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> N
 )
 def test_a_prediction_of_ours_is_no_test(tmp_path: Path, header: str) -> None:
     columns = {"time_ms": TIME_S / MS, "acceleration_g": PULSE_G, "lower_g": PULSE_G - 1, "upper_g": PULSE_G + 1}
-    path = table(
-        tmp_path,
-        header,
-        *(columns.get(name, np.full(TIME_S.size, np.nan)) for name in header.split("\n")[-1].split(";")),
-    )
-    roles_given: tuple[Role | None, ...] = (None, "tests")
-    for role in roles_given:
+    given = [columns.get(name, np.full(TIME_S.size, np.nan)) for name in header.split("\n")[-1].split(";")]
+    path = table(tmp_path, header, *given)
+    roles: tuple[Role | None, ...] = (None, "tests")
+    for role in roles:
         with pytest.raises(DataError, match=r"by its own account acceleration_g \((# P|p)redict"):
             import_source(path, tmp_path / "out", GIVEN, role=role)
 
 
 def test_sheets_of_dummies_and_other_directions_are_left_out_and_told(tmp_path: Path) -> None:
-    book = Workbook()
-    for title, factor in (("X", 1.0), ("Y", 0.2), ("Kopf", 1.3)):
-        sheet = book.create_sheet(title)
-        sheet.append(["t [ms]", "Acc [g]"])
-        for row in np.column_stack([TIME_S / MS, factor * PULSE_G]).tolist():
-            sheet.append(row)
-    book.remove(book.worksheets[0])
-    book.save(tmp_path / "V7.xlsx")
-    (one,) = import_source(tmp_path / "V7.xlsx", tmp_path / "out", GIVEN)
+    scales = {"X": 1.0, "Y": 0.2, "Kopf": 1.3}
+    rows = {title: np.column_stack([TIME_S / MS, by * PULSE_G]).tolist() for title, by in scales.items()}
+    book = workbook({title: [["t [ms]", "Acc [g]"], *of] for title, of in rows.items()})
+    (one,) = import_source(written(tmp_path, {"V7.xlsx": book}) / "V7.xlsx", tmp_path / "out", GIVEN)
     assert one.id == "X"
     left = next(step for step in one.steps if step.startswith("Left out"))
     assert "another direction than X: Y" in left
@@ -548,10 +514,8 @@ def test_tables_are_sorted_by_their_headers(tmp_path: Path) -> None:
     assert forms["runs.csv",].proposed.kind == "pulses"
     assert forms["runs.csv",].unit_of(["Run 0 [m/s^2]", "Run 1 [m/s^2]"]) == "m/s²"
     assert forms["runs.csv",].unit_of(["Time [s]", "Run 1 [m/s^2]"]) is None
-    table = written(
-        tmp_path, {"x.csv": german(clock(), half_sine_g(clock()), 0 * clock(), header="Zeit [ms];a [g];b [g]")}
-    )
-    (form,) = table_forms([table / "x.csv"])
+    table = german(clock(), half_sine_g(clock()), 0 * clock(), header="Zeit [ms];a [g];b [g]")
+    (form,) = table_forms([written(tmp_path, {"x.csv": table}) / "x.csv"])
     same = {"time": ["Zeit [ms]"], "acceleration": ["a [g]", "b [g]"], "id": ()}
     assert form.choices(same, {"time": None}) == ()  # type: ignore[arg-type]
     picked = {**same, "acceleration": ["a [g]"]}

@@ -16,7 +16,8 @@ from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.testing.readers import written
 from crashfuse.units import MS
-from tests.conftest import SHARED, needs_shared, problems_of
+from tests.conftest import SHARED, needs_shared
+from tests.importing.crash_files import sentence
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.lsdyna_files import MASS_KG, SYSTEMS, Energies, Folders, Layout, Run, chars, lsda
 
@@ -41,8 +42,7 @@ def only(path: Path) -> Record:
 
 def problem(path: Path) -> str:
     """What is said to be wrong with it, in one sentence."""
-    (problem,) = problems_of(lambda: read_lsdyna(path))
-    return str(problem)
+    return sentence(lambda: read_lsdyna(path))
 
 
 def same(one: Record, other: Record) -> bool:

@@ -1,5 +1,6 @@
 """Runs of Radioss: a vehicle's pulse, speed, mass and energies are read; anything else is told in a sentence."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,8 @@ from crashfuse.readers.radioss_history import TimeHistory, Watched, with_names
 from crashfuse.readers.record import Record
 from crashfuse.testing.readers import written
 from crashfuse.units import MS
-from tests.conftest import SHARED, needs_shared, problems_of
+from tests.conftest import SHARED, needs_shared
+from tests.importing.crash_files import sentence
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.radioss_files import MASS_KG, Converter, RadiossRun
 from tests.readers.test_lsdyna import WEIGHTS
@@ -45,8 +47,7 @@ def is_the_crash(record: Record) -> Settled:
 
 def refusal(folder: Path, **files: bytes) -> str:
     """What is said against these files: one sentence."""
-    (problem,) = problems_of(lambda: only(folder, **files))
-    return str(problem)
+    return sentence(lambda: only(folder, **files))
 
 
 @pytest.mark.parametrize("layout", [3040, 3050, 4021])
@@ -142,9 +143,7 @@ def test_a_barrier_that_does_not_move_is_no_mass_of_the_vehicle(tmp_path: Path) 
 )
 def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[bytes], bytes], found: str) -> None:
     path = written(tmp_path, {"hc1T01": damage(RUN.binary())}) / "hc1T01"
-    with pytest.raises(DataError, match=found) as caught:
-        read_radioss(path)
-    assert "\n" not in str(caught.value)
+    assert re.search(found, sentence(lambda: read_radioss(path)))
 
 
 def test_a_run_that_was_stopped_is_read_to_its_last_whole_state(tmp_path: Path) -> None:
@@ -308,5 +307,4 @@ def test_an_accelerometer_of_openradioss_is_the_same_in_both_forms() -> None:
     ],
 )
 def test_runs_without_a_vehicle_are_fairly_refused(name: str, found: str) -> None:
-    (problem,) = problems_of(lambda: settle(read_radioss(FILES / name)[0], role="cae"))
-    assert found in str(problem)
+    assert found in sentence(lambda: settle(read_radioss(FILES / name)[0], role="cae"))

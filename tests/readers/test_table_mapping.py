@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from openpyxl import Workbook
 
 from crashfuse.errors import DataError, UsageError
 from crashfuse.files.archive import Limits
@@ -13,8 +12,9 @@ from crashfuse.readers.table_mapping import apply_conditions, apply_mapping, pro
 from crashfuse.readers.table_sheet import Sheet
 from crashfuse.readers.tables import read_sheets
 from crashfuse.readers.vocabulary import number_and_unit, unit_named
+from crashfuse.testing.readers import written
 from crashfuse.units import KPH, LB, MPH, MS
-from tests.conftest import problems_of
+from tests.importing.crash_files import sentence, workbook
 
 TIMES_MS = [0.0, 0.1, 0.2, 0.3]
 VALUES = [0.0, -1.25, -2.5, -1e-3]
@@ -168,8 +168,7 @@ def test_conditions_that_cannot_be_understood_are_refused(tmp_path: Path, text: 
     ],
 )
 def test_what_is_no_table_is_refused(tmp_path: Path, name: str, content: bytes, message: str) -> None:
-    (problem,) = problems_of(lambda: one_sheet(tmp_path / name, content))
-    assert message in str(problem)
+    assert message in sentence(lambda: one_sheet(tmp_path / name, content))
 
 
 def test_a_cell_that_is_no_number_is_named(tmp_path: Path) -> None:
@@ -179,17 +178,10 @@ def test_a_cell_that_is_no_number_is_named(tmp_path: Path) -> None:
 
 
 def test_a_workbook_gives_a_sheet_a_table(tmp_path: Path) -> None:
-    book = Workbook()
-    tables = {
-        "Notes": [["nothing here"]],
-        "T1": [["Zeit", "a"], ["ms", "g"], *([0.1 * i, -0.5 * i] for i in range(10))],
-    }
-    tables["Conditions"] = [["Test", "v [km/h]", "front [kg]", "rear [kg]"], ["T1", 50, 900, 700]]
-    for name in ("Notes", "Conditions", "T1"):
-        for row in tables[name]:
-            (book[name] if name in book else book.create_sheet(name)).append(row)
-    book.save(tmp_path / "book.xlsx")
-    first, second = read_sheets(tmp_path / "book.xlsx")
+    conditions = [["Test", "v [km/h]", "front [kg]", "rear [kg]"], ["T1", 50, 900, 700]]
+    pulses = [["Zeit", "a"], ["ms", "g"], *([0.1 * i, -0.5 * i] for i in range(10))]
+    book = workbook({"Notes": [["nothing here"]], "Conditions": conditions, "T1": pulses})
+    first, second = read_sheets(written(tmp_path, {"book.xlsx": book}) / "book.xlsx")
     assert apply_conditions(first, propose(first))["T1"].speed_mps == pytest.approx(50 * KPH)
     (channel,) = one_record(second).channels
     assert channel.time_s.tolist() == pytest.approx([1e-4 * i for i in range(10)])

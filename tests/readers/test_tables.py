@@ -11,7 +11,7 @@ from crashfuse.readers.table_mapping import apply_mapping, propose
 from crashfuse.readers.table_sheet import Sheet
 from crashfuse.readers.tables import read_sheets
 from crashfuse.signals.pulse import FloatArray
-from tests.conftest import problems_of
+from tests.importing.crash_files import sentence
 
 N = 80
 TIME_MS = np.arange(N) - 5.0
@@ -99,22 +99,18 @@ BOTH, WITHOUT = "either between columns or in numbers", "without thousands separ
     ],
 )
 def test_what_could_be_read_in_two_ways_is_refused_by_its_cause(tmp_path: Path, content: str, cause: str) -> None:
-    (problem,) = problems_of(lambda: pulse(tmp_path, content))
-    assert cause in str(problem)
+    assert cause in sentence(lambda: pulse(tmp_path, content))
+
+
+HISTORY = "Nodal History,{}\n" + text("Time,A8874", TIME_MS, ACCEL)
 
 
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (
-            "Nodal History,Resultant Acceleration\n" + text("Time,A8874", TIME_MS, ACCEL),
-            "another direction than X: Resul",
-        ),
-        ("Nodal History,X-velocity\n" + text("Time,A8874", TIME_MS, ACCEL), "no acceleration: X-velocity"),
-        (
-            "Nodal History,X-displacement\n" + text("Time,A8874", TIME_MS, ACCEL),
-            "not an acceleration's: X-displacement",
-        ),
+        (HISTORY.format("Resultant Acceleration"), "another direction than X: Resul"),
+        (HISTORY.format("X-velocity"), "no acceleration: X-velocity"),
+        (HISTORY.format("X-displacement"), "not an acceleration's: X-displacement"),
         ("Resultant acceleration\n" + text("Time,Value", TIME_MS, ACCEL), "another direction than X: Resultant"),
         (text("Sample,a_x [g]", range(N), ACCEL), "it numbers the rows"),
         (text("0,0", range(1, N), ACCEL[1:]), "it numbers the rows"),
@@ -161,10 +157,8 @@ def measurement(
         tags |= {"X0": [cell(begin_s)] * len(channels), "Delta_X": [cell(STEP_S)] * len(channels)}
         lines += [f"{tag}{delimiter}{between.join(cells)}{delimiter}" for tag, cells in tags.items()]
         names = delimiter.join(("X_Value" + delimiter if x_columns == "Multi" else "") + name for name in channels)
-        lines += [
-            "***End_of_Header***",
-            ("" if x_columns == "Multi" else "X_Value" + delimiter) + names + delimiter + "Comment",
-        ]
+        first = "" if x_columns == "Multi" else f"X_Value{delimiter}"
+        lines += ["***End_of_Header***", f"{first}{names}{delimiter}Comment"]
         for number, values in enumerate(np.column_stack([values[rows] for values in channels.values()]).tolist()):
             time = cell(begin_s + number * STEP_S)
             before = {"One": time + delimiter, "No": delimiter, "Multi": ""}[x_columns]
@@ -203,8 +197,7 @@ def test_segments_that_continue_are_one_record_and_others_are_refused(tmp_path: 
     np.testing.assert_array_equal(sheet.numbers("Acc X"), X)
     for begin_s in (0.0, 1.0):
         apart = partial(sheets, tmp_path, measurement(segments=[parts[0], (slice(20, N_SAMPLES), begin_s)]))
-        (problem,) = problems_of(apart)
-        assert "segments that continue each other" in str(problem)
+        assert "segments that continue each other" in sentence(apart)
 
 
 def test_volts_are_no_acceleration(tmp_path: Path) -> None:
@@ -221,5 +214,4 @@ def test_volts_are_no_acceleration(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_read_is_refused(tmp_path: Path, content: str, message: str) -> None:
-    (problem,) = problems_of(lambda: sheets(tmp_path, content))
-    assert message in str(problem)
+    assert message in sentence(lambda: sheets(tmp_path, content))

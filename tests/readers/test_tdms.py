@@ -19,7 +19,7 @@ from crashfuse.readers.tdms import read_tdms
 from crashfuse.readers.tdms_container import parse_tdms
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
-from tests.conftest import problems_of
+from tests.importing.crash_files import sentence
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, STOP_S, clock, half_sine_g, ringing_g
 
 WEIGHTS = Choices(condition=PartialCondition(front_weight_kg=950.0, rear_weight_kg=750.0))
@@ -81,8 +81,7 @@ def saved(path: Path, content: bytes) -> Path:
 
 def problem(path: Path) -> str:
     """What is said to be wrong with it, in one sentence."""
-    (problem,) = problems_of(lambda: read_tdms(path))
-    return str(problem)
+    return sentence(lambda: read_tdms(path))
 
 
 def test_an_nhtsa_test_gives_condition_and_pulse(tmp_path: Path) -> None:
