@@ -28,7 +28,7 @@ from .importing.ratings import explain_files as explain_files
 from .importing.ratings import rate_channels as rate_channels
 from .importing.ratings import rate_files as rate_files
 from .importing.ratings import rate_pairs as rate_pairs
-from .importing.tables import ColumnChoice as ColumnChoice
+from .importing.sources import ColumnChoice as ColumnChoice
 from .readers.record import PartialCondition as PartialCondition
 from .results.display import Display as Display
 from .results.drawing import darkened as darkened

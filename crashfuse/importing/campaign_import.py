@@ -19,8 +19,7 @@ from crashfuse.crash_test import TUNED
 from crashfuse.errors import DataError, Problem, UsageError, as_path, one_of, refusal, refuse_all, require_a
 from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
 from crashfuse.importing.pulse_conversion import Lacking, Settled, joint_problems, missing_values, settle
-from crashfuse.importing.sources import Reading, format_of, is_archive, iter_records
-from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
+from crashfuse.importing.sources import ColumnChoice, OneCrashOrSeveral, Reading, format_of, is_archive, iter_records
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import Travel, mentions, plain, speed, words

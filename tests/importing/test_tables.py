@@ -12,8 +12,7 @@ import pytest
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import ColumnChoice, Reading, import_source, read_each, read_records, settle_each
-from crashfuse.importing.sources import tables_of
-from crashfuse.importing.tables import table_forms
+from crashfuse.importing.sources import table_forms, tables_of
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_mapping import apply_conditions, propose
 from crashfuse.readers.tables import read_sheets
