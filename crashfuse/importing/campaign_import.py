@@ -154,7 +154,7 @@ def import_source(
     except OneCrashOrSeveral as error:
         problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
         if role != "cae" and not cae and all(label.is_simulated for label in labels):
-            found, advice = "simulated ones, by their own account", "import them as CAE runs (--as cae)"
+            found, advice = "simulated ones", "import them as CAE runs (--as cae)"
             problems.append(Problem(source.name, "measured accelerations", found, advice))
     except DataError as error:
         problems = [*error.problems, *problems]

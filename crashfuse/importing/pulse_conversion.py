@@ -28,14 +28,12 @@ from crashfuse.units import MS, G, Sentence, number, time_text
 _FASTEST_MPS = 100.0
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
-_GIVE_EACH = "add a row for each to a table of conditions (--conditions TABLE)"
+_GIVE_EACH = "give a table of conditions (--conditions TABLE)"
 _GIVE_SPEED = "give the speed (--speed-kph V, --speed-mph V)"
-_GIVE_WEIGHTS = (
-    "give two of mass, axle weights and front share (--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
-)
+_GIVE_WEIGHTS = "give two (--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
 _LONGER = {
-    "tests": "export the whole record; or check time zero",
-    "cae": "run it to 100 ms, and copy all files; or check time zero",
+    "tests": "export the whole record; check time zero",
+    "cae": "run it to 100 ms; check time zero",
 }
 _LONGEST_S = 0.2
 
@@ -120,7 +118,7 @@ def _weights_problems(record: Record, weights: PartialCondition) -> list[Problem
         least = weight(_LIGHTEST_AXLE_KG)
         expected, wrong = Sentence("axles of {} that carry at least {}", record.id, least), min(axles)
     elif len(axles) > 1 and not _LEAST_SHARE <= (share := axles[0] / sum(axles)) <= _MOST_SHARE:
-        carries = f"a front axle of {record.id} that carries 20 to 80 % of the mass"
+        carries = f"20 to 80 % of the mass of {record.id} in front"
         return [Problem(record.source, carries, f"{100 * share:.0f} %", WHICH_AXLE)]
     found, advice = Sentence("{}", weight(wrong, form=".4g")), "check the weights and their unit"
     return [Problem(record.source, expected, found, advice)] if expected else []
@@ -136,7 +134,7 @@ def _refuse_short(case: Case, time_s: FloatArray) -> None:
 
 
 def _too_short(case: Case, end_s: float, advice: str) -> DataError:
-    expected = "at least 60 ms from contact (100 ms is best)"
+    expected = "at least 60 ms from contact"
     return refusal(case.record.source, expected, time_text(end_s), advice)
 
 

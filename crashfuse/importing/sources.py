@@ -144,7 +144,7 @@ def format_of(source: Path) -> str:
         raise refusal(source.name, all_formats(), "none of these", f"choose another source{broken}")
     if len(set(found) - {TABLES}) > 1:
         several = " and ".join(found)
-        raise refusal(source.name, "records of one format", several, "import one after the other (--format)")
+        raise refusal(source.name, "records of one format", several, "choose one (--format)")
     return found[0]
 
 
@@ -192,7 +192,7 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         raise refusal(str(source), f"tables ({FORMATS[TABLES].files})", "none", errors.CHECK_PATH)
     if fmt == TABLES and not tables.records and not problems:
         found = "; ".join(tables.neither) or "conditions alone"
-        expected = "a column of time and one of acceleration"
+        expected = "time and acceleration"
         raise refusal(source.name, expected, found, "map the columns (--column COLUMN=ROLE:UNIT)")
     whole, ids, notes = not problems, list[str](), list[str]()
     if fmt == TABLES and tables.neither:
@@ -329,14 +329,14 @@ class _TableSet:
 def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, parted: bool) -> Problem:
     if len(without) < len(records):  # crashes, as the conditions of the others say
         found = f"those of {listed(record.id for record in records if record.id not in without)}"
-        advice = "add a row for each, or leave its column out (--column COLUMN=ignored)"
+        advice = "add rows, or leave it out (--column COLUMN=ignored)"
         return Problem(table, f"conditions for {listed(without)}", found, advice)
     best_first = sorted(records, key=lambda record: Heading(record.channels[0].name).likelihood)
     one = f"average them (--id ID) or choose (--channel {shlex.quote(best_first[0].channels[0].name)})"
     one = "leave out the others (--column COLUMN=ignored)" if parted else one
     advice = f"if they are sensors of one crash, {one}; if crashes, give conditions (--conditions TABLE)"
     found = f"{listed(record.id for record in best_first)}{', each with a time of its own' if parted else ''}"
-    return Problem(table, "one acceleration of the vehicle, or conditions for each", found, advice)
+    return Problem(table, "one acceleration, or conditions for each", found, advice)
 
 
 def read_tables(

@@ -93,7 +93,7 @@ def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
     def is_text(file: PurePath) -> bool:
         return file.suffix.lower() in (".mme", ".chn") or is_numbered(file)
 
-    with opened_members(path, is_text, "an ISO-MME folder or zip", limits) as (members, budget):
+    with opened_members(path, is_text, "an ISO-MME test (.mme)", limits) as (members, budget):
         if path.suffix.lower() == ".mme" and path.is_file():
             members = [m for m in members if m.path.suffix.lower() != ".mme" or m.path == PurePosixPath(path.name)]
         return _read(members, path.name, budget)
@@ -117,7 +117,7 @@ def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
             channels.append((channel, clock))
             clocks |= {name: channel for name in (member.path.suffix[1:], channel.name, channel.code) if name}
     refuse_all(problems, name)
-    refuse_if(not channels, name, "channel files .001, .002 … in Channel/", "none", "export them too")
+    refuse_if(not channels, name, "channel files (.001 …)", "none", "export them too")
     timed = tuple(_timed(channel, clocks.get(reference or "")) for channel, reference in channels)
     descriptors = _descriptors(_lines_in(headers[0], budget), headers[0].where)
     return IsommeTest(headers[0].path.stem, tuple(descriptors), timed)
@@ -134,7 +134,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     with suppress(DataError) if Doubt.FAILED in doubts else nullcontext():
         samples, count = _numbers(lines[end:], where), _number_in(header, "Number of samples", where)
         is_other = count not in (None, samples.size)
-        refuse_if(is_other, where, f"{count or 0:g} samples, as its header says", f"{samples.size}", _AGAIN)
+        refuse_if(is_other, where, f"{count or 0:g} samples, as stated", f"{samples.size}", _AGAIN)
         values = samples
     interval = _seconds_in(header, _STEP, where)
     is_wrong = interval is not None and interval <= 0
@@ -188,7 +188,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
         found = "an infinite one" if np.isinf(values).any() else ""
     except ValueError as error:
         found = printable(str(error).rpartition(":")[2].strip())
-    refuse_if(found, where, "one number a line after the header", found, _AGAIN)
+    refuse_if(found, where, "one number a line", found, _AGAIN)
     return values
 
 
@@ -224,7 +224,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
     along_x = [(code, channel) for code, channel in coded if code.is_acceleration and code.is_along_x]
     on_vehicles = [pair for pair in along_x if pair[0].text[0].isdigit() and not pair[0].is_of_a_dummy]
     found = f"none in {len(test.channels)} channels"
-    refuse_if(not on_vehicles, source, "an X acceleration of the vehicle (10VEHC000000ACXD)", found, "export it too")
+    refuse_if(not on_vehicles, source, "an X acceleration of the vehicle", found, "export it too")
     objects = {code.text[0] for code, _ in on_vehicles}
     vehicle = min({code.text[0] for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.text[0] == vehicle])
@@ -262,7 +262,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
 
 def _recorded(name: str, code: ChannelCode, channel: Channel, where: str, origin: str) -> RecordedChannel:
     if (time_s := channel.time_s) is None:
-        raise refusal(where, "an even time, as long as the channel", "none such", "export its sampling interval")
+        raise refusal(where, "an even time", "none such", "export its sampling interval")
     label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
     status, origin = code.status(channel.status), channel.source or origin
     words = "the file", origin, status, channel.sensor, channel.prefilter, channel.remark

@@ -196,7 +196,7 @@ def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | Non
         if not states and (text := files.text.get(kind)) is not None:
             states |= energies_text(text.chunks(budget), text.where)
     first = next(chain(*(members.values() for members in files.binout.values()), files.text.values()))
-    refuse_if(not run.nodes, first.where, "accelerations of nodes (nodout) or rigid bodies", "none", ASK)
+    refuse_if(not run.nodes, first.where, "accelerations of nodes or rigid bodies", "none", ASK)
     began = float(run.nodes[0].time[0])
     if run.is_cut:  # energies of what was before are not the crash's
         glstat, matsum = (

@@ -85,7 +85,7 @@ class _LsdaFile:
             head = self._record.unpack_from(content)[1], self._kind.unpack_from(content, self._record.size)[0]
             if head == (_DATA, kind) and content[ahead - len(label) : ahead] == label:
                 return np.frombuffer(content, numbers, offset=ahead)
-        raise self._damaged(f"no data of {name} in their place")
+        raise self._damaged(f"no data of {name}")
 
     def _read_tables(self, at: int, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
         if self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET:
@@ -98,7 +98,7 @@ class _LsdaFile:
             for command, body in self._table(offset):
                 left -= self._record.size + len(body)
                 if left < 0:
-                    raise self._damaged("symbol tables that overlap, or in a circle")
+                    raise self._damaged("symbol tables in a circle")
                 if command == _CD:
                     folder = _changed(folder, body.decode("latin-1"))
                     names = wanted(folder)
@@ -110,7 +110,7 @@ class _LsdaFile:
     def _table(self, offset: int) -> Iterator[tuple[int, bytes]]:
         length, command = self._record.unpack(self._exactly(self._record.size, offset))
         if command != _BEGIN_TABLE:
-            raise self._damaged("no symbol table in its place")
+            raise self._damaged("no symbol table")
         ahead, at = self._record.size, 0
         block = self._stream.read(min(length, _BLOCK))
         while command != _END_TABLE:
@@ -141,7 +141,7 @@ class _LsdaFile:
             self._listed.extend((kind, count, offset))
         are_many = len(self._listed) > 3 * _MOST_WANTED or len(self.folders) > _MOST_FOLDERS
         expected = f"at most {_MOST_FOLDERS:,} states with {_MOST_WANTED:,} variables"
-        refuse_if(are_many, self._where, expected, "more", "write fewer states (DT in *DATABASE_NODOUT)")
+        refuse_if(are_many, self._where, expected, "more", "write fewer states")
 
     def _exactly(self, count: int, offset: int | None = None) -> bytes:
         if offset is not None:
@@ -152,7 +152,7 @@ class _LsdaFile:
         return content
 
     def _damaged(self, found: str) -> DataError:
-        return refusal(self._where, "a sound binout file of LS-DYNA", found, COPY_AGAIN)
+        return refusal(self._where, "a sound binout", found, COPY_AGAIN)
 
 
 def _changed(folder: _Folder, path: str) -> _Folder:

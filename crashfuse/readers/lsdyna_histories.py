@@ -198,8 +198,8 @@ class _Nodout:
 
     def _damaged(self) -> DataError:
         whole = min((len(values) for values in self._series.values()), default=0) // 6
-        found = f"one that cannot be read after state {whole}"
-        return refusal(self._where, "rows with all values of each node", found, COPY_AGAIN)
+        found = f"damage after state {whole}"
+        return refusal(self._where, "whole rows", found, COPY_AGAIN)
 
     def histories(self, title: str) -> Histories:
         if len(self._times) == 1:
@@ -208,7 +208,7 @@ class _Nodout:
         whole, states = min(counts, default=0), len(self._times)
         if whole < states - 1 or max(counts, default=0) > states:
             raise self._damaged()
-        expected = "velocities and accelerations of nodes (x-vel, x-accl …)"
+        expected = "velocities and accelerations (x-vel, x-accl)"
         refuse_if(not whole, self._where, expected, "none", "choose the nodout of a run")
         time, values = np.array(self._times[:whole]), np.array([of[: 6 * whole] for of in self._series.values()])
         values = values.reshape(-1, whole, 2, 3).transpose(

@@ -35,12 +35,7 @@ LACKING = "X accelerations of the vehicle", "download all channels of the test" 
 _AGAIN = "download it again"
 
 _TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
-_WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
-_SPEED = 41
 _CODES = ("sensor", "occupant", "attachment", "axis", "unit", "status")
-_FIELDS = {"vehicle": 0, "sensor": 2, "occupant": 3, "attachment": 4, "axis": 5, "unit": 7, "cutoff": 8, "maker": 9}
-_FIELDS |= {"status": 17, "kind": 18, "comment": 19}
-_ABOUT = {"laboratory": 4, "test_number": 0, "reference": 6, "date": 3}  # fields of TEST; the number is the file's
 _MOST_LINES = 20_000  # of a specification
 _MOST_SAMPLES = 1_000_000
 _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
@@ -193,7 +188,7 @@ def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read one NHTSA test: its folder, its ``.EV5`` file, or a zip."""
-    kind = "an NHTSA folder or zip (.EV5)"
+    kind = "an NHTSA test (.EV5)"
 
     def wanted(file: PurePath) -> bool:
         return FORMATS["nhtsa"].has(file) or is_numbered(file)
@@ -212,7 +207,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         steps += other_vehicles([one for one in listed if one.number in files])
         test = sections["TEST"][0]
         other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
-        about = {name: _field(test, index) for name, index in _ABOUT.items()}
+        about = {name: _field(test, index) for name, index in NHTSA["field"]["about"].items()}
         wall = summed_wall([_load_cell(one, files, budget) for one in listed if one.is_of_the_barrier], steps)
         record = nhtsa_record(specification.path.stem, path.name, sensors, condition, steps, other, about)
         return (replace(record, wall=wall),)
@@ -254,8 +249,8 @@ def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
 def _listed(fields: list[str], where: str) -> Sensor:
     is_wrong = len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6)
     found = f"{len(fields)} in {printable('|'.join(fields))!r}"
-    refuse_if(is_wrong, where, "20 fields a line of INSTRUMENTATION", found, _AGAIN)
-    return Sensor.of(int(fields[1]), {name: fields[index] for name, index in _FIELDS.items()})
+    refuse_if(is_wrong, where, "20 fields a line", found, _AGAIN)
+    return Sensor.of(int(fields[1]), {name: fields[index] for name, index in NHTSA["field"]["sensor"].items()})
 
 
 def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
@@ -278,8 +273,7 @@ def _samples(member: Member, budget: Budget) -> tuple[FloatArray, FloatArray]:
 def _condition(sections: dict[str, list[list[str]]], vehicle: str, where: str) -> tuple[PartialCondition, list[str]]:
     test = sections["TEST"][0]
     car = next((fields for fields in sections["VEHICLE"] if fields[0] == vehicle), sections["VEHICLE"][0])
-    fields = _SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY
-    speed, mass, wheelbase, behind = (number_in(_field(car, index)) for index in fields)
+    speed, mass, wheelbase, behind = (number_in(_field(car, index)) for index in NHTSA["field"]["vehicle"].values())
     front = rear = None
     has_axles = mass and wheelbase and 0 < behind < wheelbase
     notes = [f"NHTSA test, {printable(_field(test, _TITLE))}."]

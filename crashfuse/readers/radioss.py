@@ -31,18 +31,18 @@ from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND, opened_
 from crashfuse.readers.radioss_history import ACCELEROMETER, GLOBAL, MOST_VALUES, TimeHistory, Watched
 from crashfuse.readers.record import Record
 from crashfuse.readers.solver_run import CUT, read_listing, sha256_of
-from crashfuse.readers.vocabulary import Travel, iso_date
+from crashfuse.readers.vocabulary import RADIOSS, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
-_KIND = "a time history of Radioss (T01), or its CSV"
+_KIND = "a Radioss time history (T01, CSV)"
 _NODES, _WALLS, _ACCELEROMETERS = 0, 102, 108
-_VARIABLES: Mapping[int, Mapping[int, str]] = {
-    _NODES: {1: "DX", 2: "DY", 3: "DZ", 4: "VX", 5: "VY", 6: "VZ", 7: "AX", 8: "AY", 9: "AZ"},
-    _ACCELEROMETERS: {1: "AX", 2: "AY", 3: "AZ", 4: "WX", 5: "WY", 6: "WZ"},
-}  # names of the variables that are read, by the kind of a group and their codes
+_VARIABLES = {
+    _NODES: RADIOSS["node"],
+    _ACCELEROMETERS: RADIOSS["accelerometer"],
+}  # that are read, by the kind of a group
 _UNREAD = {101: "interfaces", 103: "rigid bodies", 104: "sections", 105: "joints"}
 _MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 100_000
-_AGAIN = f"{COPY_AGAIN}, write it in the default form (/TFILE/4), or convert it (th_to_csv)"
+_AGAIN = f"{COPY_AGAIN}, or write it in the default form (/TFILE/4)"
 _BEGINS = re.compile(rb'\s*"?time"?\s*,\s*"?INTERNAL ENERGY"?\s*,\s*"?KINETIC ENERGY', re.IGNORECASE)
 _UNNAMED = re.compile(r"(.*\S)\s+var\s+(\d{1,9})")
 _NAMED = re.compile(r"(.*\S)\s+(\S+)")
@@ -50,7 +50,7 @@ _STRAY = re.compile(r"[^ -~\xa1-\xff]+")
 _WIDTHS = (100, 80, 40)  # of titles
 _CURVE_NAME = re.compile(r"[DVA][XYZ]|W[XYZ]")
 _LONGEST_LABELS, _LONGEST_LABEL, _MOST_COLUMNS = 16 << 20, 1000, 20_000
-_IMPORT = "import the time history itself (T01)"
+_IMPORT = "import the T01 itself"
 _NAME = re.compile(
     r"(?P<run>.*[^.])T(?P<part>\d\d)(?P<more>[a-i]?)|(?P<new_run>.+)_(?P<new_part>\d{4})(_(?P<new_more>[a-i]))?\.thy",
     re.IGNORECASE | re.DOTALL,
@@ -129,8 +129,8 @@ class _BinaryFile:
     def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
         found, titles, curves = dict[str, dict[str, FloatArray]](), dict[str, str](), 0
         for at, group in self._written:
-            names = _VARIABLES.get(group.kind, {})
-            columns = {name: group.codes.index(code) for code, name in names.items() if code in group.codes}
+            names = enumerate(_VARIABLES.get(group.kind, ()), start=1)
+            columns = {name: group.codes.index(code) for code, name in names if code in group.codes}
             curves += len(columns) * group.elements
             are_many = curves > _MOST_CURVES or curves * len(time) > MOST_VALUES
             expected = f"at most {_MOST_CURVES:,} variables with {MOST_VALUES:,} values"
@@ -198,7 +198,7 @@ class _BinaryFile:
     def _counts(self, record: bytes, count: int) -> tuple[int, ...]:
         found = _ints(record[: 4 * count])
         if len(record) < 4 * count or any(not 0 <= number <= _MOST_COUNT for number in found[-2:]):
-            raise self._damaged("a header that makes no sense")
+            raise self._damaged("a senseless header")
         return found
 
     def _damaged(self, found: str) -> DataError:
@@ -377,7 +377,7 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
     for _, parts in sorted(by_file.items()):
         numbers, _, members = zip(*sorted(parts, key=lambda part: part[:2]), strict=True)
         names = [file.path.name for file in members]
-        lacks, expected = numbers != (*range(1, len(parts) + 1),), "every part of the run once, from T01 on"
+        lacks, expected = numbers != (*range(1, len(parts) + 1),), "every part once, from T01 on"
         refuse_if(lacks, names[0], expected, " and ".join(names), "add those that are missing")
         histories.append(radioss_history.join_parts([_read_part(file, budget) for file in members], names))
     return radioss_history.with_names(radioss_history.join_files(histories))

@@ -14,18 +14,12 @@ from crashfuse.errors import DataError, Problem, refuse_if
 from crashfuse.readers import solver_run
 from crashfuse.readers.record import Record
 from crashfuse.readers.solver_run import FASTEST_MPS, LONGEST_S, History, Units
-from crashfuse.readers.vocabulary import AXES, Travel
+from crashfuse.readers.vocabulary import AXES, RADIOSS, Travel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
-# the global histories in the order of their codes, 1 first, as the solver's converter calls them
-GLOBAL = (
-    *("INTERNAL ENERGY", "KINETIC ENERGY", "X-MOMENTUM", "Y-MOMENTUM", "Z-MOMENTUM", "MASS", "TIME STEP"),
-    *("ROTATION ENERGY", "EXTERNAL WORK", "SPRING ENERGY", "CONTACT ENERGY", "HOURGLASS ENERGY"),
-    *(f"{kind} CONTACT ENERGY" for kind in ("ELASTIC", "FRICTIONAL", "DAMPING")),
-    *("PLASTIC WORK", "ADDED MASS", "PERCENTAGE ADDED MASS", "INLET MASS", "OUTLET MASS", "INLET ENERGY"),
-    "OUTLET ENERGY",
-)
+GLOBAL = RADIOSS["global"]
+"""The global histories in the order of their codes, 1 first, as the solver's converter calls them."""
 
 MOST_VALUES = 40_000_000  # states times values kept of a file
 ACCELEROMETER = "accelerometer "  # what the names of accelerometers begin with; those of nodes are numbers
@@ -110,7 +104,7 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
         last = whole.time[early][-3:]
         gap = not last.size or start - last[-1] > _STEPS * np.diff(last).max(initial=0.0 if last.size > 1 else np.inf)
         expected = f"states from {last[-1]:g} on" if last.size else "states after those before it"
-        refuse_if(gap, name, expected, f"the first at {start:g}", "add the file that lies between")
+        refuse_if(gap, name, expected, f"the first at {start:g}", "add the missing file")
         watched = []
         for one, later in zip(whole.watched, part.watched, strict=True):
             kept = one.time < start
@@ -219,7 +213,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     if run.unread:
         steps.append(f"Not read: {listed(run.unread)}.")
     is_none = mass is not None and solver_run.mass_unit_kg(mass, units[1] or "m/s²") is None
-    found = f"{mass:.4g}, be it t, kg or g" if mass is not None else ""
+    found = f"{mass:.4g}" if mass is not None else ""
     refuse_if(is_none, source, "a vehicle of 300 kg to 60 t", found, "choose another run")
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
     steps += solver_run.note_of_kept(len(kept), len(nodes))

@@ -22,7 +22,7 @@ from crashfuse.signals.wall import Wall
 from crashfuse.units import KPH, MS, G, Sentence, number
 
 CUT = "The last state is cut short and left out."
-KEEP_APART = "keep each run in a folder of its own"
+KEEP_APART = "keep runs in separate folders"
 
 _ALIASED = 0.05  # of the velocity
 _ALIKE = 0.1  # of the median travel
@@ -250,7 +250,7 @@ def departure(
     # whether half of the nodes set out along another axis, too; of a wheel's, not all do
     middle = np.median(np.abs(start), axis=1)
     is_aslant = bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
-    expected = "a vehicle that travels along one axis" if moves else "nodes that are fastest when they set out"
+    expected = "a vehicle that travels along one axis" if moves else "nodes fastest at the start"
     advice = "give axis and speed (--travel, --speed-kph)"
     is_lost = travel is None and (not moves or is_aslant)
     refuse_if(is_lost, source, expected, f"{at_start} at the start, at most {at_most}", advice)

@@ -324,7 +324,7 @@ def mapping_steps(mapping: Mapping) -> tuple[str, ...]:
 
 def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> Problem:
     have = ", ".join(printable(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
-    advice = "map the columns (--column COLUMN=ROLE:UNIT, of others COLUMN=factor)"
+    advice = "map the columns (--column COLUMN=ROLE:UNIT)"
     return Problem(sheet.name, f"one column that is the {role}", have, advice)
 
 
@@ -351,7 +351,7 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows, *,
         return
     expected, advice = "time that increases", f"map the column of ids (--column COLUMN=id), or {ONE_CLOCK}"
     if once:
-        expected, advice = "each time once", f"delete the duplicates ({places.size}), or export more digits"
+        expected, advice = "each time once", f"export more digits ({places.size} duplicates)"
     texts, pair = sheet.text(use.column), rows[places[0] : places[0] + 2].tolist()
     before, after = (printable(texts[row], 20) for row in pair)
     column, row = printable(use.column), pair[1] + sheet.first_row

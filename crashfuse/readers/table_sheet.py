@@ -48,7 +48,7 @@ _MOST_MARKS = {"xl/worksheets/": 4_000_000, "": 500_000}  # angle brackets, or e
 _LONGEST_TAG = 50_000  # bytes; a parser that waits for its end begins anew with each block
 _ENDLESS = re.compile(rb"<[^<>]{%d}" % _LONGEST_TAG)
 _FOREIGN = re.compile(rb"""<!DOCTYPE|\0|<\?xml[^>]*encoding\s*=\s*["'](?!utf-8|us-ascii)""", re.IGNORECASE)
-_AGAIN = "save it again as .xlsx or CSV"
+_AGAIN = "save it again"
 _NO_VALUE = re.compile(rb"<f\b[^<]*(?:/>|</f>)\s*(?:</c>|<v\s*/>|<v></v>)")
 
 
@@ -118,7 +118,7 @@ class Sheet:
         if wrong.size:
             row = int(wrong[0])
             found = repr(printable(cells.iloc[row], 40))
-            advice = "correct it, export without thousands separators, or map the column otherwise"
+            advice = "correct it, or map the column otherwise"
             raise refusal(self.name, "a number", found, advice, printable(column), row + self.first_row)
         return numbers
 
@@ -426,7 +426,7 @@ def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Shee
 
 
 def _explained(problem: Problem, rows: list[list[str]], uncalculated: list[bool]) -> Problem:
-    advice = f"{_AS_CSV}, or turn its cells into numbers"
+    advice = "turn its cells into numbers"
     if text := next((cell for row in rows for cell in row if "," in cell and is_number(cell, ",")), ""):
         return replace(problem, found=f"numbers kept as text, such as {text!r}", advice=advice)
     if any(uncalculated):

@@ -153,7 +153,7 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
     delimiter = _DELIMITERS.get(entries.get("Separator", ""), "\t")
     decimal = "," if "," in entries.get("Decimal_Separator", entries.get("Time", "")) else "."
     segments = _segments(lines, delimiter, decimal)
-    expected = f"samples below a row of names that begins with {_TIME}"
+    expected = f"samples below names that begin with {_TIME}"
     refuse_if(not segments, name, expected, "none", "save it with its headers")
     first, n = segments[0], len(segments)
     lines, width = list(chain.from_iterable(segment.lines for segment in segments)), len(first.names)
@@ -238,7 +238,7 @@ def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
     refuse_if(not path.is_file(), str(path), "a table", NO_FILE, CHECK_PATH)
     is_larger = path.stat().st_size > limits.member_bytes
     refuse_if(is_larger, name, f"at most {limits.member_bytes >> 20} MiB a table", "more", _SHORTER)
-    refuse_if(suffix == ".xls", name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx")
+    refuse_if(suffix == ".xls", name, "an .xlsx workbook", "an .xls file", "save it as .xlsx")
     is_book = suffix in (".xlsx", ".xlsm")
     sheets = table_sheet.read_workbook(path, limits) if is_book else (_text_sheet(path, limits),)
     return tuple(part for sheet in sheets for part in _split_by_clock(sheet))
@@ -324,7 +324,7 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
         has_points = any("." in cell for _, row in rows for cell in row)
         broken = [] if has_points else [(at, pair) for at, pair in pairs if _DECIMALS.fullmatch(pair)]
     for at, number in broken:
-        expected, advice = "a comma either between columns or in numbers", "export it with semicolons"
+        expected, advice = "commas between columns or in numbers", "export it with semicolons"
         raise refusal(name, expected, f"both, as in {number}", advice, row=at)
 
 

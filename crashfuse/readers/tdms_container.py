@@ -254,7 +254,7 @@ class _Reader:
             fractions, seconds = parts[::-1] if self._order == ">" else parts
             return seconds + fractions * 2.0**-64
         if kind not in _OTHERS:
-            raise self._damaged("a property of an unknown type")
+            raise self._damaged("an unknown property")
         self._bytes(_OTHERS[kind])
         return None
 

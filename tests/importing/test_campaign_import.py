@@ -141,11 +141,11 @@ def test_what_many_records_lack_is_asked_for_once_with_the_table_that_gives_each
         return [str(problem) for problem in problems]
 
     speed, weights, *_ = asked()
-    assert speed.startswith("A.csv to B.csv: expected the impact speed of A, B, found none; add a row")
-    assert "the weights on both axles of A, B, found none; add a row" in weights
+    assert speed.startswith("A.csv to B.csv: expected the impact speed of A, B, found none; give a table")
+    assert "the weights on both axles of A, B, found none; give a table" in weights
     table = tmp_path / "conditions.csv"
     for ids, told in (
-        (["A"], "B.csv: expected the impact speed of B, found none; add a row for each to a table"),
+        (["A"], "B.csv: expected the impact speed of B, found none; give a table"),
         (["A-1"], "conditions: expected conditions for A, B, found those of A-1; make the ids the same."),
         (["A", "V_B"], "B.csv: expected the impact speed of B, found conditions without a record, of V_B"),
     ):

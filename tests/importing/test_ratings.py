@@ -176,7 +176,7 @@ def test_pairs_of_a_table_are_rated_and_those_that_cannot_be_say_why(files: Path
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("reference,other\na,b\n", "expected the columns reference and comparison, and at most"),
+        ("reference,other\na,b\n", "expected the columns reference, comparison, at most"),
         ("reference,comparison\n", "expected 1 to 10000 pairs, found 0"),
         ("reference,comparison\na.csv,\n", "row 2: expected two files, found an empty cell"),
     ],
@@ -220,7 +220,7 @@ def test_isomme_tests_are_rated_channel_by_channel(tmp_path: Path) -> None:
     table = rate_channels(folder / "A", folder / "BB", [80]).set_index("channel")
     assert "expected the unit N, found kN" in table.loc["11FEMRLE00H3FOZB", "note"]
     folder = written(tmp_path, {**isomme("V1"), **dummy("A", half_sine_g(clock()))})
-    with pytest.raises(DataError, match="codes that occur in one of them only"):
+    with pytest.raises(DataError, match="codes of one only"):
         rate_channels(folder / "V1", folder / "A")
 
 

@@ -74,7 +74,7 @@ def test_a_folder_that_cannot_be_read_is_not_passed_over(
         return listed(folder)
 
     monkeypatch.setattr(os, "scandir", scandir)
-    with pytest.raises(DataError, match="closed: expected a folder that can be read, found Permission denied"):
+    with pytest.raises(DataError, match="closed: expected a readable folder, found Permission denied"):
         read_records(Reading(tmp_path, fmt))
 
 

@@ -100,7 +100,7 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
     conditions = tmp_path / "c.txt"
     conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\n")
     said = refusal(path, conditions=conditions)
-    assert "expected conditions for ax right, found those of ax left; add a row for each, or leave" in said
+    assert "expected conditions for ax right, found those of ax left; add rows, or leave" in said
     conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\nax right;56;950;750\n")
     assert len(import_source(path, tmp_path / "two", conditions=conditions)) == 2
     assert len(read_each(Reading(path))[0]) == 2  # before anything is added, both can be looked at

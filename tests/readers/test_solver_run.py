@@ -106,7 +106,7 @@ def test_a_vehicle_that_is_struck_at_rest_needs_its_speed(tmp_path: Path) -> Non
             return time, velocity - velocity[0], accel
 
     folder = saved(tmp_path, binout0000=Struck(end_s=0.15, step_s=5e-4).binout())
-    with pytest.raises(DataError, match="fastest when they set out"):
+    with pytest.raises(DataError, match="fastest at the start"):
         read_lsdyna(folder)
     (record,) = read_lsdyna(folder, "x")
     with pytest.raises(DataError, match=r"the impact speed of .*, found nodes at rest along x at the start; give"):
@@ -132,7 +132,7 @@ def test_the_command_line_takes_a_direction_as_written(tmp_path: Path, capsys: C
 def test_a_battery_pouch_is_no_vehicle(tmp_path: Path) -> None:
     pouch = SHARED / "real/formats/lsdyna_no_travel"
     for choices in (WEIGHTS, Choices(condition=PartialCondition(15.0, None, 950.0, 750.0))):
-        with pytest.raises(DataError, match=r"fastest when they set out, found x 0, y 0, z 0 m/s at"):
+        with pytest.raises(DataError, match=r"fastest at the start, found x 0, y 0, z 0 m/s at"):
             import_source(pouch, tmp_path / "out", choices, role="cae")
     given: tuple[tuple[Travel, str], ...] = (("-x", r"at most x 0, y 4\.9, z 0 m/s"), ("y", r"38\.6 km/h .* 60 ms"))
     for travel, found in given:
