@@ -20,17 +20,7 @@ import pandas as pd
 from crashfuse import errors
 from crashfuse.campaign_folder.condition_tables import listed, safe_id
 from crashfuse.campaign_folder.load import check_uploads, members_of_zip
-from crashfuse.errors import (
-    DataError,
-    Problem,
-    UsageError,
-    collecting,
-    one_of,
-    printable,
-    refusal,
-    refuse_all,
-    require_a,
-)
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, refusal
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, ENDINGS, Budget, Limits, Member
 from crashfuse.readers import table_mapping
@@ -96,9 +86,9 @@ class ColumnChoice:
     unit: str | None = None
 
     def __post_init__(self) -> None:
-        require_a(str, self.column, "the name of a column")
-        require_a(str | None, self.unit, "a unit, or None")
-        one_of("role of a column", self.role, dict.fromkeys(get_args(ColumnRole)))
+        errors.require_a(str, self.column, "the name of a column")
+        errors.require_a(str | None, self.unit, "a unit, or None")
+        errors.one_of("role of a column", self.role, dict.fromkeys(get_args(ColumnRole)))
 
     @classmethod
     def parsed(cls, text: str) -> "ColumnChoice":
@@ -125,11 +115,11 @@ class Reading:
 
     def __post_init__(self) -> None:
         if self.travel is not None:
-            one_of("direction of travel", self.travel, dict.fromkeys(get_args(Travel)))
+            errors.one_of("direction of travel", self.travel, dict.fromkeys(get_args(Travel)))
         for column in self.columns:
-            require_a(ColumnChoice, column, "crashfuse.ColumnChoice(column, role)")
+            errors.require_a(ColumnChoice, column, "crashfuse.ColumnChoice(column, role)")
         if self.record_id is not None:
-            require_a(str, self.record_id, "the id of the one record")
+            errors.require_a(str, self.record_id, "the id of the one record")
 
 
 def format_of(source: Path) -> str:
@@ -152,7 +142,7 @@ def read_records(reading: Reading) -> tuple[Record, ...]:
     """Read all records of a source, or raise a DataError with every problem of every record."""
     problems: list[Problem] = []
     records = tuple(iter_records(reading, problems))
-    refuse_all(problems, reading.source.name)
+    errors.refuse_all(problems, reading.source.name)
     return records
 
 
@@ -171,7 +161,7 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     fmt = reading.fmt or format_of(source)
     if reason := FORMATS.broken(fmt):
         raise UsageError(reason)
-    one_of("format", fmt, FORMATS)
+    errors.one_of("format", fmt, FORMATS)
     if fmt != TABLES and reading.columns and reading.conditions is None:
         raise UsageError("Only tables have columns to map.")
     if reading.travel is not None and not FORMATS[fmt].axes:

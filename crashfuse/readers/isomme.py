@@ -223,8 +223,8 @@ def record_of(test: IsommeTest, source: str) -> Record:
     coded = [(code, channel) for channel in test.channels if (code := ChannelCode.parsed(channel.code))]
     along_x = [(code, channel) for code, channel in coded if code.is_acceleration and code.is_along_x]
     on_vehicles = [pair for pair in along_x if pair[0].text[0].isdigit() and not pair[0].is_of_a_dummy]
-    found = f"none in {len(test.channels)} channels"
-    refuse_if(not on_vehicles, source, "an X acceleration of the vehicle", found, "export it too")
+    none = f"none in {len(test.channels)} channels"
+    refuse_if(not on_vehicles, source, "an X acceleration of the vehicle", none, "export it too")
     objects = {code.text[0] for code, _ in on_vehicles}
     vehicle = min({code.text[0] for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.text[0] == vehicle])

@@ -133,8 +133,8 @@ def quality_of(glstat: States, matsum: States) -> RunQuality:
     """The quality of a run; what ``glstat`` lacks is taken from ``matsum``."""
     names = "total_energy", "external_work"  # a killed run's last state lacks some
     both = {time: state for time, state in glstat.items() if set(names) <= state.keys()}
-    columns = (_column(both, name) for name in names)
-    whole = quality_by_histories(*columns, *_strain(glstat), _column(glstat, "percent_increase"))
+    total, work = (_column(both, name) for name in names)
+    whole = quality_by_histories(total, work, *_strain(glstat), _column(glstat, "percent_increase"))
     parts = quality_by_histories(None, None, *_strain(matsum))
     return RunQuality(*(getattr(parts if getattr(whole, name) is None else whole, name) for name in QUALITIES))
 

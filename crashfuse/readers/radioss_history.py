@@ -115,8 +115,8 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
         time, notes = np.concatenate([whole.time[early], part.time]), dict.fromkeys((*whole.notes, *part.notes))
         # impulses of walls may be counted anew
         whole = replace(whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={})
-    notes = (f"Joined from {', '.join(names)}.",) * (len(parts) > 1)
-    return replace(whole, notes=(*notes, *whole.notes))
+    joined = (f"Joined from {', '.join(names)}.",) * (len(parts) > 1)
+    return replace(whole, notes=(*joined, *whole.notes))
 
 
 def join_files(histories: Sequence[TimeHistory]) -> TimeHistory:
@@ -227,12 +227,11 @@ def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:
     """Velocities when the run begins, shape (3, n_nodes), or of all that moves; the largest along each axis, (3,)."""
     names = [f"V{letter}" for letter in "XYZ"]
     rows = [[one.curves.get(name, np.zeros(1)) for name in names] for one in run.watched if {*names} & {*one.curves}]
-    initial = run.initial_velocity
-    rows = rows or [np.zeros((3, 1)) if initial is None else initial[:, None]]
-    start, fastest = (
-        [[at(of) for of in row] for row in rows] for at in (lambda of: of[0], lambda of: np.abs(of).max())
-    )
-    return np.array(start).T, np.max(fastest, axis=0)
+    if not rows:
+        initial = run.initial_velocity
+        rows = [[np.zeros(1)] * 3 if initial is None else list(initial[:, None])]
+    start = np.array([[of[0] for of in row] for row in rows]).T
+    return start, np.max([[np.abs(of).max() for of in row] for row in rows], axis=0)
 
 
 def _along(one: Watched, axis: int, initial: FloatArray | None) -> History | None:

@@ -71,7 +71,7 @@ def read_listing(chunks: Iterable[bytes]) -> dict[str, str]:
         for match in _ENDED.finditer(before[-_OVERLAP:] + chunk):
             ended = match[1].replace(b" ", b"").decode().lower() if match[1] else "killed"
         before = chunk
-    stated = {name: match[1].strip() for name, words in _STATED.items() if (match := words.search(head))}
+    stated = {name: line[1].strip() for name, words in _STATED.items() if (line := words.search(head))}
     version = " ".join(dict.fromkeys(_VERSION.findall(head)[:2]))
     stated |= {"date": iso_date(stated.get("date", ""), "%m/%d/%Y"), "version": version, "termination": ended}
     return {name: text for name, text in stated.items() if text}
@@ -349,11 +349,13 @@ def quality_by_histories(
     added_mass_percent: FloatArray | None = None,  # by mass scaling, of the mass without it
 ) -> RunQuality:
     """The quality of a run by its global histories, shape (n,); None where the solver did not write one."""
-    histories = hourglass, internal, added_mass_percent
-    is_known = (of is not None and of.size and np.isfinite(of).all() for of in histories)
-    largest = (float(of.max()) if known else None for of, known in zip(histories, is_known, strict=True))
-    most_hourglass, most_internal, added = largest
-    share = most_hourglass / most_internal if most_hourglass is not None and (most_internal or 0.0) > 0 else None
+    most_hourglass, most_internal, added = (
+        None if of is None or not of.size or not np.isfinite(of).all() else float(of.max())
+        for of in (hourglass, internal, added_mass_percent)
+    )
+    share = None
+    if most_hourglass is not None and most_internal is not None and most_internal > 0:
+        share = most_hourglass / most_internal
     gained = None
     if total is not None and work is not None and total.size and total[0] > 0:
         change = (total - work) - (total[0] - work[0])

@@ -18,20 +18,10 @@ from crashfuse.signals.pulse import FloatArray, Kinematics
 from crashfuse.units import KPH, MS, G, signed
 from tests.conftest import SHARED, needs_shared, problems_of
 from tests.importing import crashes
-from tests.importing.crashes import (
-    CONDITION,
-    CRUSH_M,
-    PEAK_MPS2,
-    SPEED_MPS,
-    STOP_S,
-    channel,
-    clock,
-    half_sine_g,
-    record,
-)
+from tests.importing.crashes import CONDITION, CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S, channel, clock, record
 
 TIME_S = clock()
-PULSE_G = half_sine_g(TIME_S)
+PULSE_G = crashes.half_sine_g(TIME_S)
 RAW_G = PULSE_G + crashes.ringing_g(TIME_S)
 
 
@@ -97,7 +87,7 @@ def test_time_zero_is_the_files_own_where_it_has_one() -> None:
 def test_time_zero_is_found_by_its_onset_where_a_test_began_recording_early(lead_s: float) -> None:
     """A test whose clock runs from 0 is moved to the onset of deceleration, to 1.5 ms; a short lead stays as it is."""
     time_s = clock(0.0, 0.3 + lead_s)
-    settled = settle(signal(time_s, half_sine_g(time_s - lead_s)))
+    settled = settle(signal(time_s, crashes.half_sine_g(time_s - lead_s)))
     assert settled.time_zero_s == pytest.approx(lead_s if lead_s > 0.01 else 0.0, abs=1.5 * MS)
     assert steps_with(settled, "Time zero at")
 
@@ -155,7 +145,7 @@ def test_what_reads_something_before_contact_is_pointed_out() -> None:
     """A zero offset is told in g, signed, and warned of from 0.3 g on; without 10 ms before contact, nothing is."""
     time_s, text = clock(-0.02, 0.1), "before contact it reads"
     for offset_g, careful in ((0.1, False), (-0.4, True), (1.0, True)):
-        (told,) = steps_with(settle(signal(time_s, -(half_sine_g(time_s) + offset_g))), text)
+        (told,) = steps_with(settle(signal(time_s, -(crashes.half_sine_g(time_s) + offset_g))), text)
         assert f"{signed(offset_g, 2)} g" in told
         assert told.startswith("Careful") == careful
     assert not steps_with(settle(record(channel(start_s=-0.005))), text)
@@ -224,7 +214,7 @@ def test_a_vehicle_that_does_not_stop_is_pointed_out() -> None:
     """0.9 times the pulse leaves 1 % of the speed: how far it has come by 100 ms is told, in closed form."""
     settled = settle(record(channel(scale=0.9)))
     after = np.linspace(0, 0.1, 100_001)
-    speed = SPEED_MPS + np.concatenate([[0], np.cumsum(0.9 * G * half_sine_g(after)[1:] * 1e-6)])
+    speed = SPEED_MPS + np.concatenate([[0], np.cumsum(0.9 * G * crashes.half_sine_g(after)[1:] * 1e-6)])
     moved_mm = float(np.trapezoid(speed, after)) * 1e3
     assert f"it has moved {moved_mm:.0f} mm by then and has 0.6 km/h (0.3 mph) left at 200 ms" in settled.steps[-1]
     assert settle(record(channel(scale=0.9)), role="cae").steps[-1] == settled.steps[-1]
@@ -232,7 +222,7 @@ def test_a_vehicle_that_does_not_stop_is_pointed_out() -> None:
 
 def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
     jitter = TIME_S + np.random.default_rng(0).uniform(-1e-5, 1e-5, TIME_S.size)
-    settled = settle(signal(jitter, half_sine_g(jitter)))
+    settled = settle(signal(jitter, crashes.half_sine_g(jitter)))
     assert steps_with(settled, "sampled unevenly")
     assert motion(settled).t0_s == pytest.approx(STOP_S, abs=3e-5)
     for time_s, told in (
@@ -243,7 +233,7 @@ def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
         (np.round(TIME_S, 3), r"found −50 ms in sample 2, after −50 ms"),
     ):
         with pytest.raises(DataError, match=told):
-            settle(signal(time_s, half_sine_g(np.sort(time_s))), role="cae")
+            settle(signal(time_s, crashes.half_sine_g(np.sort(time_s))), role="cae")
 
 
 def test_missing_samples_are_cut_at_the_ends_told_and_refused_amid() -> None:
@@ -252,7 +242,7 @@ def test_missing_samples_are_cut_at_the_ends_told_and_refused_amid() -> None:
     whole = settle(signal(TIME_S, np.where((place < 10) | (place >= TIME_S.size - 50), np.nan, PULSE_G)))
     assert motion(whole).t0_s == pytest.approx(STOP_S, abs=1e-5)
     kept = np.delete(TIME_S, [700, 900, 902])
-    settled = settle(signal(kept, half_sine_g(kept)))
+    settled = settle(signal(kept, crashes.half_sine_g(kept)))
     assert "Careful: X lacks 3 of 3501 samples, the first after 19.9 ms; interpolated." in settled.steps
     with pytest.raises(DataError, match="samples without one"):
         settle(signal(TIME_S, np.where(place == 700, np.nan, PULSE_G)))
@@ -292,7 +282,7 @@ def test_a_record_too_short_in_itself_is_told_whatever_else_is_lacking(
 ) -> None:
     """40 ms from contact are too few with 60 ms and more before it, whether speed and weights are known or not."""
     time_s = clock(start_s, 0.04 + lead_s)
-    one = signal(time_s, half_sine_g(time_s - lead_s), condition=condition)
+    one = signal(time_s, crashes.half_sine_g(time_s - lead_s), condition=condition)
     *lacking, short = problems_of(lambda: settle(one))
     assert len(lacking) == (condition.speed_mps is None) + (condition.mass_kg is None)
     assert short.expected.startswith("at least 60 ms from contact")
@@ -304,7 +294,7 @@ def test_a_record_that_ends_while_the_vehicle_moves_fast_has_lost_its_end_not_it
     time_s = clock(end_s=0.062)
     for one, told in (
         (
-            signal(time_s, half_sine_g(time_s / 1.5) / 1.5),
+            signal(time_s, crashes.half_sine_g(time_s / 1.5) / 1.5),
             r"has stopped, or 100 ms, found \d+\.\d km/h .* left at its end, 62 ms",
         ),
         (signal(TIME_S, PULSE_G / 2), r"near the impact speed of 56\.0 km/h .* found a change of 30\.8 km/h"),
@@ -337,7 +327,7 @@ def test_a_gap_before_the_barrier_is_told_and_taken_out(gap_mm: int, speed_kph: 
     lasts_s = gap_mm * MS / (speed_kph * KPH)  # mm in m, as ms in s
 
     def run(after_s: float) -> Record:
-        return signal(time_s, half_sine_g(time_s - after_s) * speed_kph / 56, condition=condition)
+        return signal(time_s, crashes.half_sine_g(time_s - after_s) * speed_kph / 56, condition=condition)
 
     (careful,) = steps_with(settle(run(lasts_s), role="cae"), "--gap-mm")
     assert int(careful.partition("--gap-mm ")[2].partition(")")[0]) == pytest.approx(gap_mm, abs=4)

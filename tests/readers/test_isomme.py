@@ -114,9 +114,8 @@ def test_files_keep_to_the_form_of_the_standard(test_with_numbers: IsommeTest) -
 
 
 def test_a_line_break_in_a_name_writes_no_second_descriptor(test_with_numbers: IsommeTest, tmp_path: Path) -> None:
-    forged = replace(
-        test_with_numbers, descriptors=(("Title", "x\r\nDate of the test :2024-01-01\x85Regulation :R94"),)
-    )
+    title = ("Title", "x\r\nDate of the test :2024-01-01\x85Regulation :R94")
+    forged = replace(test_with_numbers, descriptors=(title,))
     again = read_isomme(written(tmp_path, isomme_files(forged)) / "T 1")
     assert len(again.descriptors) == 1
     assert again.descriptor("Date of the test") == ""
@@ -169,8 +168,8 @@ def test_a_start_that_nobody_tells_is_none(tmp_path: Path) -> None:
 
 
 def test_the_header_file_chooses_among_tests_in_one_folder(tmp_path: Path) -> None:
-    written(tmp_path, {f"A/{name}": content for name, content in laboratory().items()})
-    written(tmp_path, {f"B/{name}": content for name, content in laboratory().items()})
+    for name in "AB":
+        written(tmp_path / name, laboratory())
     with pytest.raises(DataError, match=r"one \.mme file, found 2 of them"):
         read_isomme(tmp_path)
     assert len(read_isomme(tmp_path / "B" / "T1.MME").channels) == 4
@@ -197,15 +196,13 @@ def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path: Path, changed: dict[
 
 
 def test_a_test_without_its_parts_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="no such folder"):
-        read_isomme(tmp_path / "nowhere")
-    with pytest.raises(DataError, match=r"one \.mme file, found none"):
-        read_isomme(tmp_path)
-    written(tmp_path, {"T1.mme": MME.encode()})
-    with pytest.raises(DataError, match="channel files"):
-        read_isomme(tmp_path)
-    written(tmp_path / "T1", laboratory(**{"T1.mme": MME}))
-    (tmp_path / "T1" / "T1.MME").unlink()
+    (tmp_path / "empty").mkdir()
+    written(tmp_path / "alone", {"T1.mme": MME.encode()})
+    told = {"nowhere": "no such folder", "empty": r"one \.mme file, found none", "alone": "channel files"}
+    for name, sentence in told.items():
+        with pytest.raises(DataError, match=sentence):
+            read_isomme(tmp_path / name)
+    written(tmp_path / "T1", laboratory())
     for limits in (Limits(members=3), Limits(total_bytes=500), Limits(member_bytes=200)):
         with pytest.raises(DataError, match="at most"):
             read_isomme(tmp_path / "T1", limits)
@@ -361,7 +358,7 @@ def test_nhtsas_download_is_the_pulse_of_its_ascii_form() -> None:
     np.testing.assert_array_equal(pulses[0].accel_mps2, pulses[1].accel_mps2)
 
 
-def test_a_test_without_such_a_channel_is_refused() -> None:
+def test_a_test_of_dummies_alone_is_refused() -> None:
     with pytest.raises(DataError, match="an X acceleration of the vehicle"):
         record_of(isomme("11HEAD0000H3ACXP"), "T1")
 

@@ -79,11 +79,10 @@ def test_a_comment_is_heard_as_a_status_is(tmp_path: Path, comment: str, monkeyp
     files = nhtsa_files()
     (found,) = read_nhtsa(written(tmp_path / "t", {**files, "v00005.102": files["v00005.101"]}))
     assert found.proposed == ("93", "99")
-    assert any(
-        f"Left out by the file's own account: 94 (RIGHT REAR SEAT CROSSMEMBER X - {comment}" in s for s in found.steps
-    )
-    assert found.wall is not None
-    np.testing.assert_array_equal(found.wall.force_n, np.loadtxt(tmp_path / "t" / "v00005.101")[:, 1])
+    told = f"Left out by the file's own account: 94 (RIGHT REAR SEAT CROSSMEMBER X - {comment}"
+    assert any(told in step for step in found.steps)
+    force = np.loadtxt(tmp_path / "t" / "v00005.101")[:, 1]
+    np.testing.assert_array_equal(not_none(found.wall).force_n, force)
 
 
 @pytest.mark.parametrize("content", [b"0 1\n1 x\n", b""])

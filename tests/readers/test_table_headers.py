@@ -77,8 +77,7 @@ CURVES = "RF1;rwall_1;vx;v_x;Contact 3;disp;force;Kraft;Weg;Geschwindigkeit;си
 
 
 def test_words_of_many_languages_tell_dummies_from_vehicles_and_quantities() -> None:
-    assert [name for name in DUMMIES.split(";") if not Heading(name).names_a_dummy] == []
-    assert [
-        name for name in VEHICLES.split(";") if Heading(name).names_a_dummy or Heading(name).why_no_acceleration
-    ] == []
-    assert [name for name in CURVES.split(";") if not Heading(name).why_no_acceleration] == []
+    dummies, vehicles, curves = ([Heading(name) for name in names.split(";")] for names in (DUMMIES, VEHICLES, CURVES))
+    assert [heading.text for heading in dummies if not heading.names_a_dummy] == []
+    assert [heading.text for heading in vehicles if heading.names_a_dummy or heading.why_no_acceleration] == []
+    assert [heading.text for heading in curves if not heading.why_no_acceleration] == []

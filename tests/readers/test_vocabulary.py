@@ -26,10 +26,8 @@ def test_other_names_are_no_codes(text: str) -> None:
 
 
 def test_dummies_are_told_from_vehicles() -> None:
-    assert code("11HEADCG0000ACXP").is_of_a_dummy
-    assert code("11LOAD0000H3ACXP").is_of_a_dummy
-    assert not code("10SIMELE00INACXD").is_of_a_dummy
-    assert not code("11VEHC0000__ACX_").is_of_a_dummy
+    assert all(code(text).is_of_a_dummy for text in ("11HEADCG0000ACXP", "11LOAD0000H3ACXP"))
+    assert not any(code(text).is_of_a_dummy for text in ("10SIMELE00INACXD", "11VEHC0000__ACX_"))  # a sill's inside
 
 
 def test_filter_classes_are_low_passes() -> None:
@@ -44,9 +42,7 @@ def test_of_filters_the_least_is_taken_and_what_is_unknown_last(letters: str) ->
     """By RED B: V is film analysis, Q and L are below CFC 60; K and Y are no letters of it."""
     codes = {letter: code(f"10TUNN000000ACX{letter}") for letter in sorted(letters)}
     assert vocabulary.propose_by_code(codes)[0] == (letters[0],)
-    assert [letter for letter in letters if codes[letter].status("")] == [
-        letter for letter in letters if letter in "VLQ"
-    ]
+    assert {letter for letter in letters if codes[letter].status("")} == {*letters} & {*"VLQ"}
 
 
 @pytest.mark.parametrize(
@@ -132,11 +128,7 @@ OTHER = (
     *("Rear end collision", "Oblique", "Whiplash sled", "Pfahlaufprall"),
 )
 FRONTAL = (
-    *(
-        "OPTIONAL NEW CAR ASSESSMENT PROGRAM FRONTAL BARRIE",
-        "VEHICLE INTO BARRIER",
-        "Full-width rigid barrier, 56 km/h",
-    ),
+    *("OPTIONAL NEW CAR ASSESSMENT PROGRAM FRONTAL BARRIE", "VEHICLE INTO BARRIER", "Full-width rigid barrier"),
     *("Full overlap", "100 % overlap", "Frontal impact", "Offset removed before filtering"),
     "NCAP - 2018 TOYOTA CAMRY LE 4-DOOR SEDAN",
 )
