@@ -193,8 +193,8 @@ def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | Non
             else:
                 run = more
     for kind, states in (("glstat", glstat), ("matsum", matsum)):
-        if not states and (text := files.text.get(kind)) is not None:
-            states |= energies_text(text.chunks(budget), text.where)
+        if not states and (whole := files.text.get(kind)) is not None:
+            states |= energies_text(whole.chunks(budget), whole.where)
     first = next(chain(*(members.values() for members in files.binout.values()), files.text.values()))
     refuse_if(not run.nodes, first.where, "accelerations of nodes or rigid bodies", "none", ASK)
     began = float(run.nodes[0].time[0])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from crashfuse.errors import DataError
@@ -79,7 +79,9 @@ def test_a_sensor_of_the_other_sign_or_shape_is_not_averaged() -> None:
     assert "choose one (--channel A)" in problem(record(one, replace(other, unit=None)))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
+@example(300, 99)
+@example(-300, -50)
 @given(st.integers(-300, 300), st.integers(-99, 99))
 def test_channels_are_averaged_over_the_time_that_they_share(steps: int, hundredths: int) -> None:
     """Of other pre-trigger times and of clocks that tick between each other's samples, the pulse is the same."""

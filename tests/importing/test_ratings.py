@@ -62,12 +62,12 @@ def test_own_tables_are_filtered_if_asked_for(tmp_path: Path) -> None:
     pulses = {"clean.csv": half_sine_g(time_s), "noisy.csv": half_sine_g(time_s) + ringing_g(time_s)}
     for name, pulse in pulses.items():
         pd.DataFrame({"time_s": time_s, "acceleration_g": pulse}).to_csv(tmp_path / name, index=False)
-    files = [tmp_path / name for name in pulses]
-    filtered = rate_files(*files, [60], choices=RatingChoices(channel_filter_class=60.0))
+    clean, noisy = (tmp_path / name for name in pulses)
+    filtered = rate_files(clean, noisy, [60], choices=RatingChoices(channel_filter_class=60.0))
     one, other = (Pulse(time_s, cfc_filter(pulse * G, cfc=60, dt_s=1e-4)) for pulse in pulses.values())
     assert overall(filtered) == pytest.approx([rate_windows(one, other, [60])[60].overall], abs=1e-4)
     assert filtered["basis"].item().endswith("CFC 60")
-    assert overall(filtered)[0] > overall(rate_files(*files, [60]))[0] + 0.1
+    assert overall(filtered)[0] > overall(rate_files(clean, noisy, [60]))[0] + 0.1
 
 
 def test_a_rating_is_the_same_before_and_after_the_import(files: Path) -> None:
@@ -76,7 +76,8 @@ def test_a_rating_is_the_same_before_and_after_the_import(files: Path) -> None:
     (files / "conditions.csv").write_text(weights)
     for source in ("lab.csv", "iso.zip"):
         import_source(files / source, files / "campaign", conditions=files / "conditions.csv")
-    after = rate_files(*(files / "campaign" / "tests" / f"{name}.csv" for name in ("lab", "V2")), [20, 60])
+    lab, iso = (files / "campaign" / "tests" / f"{name}.csv" for name in ("lab", "V2"))
+    after = rate_files(lab, iso, [20, 60])
     assert overall(before) == pytest.approx(overall(after), abs=1e-4)
     filtering = "reference CFC 60, comparison filtered as supplied"
     assert set(before["basis"]) == {f"ISO/TS 18571:2024, 10 kHz, {filtering}"}
@@ -93,7 +94,8 @@ def test_a_table_is_rated_as_it_stands(tmp_path: Path, header: str, late_ms: int
     pulses = {"one.csv": half_sine_g(time_s), "other.csv": sign * half_sine_g(time_s - late_ms * 1e-3)}
     written(tmp_path, {name: german(time_s, pulse, header=header) for name, pulse in pulses.items()})
     table = rate_files(tmp_path / "one.csv", tmp_path / "other.csv", [80])
-    expected = rate_windows(*(Pulse(time_s, pulse) for pulse in pulses.values()), [80])[80]
+    one, other = (Pulse(time_s, pulse) for pulse in pulses.values())
+    expected = rate_windows(one, other, [80])[80]
     assert overall(table) == pytest.approx([expected.overall], abs=1e-5)
     phase = pytest.approx(1 - late_ms / 16)  # of a fifth of 80 ms
     assert table["phase"].item() == phase if sign > 0 else table["overall"].item() < 0.4

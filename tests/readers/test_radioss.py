@@ -170,7 +170,7 @@ def test_a_restarted_run_is_one_run(tmp_path: Path, form: str) -> None:
 
 
 def test_a_run_with_a_part_missing_is_refused(tmp_path: Path) -> None:
-    early, late = (replace(RUN, **of).binary() for of in ({"end_ms": 60.0}, {"begin_ms": 80.0}))
+    early, late = replace(RUN, end_ms=60.0).binary(), replace(RUN, begin_ms=80.0).binary()
     other = replace(RUN, curves=("VX",), begin_ms=60.0).binary()
     for n, (files, told) in enumerate(
         (

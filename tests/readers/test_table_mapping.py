@@ -178,8 +178,8 @@ def test_a_cell_that_is_no_number_is_named(tmp_path: Path) -> None:
 
 
 def test_a_workbook_gives_a_sheet_a_table(tmp_path: Path) -> None:
-    conditions = [["Test", "v [km/h]", "front [kg]", "rear [kg]"], ["T1", 50, 900, 700]]
-    pulses = [["Zeit", "a"], ["ms", "g"], *([0.1 * i, -0.5 * i] for i in range(10))]
+    conditions: list[list[object]] = [["Test", "v [km/h]", "front [kg]", "rear [kg]"], ["T1", 50, 900, 700]]
+    pulses: list[list[object]] = [["Zeit", "a"], ["ms", "g"], *([0.1 * i, -0.5 * i] for i in range(10))]
     book = workbook({"Notes": [["nothing here"]], "Conditions": conditions, "T1": pulses})
     first, second = read_sheets(written(tmp_path, {"book.xlsx": book}) / "book.xlsx")
     assert apply_conditions(first, propose(first))["T1"].speed_mps == pytest.approx(50 * KPH)
