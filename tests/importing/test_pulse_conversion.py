@@ -173,9 +173,9 @@ def test_channels_are_averaged_chosen_or_left_out() -> None:
 def test_channels_without_a_majority_are_refused_until_the_user_chooses(scales: tuple[float, ...]) -> None:
     """Nobody can tell which of two saw the crash: each is told with its change of velocity, none is averaged away."""
     channels = [channel(f"C{number}", scale) for number, scale in enumerate(scales)]
-    with pytest.raises(DataError, match=r"shape and change of velocity, found C0: .* km/h .* C1: .*--channel"):
+    with pytest.raises(DataError, match=r"channels of T1 that agree, found C0: .* km/h .* C1: .*--channel"):
         settle(record(*channels))
-    with pytest.raises(DataError, match=r"shape and change of velocity, found C0: integral −?[0-9.]+ \(unit not"):
+    with pytest.raises(DataError, match=r"channels of T1 that agree, found C0: integral −?[0-9.]+ \(unit not"):
         settle(record(*(replace(one, unit=None) for one in channels)))
     assert settle(record(*channels), Choices(channels=("C1",))).channels == ("C1",)
 

@@ -77,7 +77,7 @@ def test_one_pulse_comes_out_of_the_right_columns(tmp_path: Path, content: str) 
 
 LARGE = [f"{value:,.1f}" for value in ACCEL * 9806.65]
 WHOLE = [f"{value:,.0f}" for value in [*ACCEL[:20], *ACCEL[20:] * 9806.65]]
-BOTH, WITHOUT = "either between columns or in numbers", "without thousands separators"
+BOTH, WITHOUT = "commas between columns or in numbers", "without thousands separators"
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_volts_are_no_acceleration(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\n", "samples below a row of names"),
+        ("LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\n", "samples below names that begin with X_Value"),
         (measurement(x_columns="No").replace("Delta_X", "Delta"), "times, or X0 and Delta_X, of Acc X"),
         (measurement({f"c{number}": X for number in range(2100)}, starts=[""] * 2100), "at most 2000 columns"),
     ],

@@ -132,7 +132,7 @@ def test_a_channel_of_time_beside_the_values_is_their_clock(tmp_path: Path, unit
     assert record.proposed == ("AX",)
     assert record.channels[0].time_s == pytest.approx(clock())
     alone = written([accel])
-    assert "with a channel of time" in problem(saved(tmp_path / "alone.tdms", alone))
+    assert "add a channel of time" in problem(saved(tmp_path / "alone.tdms", alone))
 
 
 def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> N
     (record,) = read_tdms(saved(tmp_path / "v1.tdms", written(channels)))
     assert record.proposed == ("93", "94")
     assert "Left out as damaged or empty: 95 (TOP OF ENGINE X)." in record.steps
-    with pytest.raises(DataError, match="expected samples and the time between them"):
+    with pytest.raises(DataError, match="expected samples and their time"):
         settle(record, replace(WEIGHTS, channels=("95",)))
 
 
