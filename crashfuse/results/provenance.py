@@ -13,14 +13,12 @@ from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.forecasts import SEEDS
 from crashfuse.condition import Condition
-from crashfuse.results.predicted import PredictedPulse
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
-from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without, study_facts
 from crashfuse.study.study import Study
 from crashfuse.units import MASS, MPH_LB, SPEED, SYSTEMS, UnitSystem, read_out
@@ -237,24 +235,10 @@ def _recommendation(advice: Recommendation) -> dict[str, object]:
     }
 
 
-def learning_curve_record(curve: LearningCurve, cost: Cost | None) -> dict[str, object]:
-    """``learning_curve.json``."""
-    return {
-        **provenance(curve.campaign, curve.campaign.test_ids, curve.config),
-        "repeats": curve.repeats,
-        "seconds": round(curve.seconds, 3),
-        "approach": curve.judged,
-        "sentences": list(sentences(curve, cost)),
-        "gains": [asdict(gain) for gain in gains(curve)],
-        "one_more_test": (more := one_more(curve)) and asdict(more),
-        "cost_per_test": cost and asdict(cost),
-    }
-
-
 def _fit_record(estimate: Estimate) -> dict[str, object]:
     return {
         "approach": estimate.approach,
         "seconds": round(estimate.seconds, 3),
-        "notes": list(estimate.prediction.notes),
+        "notes": list(estimate.notes),
         "state": estimate.state,
     }

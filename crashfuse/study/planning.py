@@ -13,7 +13,6 @@ from typing import Self, Unpack, cast
 
 import numpy as np
 import pandas as pd
-import plotly.graph_objects as go
 
 from crashfuse import views
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
@@ -69,22 +68,24 @@ class SpeedSweep:
                 missing.append((Sentence(where, LABELS[approach], speed(low, high, between=" to ")), [first]))
         return missing_sentences(missing)
 
-    def plot(self, metric: str = MAIN_METRICS[0], **display: Unpack[views.DisplayOptions]) -> go.Figure:
+    def draw(self, metric: str = MAIN_METRICS[0], **display: Unpack[views.DisplayOptions]) -> "views.Drawing":
         """A metric over impact speed, every approach with its band, the tests as points."""
         one_of("metric", metric, METRIC_LABELS)
         return views.sweep_figure(self, metric, views.Display.of(self.campaign.units, **display))
 
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
+
     def write(self, folder: str | Path, **display: Unpack[views.DisplayOptions]) -> None:
         """Write ``sweep.csv`` and ``report.html``."""
-        views.write_result("sweep", folder, self, views.Display.of(self.campaign.units, **display))
+        views.write_result(views.sweep_result(self), folder, views.Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         ends = speed(float(self.speeds_mps[0]), float(self.speeds_mps[-1]), between=" to ")
         return f"<SpeedSweep, {', '.join(self.metrics)}, {len(self.speeds_mps)} speeds from {ends}>"
 
     def _repr_html_(self) -> str:
-        display = views.Display(system=self.campaign.units)
-        return views.card(repr(self)[1:-1], views.speeds_table(self), (f"By {[*self.metrics][-1]}.",), display)
+        return views.result_html(views.sweep_result(self))
 
 
 def sweep(
@@ -97,7 +98,7 @@ def sweep(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> SpeedSweep:
-    """Predict the pulse metrics over impact speed; otherwise as :func:`crashfuse.results.predicted.predict`.
+    """Predict the pulse metrics over impact speed; otherwise as :func:`crashfuse.study.prediction.predict`.
 
     Parameters
     ----------
@@ -262,23 +263,23 @@ class NextTests:
         """One row a candidate, the best first, as ``next_tests.csv``."""
         return views.next_tests_file(self)
 
-    def plot(self, **display: Unpack[views.DisplayOptions]) -> go.Figure:
+    def draw(self, **display: Unpack[views.DisplayOptions]) -> "views.Drawing":
         """How much each candidate would narrow the band over its speed, as the page Predict shows it."""
         return views.next_tests_figure(self, views.Display.of(self.campaign.units, **display))
 
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
+
     def write(self, folder: str | Path, **display: Unpack[views.DisplayOptions]) -> None:
         """Write ``next_tests.csv`` and ``report.html``."""
-        views.write_result("ranking of next tests", folder, self, views.Display.of(self.campaign.units, **display))
+        views.write_result(views.next_tests_result(self), folder, views.Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         share = f"{100 * self.gains[0]:.0f} % narrower"
         return f"<NextTests, the best of {len(self.conditions)} at {self.conditions[0]}: {share}>"
 
     def _repr_html_(self) -> str:
-        display = views.Display(system=self.campaign.units)
-        low, high = map(display.condition, (self.over.low, self.over.high))
-        title = f"The band over {low} to {high}: which test would narrow it most"
-        return views.card(title, views.next_tests_table(self), (), display)
+        return views.result_html(views.next_tests_result(self))
 
 
 def next_test(

@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.cae_library import NAMED_LIMITS, RunQuality, judge_quality
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.results import result_tables as tables
 from crashfuse.results.display import Display
+from crashfuse.results.learning_curve import curve_table
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -37,7 +37,7 @@ def study(campaign: Campaign, held_out: tuple[str, ...], scale: float = 1.0) -> 
 
     def fold(test: CrashTest) -> Fold:
         pulses = {name: scale * factor * test.pulse.accel_mps2 for name, factor in SCALES.items()}
-        own = [Estimate(name, Prediction(test.condition, accel), {}, 0.0) for name, accel in pulses.items()]
+        own = [Estimate(test.condition, accel, approach=name) for name, accel in pulses.items()]
         return Fold.of(test, own, config.windows_ms)
 
     return Study(campaign, config, tuple(fold(campaign.test(test_id)) for test_id in held_out))
@@ -48,7 +48,7 @@ def test_the_band_of_normal_draws_lies_1_96_standard_deviations_around_them(camp
     centre, sd = -300 * np.sin(40 * GRID_S), 10 + 200 * GRID_S
     draws = centre + sd * norm.ppf(np.linspace(0, 1, 41).clip(1e-3, 1 - 1e-3))[:, None]  # every 2.5 % a draw
     shown = centre + 1.0  # the expected pulse need not be in the middle
-    estimate = Estimate("fused", Prediction(campaign.tests[0].condition, shown, draws), {}, 0.0)
+    estimate = Estimate(campaign.tests[0].condition, shown, draws, approach="fused")
     table = tables.pulses_table([estimate])
     bands = ["lower_g", "upper_g", "whole_lower_g", "whole_upper_g"]
     assert table.columns.tolist() == ["held_out", "approach", "time_ms", "acceleration_g", *bands]
@@ -62,8 +62,8 @@ def test_the_band_of_normal_draws_lies_1_96_standard_deviations_around_them(camp
 def test_a_pulse_without_draws_has_empty_ends(campaign: Campaign) -> None:
     """Each estimate has its own 1250 rows, in the order given; no band is no number."""
     test = campaign.tests[0]
-    bare = Estimate("cae", Prediction(test.condition, test.pulse.accel_mps2), {}, 0.0)
-    banded = replace(bare, approach="fused", prediction=replace(bare.prediction, draws_mps2=np.zeros((2, 1250))))
+    bare = Estimate(test.condition, test.pulse.accel_mps2, approach="cae")
+    banded = replace(bare, approach="fused", draws_mps2=np.zeros((2, 1250)))
     table = tables.pulses_table([bare, banded])
     assert table["approach"].tolist() == ["cae"] * 1250 + ["fused"] * 1250
     assert table.groupby("approach")[["lower_g", "upper_g"]].count().to_numpy().tolist() == [[0, 0], [1250, 1250]]
@@ -185,7 +185,7 @@ def test_a_learning_curve_is_told_in_the_readers_unit(campaign: Campaign) -> Non
         for name, half_g in names.items() for i in range(3)
     ]  # fmt: skip
     curve = LearningCurve(campaign, StudyConfig(approaches=tuple(names)), 1, pd.DataFrame(rows), (), 0.0)
-    table = tables.curve_table(curve).texts(Display(unit="m/s²"))
+    table = curve_table(curve).texts(Display(unit="m/s²"))
     assert table["Approach"].tolist() == ["Fused", "Displacement domain"]
     assert table.columns[-2:].tolist() == ["a(t) in band (%)", "Band (± m/s²)"]
     rated = ["3", "evenly", "3", "0.800 ± 0.058", "0.72–0.88"]

@@ -6,11 +6,11 @@ from html import escape
 from crashfuse.campaign import Campaign
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.rating_tables import mean_values, ratings_shown
-from crashfuse.results.table import CONDITION, Cell, Column, Table, of_condition
+from crashfuse.results.result import Result
+from crashfuse.results.table import Cell, Column, Table
 from crashfuse.study.facts import campaign_facts, distinct
 from crashfuse.study.recommendation import SPEED_GROUPS, recommend
 from crashfuse.study.study import Study
-from crashfuse.units import speed
 
 _MOST_ROWS = 30
 
@@ -25,6 +25,14 @@ def card(title: str, table: Table, notes: Sequence[str] = (), display: Display =
     return f"<div><b>{escape(title)}</b><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>{below}</div>"
 
 
+def result_html(result: Result) -> str:
+    """A result in a notebook: what answers, and what has to be known of the data."""
+    display = Display(system=result.campaign.units)
+    table = result.tables[result.shown[0]] if result.shown else Table.of("nothing", ())
+    notes = [display.words(text) for text in (*result.answer, *(fact.sentence for fact in result.facts))]
+    return card(f"{result.campaign.name}: {display.words(result.title)}", table, notes, display)
+
+
 def _column(heading: str, column: Column, cells: Sequence[Cell]) -> list[str]:
     """Heading and cells, numbers at the right and text at the left: Jupyter would have all at the right."""
     side = "right" if column.is_numeric else "left"
@@ -32,21 +40,6 @@ def _column(heading: str, column: Column, cells: Sequence[Cell]) -> list[str]:
         f'<th style="text-align: {side}">{escape(heading)}</th>',
         *(f'<td style="text-align: {side}; white-space: nowrap">{escape(cell.text)}</td>' for cell in cells),
     ]
-
-
-def campaign_html(campaign: Campaign) -> str:
-    """What a campaign holds: the tests' conditions, how many CAE runs, what is worth knowing."""
-    display = Display(system=campaign.units)
-    speeds, *_ = zip(*campaign.cae.range, strict=True)
-    runs = f"{len(campaign.cae):,} CAE runs at {display.words(speed(*speeds))}"
-    rows = ({"Test": test.id, **of_condition(test.condition)} for test in campaign.tests)
-    factors = (Column(name.capitalize(), source=name) for name in campaign.factors)
-    return card(
-        f"{campaign.name}: {len(campaign.tests)} tests",
-        Table.of("tests", rows, *CONDITION, *factors),
-        (f"{runs}; fingerprint {campaign.fingerprint[:12]}.", *facts_words(campaign, display)),
-        display,
-    )
 
 
 def study_html(study: Study) -> str:

@@ -17,8 +17,10 @@ from crashfuse.results.display import Display
 from crashfuse.results.export.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
 from crashfuse.results.export.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.results.figures import LEFT_OUT
+from crashfuse.results.files import REPORT
 from crashfuse.results.render.figure_files import figure_files, hyphened, missing_for
-from crashfuse.results.render.html import REPORT_FORMS, ReportForm, ReportOptions
+from crashfuse.results.render.html import REPORT_FORMS, ReportForm, ReportOptions, report
+from crashfuse.results.result import Result
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import kept, page_config
@@ -129,6 +131,12 @@ def offer(of: str, files: Mapping[str, Callable[[], pd.DataFrame | bytes | str]]
                 _offer(f"{name.removesuffix('.html')}.pptx", partial(_slides, make), f"{of} {form}")
 
 
+def offer_result(result: Result, display: Display, of: str = "") -> None:
+    """Offer the files of a result, its report and its slides, named by what they are ``of``."""
+    files: dict[str, Callable[[], Any]] = {**result.files, REPORT: lambda: report(result, display)}
+    offer(of or f"{result.campaign.name} {result.kind}", files)
+
+
 def _offer(name: str, content: Callable[[], bytes], of: str) -> None:
     file = f"{file_name(of, *unusual_settings())}_{name}" if of.strip() else name
     st.download_button(name, content, file_name=file, icon=":material/download:", on_click="ignore")
@@ -183,7 +191,7 @@ def offer_pulses(
         approach = left.selectbox("Approach", names, place, format_func=LABELS.__getitem__, key="export approach")
         estimate = estimates[names.index(approach)]
         draws = 0
-        if (drawn := estimate.prediction.draws_mps2) is not None:
+        if (drawn := estimate.draws_mps2) is not None:
             draws = right.number_input("Draws", 0, len(drawn), 0, **kept(f"export draws of {len(drawn)}"))
         try:
             location, curve = (_location(), None) if form == "isomme" else (LOCATION, _curve())
@@ -191,7 +199,7 @@ def offer_pulses(
         except UsageError as error:
             st.warning(plain(error), icon=":material/warning:")
             return
-        files = f"{approach}-{estimate.prediction.condition.speed_name}-{form}.zip"
+        files = f"{approach}-{estimate.condition.speed_name}-{form}.zip"
         offer(campaign.name, {files: lambda: zipped(export.files(campaign, [estimate], remarks)[form])})
 
 
