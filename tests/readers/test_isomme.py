@@ -209,11 +209,7 @@ def test_a_test_without_its_parts_is_refused(tmp_path: Path) -> None:
 
 
 REAL = SHARED / "real"
-DESCRIPTORS = [
-    ("Title", "Front impact"),
-    ("Velocity test object 1", f"{SPEED_MPS:.9g}"),
-    ("Mass test object 1", "1700"),
-]
+DESCRIPTORS = [("Title", "Front"), ("Velocity test object 1", f"{SPEED_MPS:.9g}"), ("Mass test object 1", "1700")]
 
 
 def channel(code: str, scale: float = G, unit: str = "m/(s*s)") -> Channel:
@@ -228,18 +224,18 @@ def isomme(*codes: str, **changed: str) -> IsommeTest:
 
 
 @pytest.mark.parametrize(
-    ("codes", "proposed", "vehicle"),
+    ("names", "chosen"),
     [
-        (("10SILLLE0000ACXD", "10SILLRI0000ACXD", "20SILLLE0000ACXA"), ("10SILLLE0000ACXD", "10SILLRI0000ACXD"), "1"),
-        (("10SILLLE0000ACXA", "20SILLRI0000ACXA"), ("10SILLLE0000ACXA",), "1"),
-        (("10SILLLE0000ACXA", "20TUNN000000ACXA"), ("10SILLLE0000ACXA",), "1"),
-        (("10SEATLE0000ACXA", "20TUNN000000ACXA"), ("20TUNN000000ACXA",), "2"),
-        (("20TUNN000000ACXA",), ("20TUNN000000ACXA",), "2"),
+        ("10SILLLE0000ACXD 10SILLRI0000ACXD 20SILLLE0000ACXA", slice(0, 2)),
+        ("10SILLLE0000ACXA 20SILLRI0000ACXA", slice(0, 1)),
+        ("10SILLLE0000ACXA 20TUNN000000ACXA", slice(0, 1)),
+        ("10SEATLE0000ACXA 20TUNN000000ACXA", slice(1, 2)),
+        ("20TUNN000000ACXA", slice(0, 1)),
     ],
 )
-def test_channels_speed_and_weights_are_of_one_vehicle(
-    codes: tuple[str, ...], proposed: tuple[str, ...], vehicle: str
-) -> None:
+def test_channels_speed_and_weights_are_of_one_vehicle(names: str, chosen: slice) -> None:
+    codes = names.split()
+    proposed, vehicle = tuple(codes[chosen]), codes[chosen][0][0]
     second = [("Velocity test object 2", "10"), ("Mass test object 2", "1200")]
     record = record_of(IsommeTest("T1", [*DESCRIPTORS, *second], tuple(map(channel, codes))), "T1")
     assert record.proposed == proposed
@@ -280,18 +276,18 @@ def test_speeds_are_in_metres_a_second_unless_they_say_otherwise(text: str, spee
 
 
 @pytest.mark.parametrize(
-    ("descriptor", "named"),
+    ("name", "value", "named"),
     [
-        (("Type of the test", "VEHICLE INTO VEHICLE"), "VEHICLE INTO VEHICLE"),
-        (("Subtype of the test", "40 % overlap"), "40 % overlap"),
-        (("Impact side test object 1", "LE"), "impact side LE"),
-        (("Impact side test object 1", "FR"), ""),
-        (("Type of the test", "VEHICLE INTO BARRIER"), ""),
+        ("Type of the test", "VEHICLE INTO VEHICLE", "VEHICLE INTO VEHICLE"),
+        ("Subtype of the test", "40 % overlap", "40 % overlap"),
+        ("Impact side test object 1", "LE", "impact side LE"),
+        ("Impact side test object 1", "FR", ""),
+        ("Type of the test", "VEHICLE INTO BARRIER", ""),
     ],
 )
-def test_another_crash_is_named(descriptor: tuple[str, str], named: str) -> None:
-    record = record_of(IsommeTest("T1", [*DESCRIPTORS, descriptor], (channel("10VEHC000000ACXP"),)), "T1")
-    assert record.other_setup == named
+def test_another_crash_is_named(name: str, value: str, named: str) -> None:
+    test = IsommeTest("T1", [*DESCRIPTORS, (name, value)], (channel("10VEHC000000ACXP"),))
+    assert record_of(test, "T1").other_setup == named
 
 
 def load_cell(code: str, share: float = 0.25, status: str = "ok", unit: str = "N") -> Channel:
@@ -330,14 +326,14 @@ def test_the_force_of_the_barrier_is_counted_once(cells: list[Channel], told: st
 OWN_ACCOUNT = "Left out by the file's own account: 10SEATLERE00ACXP"
 
 
-@pytest.mark.parametrize(
-    ("changed", "told"),
-    [
-        ({"comments": ("on the plate", "channel failed at 40 ms")}, OWN_ACCOUNT),
-        ({"name": "Seat left, questionable"}, OWN_ACCOUNT),
-        ({"code": "10SEATLERE00ACXV"}, "10SEATLERE00ACXV (film analysis)"),
-    ],
-)
+DOUBTED: list[tuple[dict[str, Any], str]] = [
+    ({"comments": ("on the plate", "channel failed at 40 ms")}, OWN_ACCOUNT),
+    ({"name": "Seat left, questionable"}, OWN_ACCOUNT),
+    ({"code": "10SEATLERE00ACXV"}, "10SEATLERE00ACXV (film analysis)"),
+]
+
+
+@pytest.mark.parametrize(("changed", "told"), DOUBTED)
 def test_a_channel_that_the_file_doubts_is_not_averaged(changed: dict[str, Any], told: str) -> None:
     doubtful, sound = replace(channel("10SEATLERE00ACXP"), **changed), channel("10SEATRIRE00ACXP")
     record = record_of(IsommeTest("T1", DESCRIPTORS, (doubtful, sound)), "T1")

@@ -1,5 +1,6 @@
 """Foreign tables: their form is found, their columns are proposed, the user has the last word."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -142,18 +143,14 @@ def test_conditions_with_foreign_names(tmp_path: Path, text: str) -> None:
     assert first.factors == (("Antrieb", "FWD"),)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("id,speed,mass_kg\nT1,50,1700\n", r"column speed: expected a unit in the header \(km/h, mph, m/s\)"),
+def test_conditions_that_cannot_be_understood_are_refused(tmp_path: Path) -> None:
+    for text, told in (
+        ("id,speed,mass_kg\nT1,50,1700\n", "column speed: expected a unit in the header (km/h, mph, m/s)"),
         ("id,speed_kph,mass_kg\nT1,fast,1700\n", "column speed_kph, row 2: expected a number, found 'fast'"),
         ("id,speed_kph,mass_kg\nT1,50,1700\nT1,50,1700\n", "each id once, found 'T1' 2 times"),
-    ],
-)
-def test_conditions_that_cannot_be_understood_are_refused(tmp_path: Path, text: str, message: str) -> None:
-    sheet = one_sheet(tmp_path / "c.csv", text)
-    with pytest.raises(DataError, match=message):
-        apply_conditions(sheet, propose(sheet))
+    ):
+        sheet = one_sheet(tmp_path / "c.csv", text)
+        assert told in sentence(partial(apply_conditions, sheet, propose(sheet)))
 
 
 @pytest.mark.parametrize(
@@ -179,7 +176,7 @@ def test_a_cell_that_is_no_number_is_named(tmp_path: Path) -> None:
 
 def test_a_workbook_gives_a_sheet_a_table(tmp_path: Path) -> None:
     conditions: list[list[object]] = [["Test", "v [km/h]", "front [kg]", "rear [kg]"], ["T1", 50, 900, 700]]
-    pulses: list[list[object]] = [["Zeit", "a"], ["ms", "g"], *([0.1 * i, -0.5 * i] for i in range(10))]
+    pulses: list[tuple[object, ...]] = [("Zeit", "a"), ("ms", "g"), *((0.1 * i, -0.5 * i) for i in range(10))]
     book = workbook({"Notes": [["nothing here"]], "Conditions": conditions, "T1": pulses})
     first, second = read_sheets(written(tmp_path, {"book.xlsx": book}) / "book.xlsx")
     assert apply_conditions(first, propose(first))["T1"].speed_mps == pytest.approx(50 * KPH)

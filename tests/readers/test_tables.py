@@ -205,13 +205,10 @@ def test_volts_are_no_acceleration(tmp_path: Path) -> None:
     assert propose(sheet).kind == "neither"
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
+def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    for content, told in (
         ("LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\n", "samples below names that begin with X_Value"),
         (measurement(x_columns="No").replace("Delta_X", "Delta"), "times, or X0 and Delta_X, of Acc X"),
         (measurement({f"c{number}": X for number in range(2100)}, starts=[""] * 2100), "at most 2000 columns"),
-    ],
-)
-def test_what_cannot_be_read_is_refused(tmp_path: Path, content: str, message: str) -> None:
-    assert message in sentence(lambda: sheets(tmp_path, content))
+    ):
+        assert told in sentence(partial(sheets, tmp_path, content))

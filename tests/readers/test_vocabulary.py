@@ -18,11 +18,9 @@ def test_whatever_fills_a_code_it_is_the_same(text: str) -> None:
     assert code(text) == ChannelCode("11VEHC000000ACX0")
 
 
-@pytest.mark.parametrize(
-    "text", ["", "Tunnel X", "10VEHC000000ACX", "10VEHC000000ACXDD", "X0VEHC000000ACXD", "Beschleunigung_g"]
-)
-def test_other_names_are_no_codes(text: str) -> None:
-    assert ChannelCode.parsed(text) is None
+def test_other_names_are_no_codes() -> None:
+    texts = ["", "Tunnel X", "10VEHC000000ACX", "10VEHC000000ACXDD", "X0VEHC000000ACXD", "Beschleunigung_g"]
+    assert not any(map(ChannelCode.parsed, texts))
 
 
 def test_dummies_are_told_from_vehicles() -> None:
