@@ -90,8 +90,7 @@ def _require_tests(source: str, records: Sequence[Label], usual: Role) -> None:
         return
     others = listed([name for name in parts if name not in runs])
     advice = f"name those that are (--cae {shlex.join(runs)})" if others else "say that they are (--as cae)"
-    if not others or not any(simulated):  # what says of itself that it is simulated is no test
-        advice += ", or give --as tests"
+    advice += ", or give --as tests" * (not others or not any(simulated))  # what is simulated by itself is no test
     found = f"what looks like CAE runs ({listed(runs)}){f' beside {others}' if others else ''}"
     raise refusal(source, "tests", found, advice)
 
@@ -238,12 +237,10 @@ def _of_one_crash(settled: Sequence[Settled], *, given_once: bool) -> tuple[Sett
 
 
 def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
-    changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled]
-    if not changes or max(changes) <= _ONE_SPEED * min(changes):
-        return tuple(settled)
+    changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled] or [0.0]
     template = f"Careful: one speed for all {len(settled)} records, but changes of velocity of {{}}."
-    note = Sentence(template, speed(min(changes), max(changes)))
-    return tuple(replace(one, steps=(*one.steps, note)) for one in settled)
+    notes = [Sentence(template, speed(min(changes), max(changes)))] * (max(changes) > _ONE_SPEED * min(changes))
+    return tuple(replace(one, steps=(*one.steps, *notes)) for one in settled)
 
 
 def add_settled(out: Path, settled: Sequence[Settled], cae_tuned: bool | None = None) -> tuple[Added, ...]:

@@ -10,12 +10,12 @@ from array import array
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, printable, refusal, refuse_if
+from crashfuse.errors import printable, refuse_if
 from crashfuse.readers import lsdyna_histories
 from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, Histories, States
 from crashfuse.readers.members import ASK, COPY_AGAIN, COPY_ALL, CUT_SHORT, OTHER_KIND
@@ -60,8 +60,8 @@ class _LsdaFile:
         self._stream, self._where = stream, where
         self._size = stream.seek(0, 2)
         header = self._exactly(_HEADER_BYTES, 0)
-        if header[0] < _HEADER_BYTES or not set(header[1:5]) <= _INTEGERS.keys() or header[5] > 1 or header[6]:
-            raise self._damaged(OTHER_KIND)
+        is_known = header[0] >= _HEADER_BYTES and set(header[1:5]) <= _INTEGERS.keys() and header[5] <= 1
+        self._refuse_if(not is_known or header[6], OTHER_KIND)
         length, offset, command, kind = (_INTEGERS[size] for size in header[1:5])
         self._order = "<" if header[5] else ">"
         self._record = struct.Struct(f"{self._order}{length}{command}")
@@ -80,16 +80,15 @@ class _LsdaFile:
         numbers = np.dtype(f"{self._order}{_TYPES[kind]}")
         label = name.encode("latin-1")
         ahead = self._record.size + self._kind.size + len(label)
-        if count * numbers.itemsize <= _MOST_BYTES:
-            content = self._exactly(ahead + count * numbers.itemsize, offset)
-            head = self._record.unpack_from(content)[1], self._kind.unpack_from(content, self._record.size)[0]
-            if head == (_DATA, kind) and content[ahead - len(label) : ahead] == label:
-                return np.frombuffer(content, numbers, offset=ahead)
-        raise self._damaged(f"no data of {name}")
+        self._refuse_if(count * numbers.itemsize > _MOST_BYTES, f"no data of {name}")
+        content = self._exactly(ahead + count * numbers.itemsize, offset)
+        head = self._record.unpack_from(content)[1], self._kind.unpack_from(content, self._record.size)[0]
+        is_data = head == (_DATA, kind) and content[ahead - len(label) : ahead] == label
+        self._refuse_if(not is_data, f"no data of {name}")
+        return np.frombuffer(content, numbers, offset=ahead)
 
     def _read_tables(self, at: int, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
-        if self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET:
-            raise self._damaged(OTHER_KIND)
+        self._refuse_if(self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET, OTHER_KIND)
         folder: _Folder = ()
         names = wanted(folder)
         offset = self._offset.unpack(self._exactly(self._offset.size))[0]
@@ -97,8 +96,7 @@ class _LsdaFile:
         while offset:
             for command, body in self._table(offset):
                 left -= self._record.size + len(body)
-                if left < 0:
-                    raise self._damaged("symbol tables in a circle")
+                self._refuse_if(left < 0, "symbol tables in a circle")
                 if command == _CD:
                     folder = _changed(folder, body.decode("latin-1"))
                     names = wanted(folder)
@@ -109,16 +107,15 @@ class _LsdaFile:
 
     def _table(self, offset: int) -> Iterator[tuple[int, bytes]]:
         length, command = self._record.unpack(self._exactly(self._record.size, offset))
-        if command != _BEGIN_TABLE:
-            raise self._damaged("no symbol table")
+        self._refuse_if(command != _BEGIN_TABLE, "no symbol table")
         ahead, at = self._record.size, 0
         block = self._stream.read(min(length, _BLOCK))
         while command != _END_TABLE:
             block, at = self._with_more(block, at, ahead)
             length, command = self._record.unpack_from(block, at)
             length = ahead + self._offset.size if command == _END_TABLE else length
-            if command not in (_CD, _VARIABLE, _END_TABLE) or not ahead <= length <= ahead + _LONGEST_RECORD:
-                raise self._damaged("a senseless symbol table")
+            is_known = command in (_CD, _VARIABLE, _END_TABLE) and ahead <= length <= ahead + _LONGEST_RECORD
+            self._refuse_if(not is_known, "a senseless symbol table")
             block, at = self._with_more(block, at, length)
             yield command, block[at + ahead : at + length]
             at += length
@@ -127,8 +124,7 @@ class _LsdaFile:
         if at + count <= len(block):
             return block, at
         block = block[at:] + self._stream.read(_BLOCK if at else _LONGEST_RECORD)
-        if count > len(block):
-            raise self._damaged(CUT_SHORT)
+        self._refuse_if(count > len(block), CUT_SHORT)
         return block, 0
 
     def _list(self, folder: _Folder, names: frozenset[str], body: bytes) -> None:
@@ -147,12 +143,11 @@ class _LsdaFile:
         if offset is not None:
             self._stream.seek(min(offset, self._size))
         content = self._stream.read(count)
-        if len(content) < count:
-            raise self._damaged(CUT_SHORT)
+        self._refuse_if(len(content) < count, CUT_SHORT)
         return content
 
-    def _damaged(self, found: str) -> DataError:
-        return refusal(self._where, "a sound binout", found, COPY_AGAIN)
+    def _refuse_if(self, wrong: object, found: str) -> None:
+        refuse_if(wrong, self._where, "a sound binout", found, COPY_AGAIN)
 
 
 def _changed(folder: _Folder, path: str) -> _Folder:
@@ -165,10 +160,7 @@ def _changed(folder: _Folder, path: str) -> _Folder:
     return tuple(parts[:8])
 
 
-@dataclass
-class _Metadata:
-    """Of the nodes of a database; a continuation file leaves it to the first of its family."""
-
+class _Metadata(NamedTuple):  # of the nodes of a database; a continuation file leaves it to the first of its family
     title: str
     ids: npt.NDArray[np.integer[Any]]
     titles: dict[str, str]

@@ -15,7 +15,7 @@ from itertools import chain
 import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
-from crashfuse.errors import DataError, printable, refusal, refuse_if
+from crashfuse.errors import printable, refusal, refuse_if
 from crashfuse.readers.members import COPY_AGAIN
 from crashfuse.readers.solver_run import CUT, STAMP, History, axis_of_travel, departure_time, quality_by_histories
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
@@ -192,22 +192,19 @@ class _Nodout:
             if self._width:
                 self._begin_state(columns)
         elif self._width and (row := _ROW.match(line)) is not None:
-            if self._unread:
-                raise self._damaged()
+            self._refuse_if(self._unread)
             self._unread = not self._take_row(row.group(1).decode("latin-1"), row.group(2))
 
-    def _damaged(self) -> DataError:
-        whole = min((len(values) for values in self._series.values()), default=0) // 6
-        found = f"damage after state {whole}"
-        return refusal(self._where, "whole rows", found, COPY_AGAIN)
+    def _refuse_if(self, wrong: bool) -> None:
+        whole = min((len(values) for values in self._series.values()), default=0) // 6 if wrong else 0
+        refuse_if(wrong, self._where, "whole rows", f"damage after state {whole}", COPY_AGAIN)
 
     def histories(self, title: str) -> Histories:
         if len(self._times) == 1:
             self._choose()
         counts = {len(values) // 6 for values in self._series.values()}
         whole, states = min(counts, default=0), len(self._times)
-        if whole < states - 1 or max(counts, default=0) > states:
-            raise self._damaged()
+        self._refuse_if(whole < states - 1 or max(counts, default=0) > states)
         expected = "velocities and accelerations (x-vel, x-accl)"
         refuse_if(not whole, self._where, expected, "none", "choose the nodout of a run")
         time, values = np.array(self._times[:whole]), np.array([of[: 6 * whole] for of in self._series.values()])
@@ -238,8 +235,7 @@ class _Nodout:
             self._choose()
         if self._times and self._now <= self._times[-1]:
             self._rewind()
-        elif self._unread:
-            raise self._damaged()
+        self._refuse_if(self._unread)
         self._times.append(self._now)
         self._places = [columns.index(column) for column in _WANTED]
         check_count(3 * len(self._times) * max(len(self._series), 1), self._where)

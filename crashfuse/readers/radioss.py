@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.errors import CHECK_PATH, DataError, printable, refusal, refuse_if
+from crashfuse.errors import CHECK_PATH, printable, refusal, refuse_if
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.readers import radioss_history
 from crashfuse.readers.formats import FORMATS
@@ -78,8 +78,7 @@ class _BinaryFile:
         self._where = where
         self._records = self._framed(content)
         first = self._next()
-        if len(first) != 84 or not 1000 <= _ints(first[:4])[0] <= 9999:
-            raise self._damaged(OTHER_KIND)
+        self._refuse_if(len(first) != 84 or not 1000 <= _ints(first[:4])[0] <= 9999, OTHER_KIND)
         self.title, self._about = _text(first[4:]), _about(_text(self._next()))
         counts = self._next()
         self._factors: tuple[float, ...] = ()
@@ -151,12 +150,11 @@ class _BinaryFile:
     def _data(self, content: bytes) -> tuple[npt.NDArray[np.float32], bool]:
         words = self._places[-1]
         states, left_over = divmod(len(content) - self._at, 4 * words)
-        if not states:
-            raise self._damaged("no state")
+        self._refuse_if(not states, "no state")
         raw = np.frombuffer(content, ">i4", count=states * words, offset=self._at).reshape(states, words)
         places = zip(self._places[:-1], self._blocks, strict=True)
-        if any((raw[:, [place, place + size + 1]] != 4 * size).any() for place, size in places):
-            raise self._damaged("states that are not alike")
+        unlike = any((raw[:, [place, place + size + 1]] != 4 * size).any() for place, size in places)
+        self._refuse_if(unlike, "states that are not alike")
         return raw.view(">f4"), bool(left_over)
 
     def _skip(self, count: int) -> None:
@@ -191,18 +189,17 @@ class _BinaryFile:
 
     def _next(self) -> bytes:
         record = next(self._records, b"")
-        if len(record) < 4:
-            raise self._damaged(f"{CUT_SHORT}, or {OTHER_KIND}")
+        self._refuse_if(len(record) < 4, f"{CUT_SHORT}, or {OTHER_KIND}")
         return record
 
     def _counts(self, record: bytes, count: int) -> tuple[int, ...]:
         found = _ints(record[: 4 * count])
-        if len(record) < 4 * count or any(not 0 <= number <= _MOST_COUNT for number in found[-2:]):
-            raise self._damaged("a senseless header")
+        is_short = len(record) < 4 * count
+        self._refuse_if(is_short or not all(0 <= n <= _MOST_COUNT for n in found[-2:]), "a senseless header")
         return found
 
-    def _damaged(self, found: str) -> DataError:
-        return refusal(self._where, _KIND, found, _AGAIN)
+    def _refuse_if(self, wrong: object, found: str) -> None:
+        refuse_if(wrong, self._where, _KIND, found, _AGAIN)
 
 
 def _about(text: str) -> dict[str, str]:
