@@ -125,16 +125,15 @@ def test_a_real_test_as_a_table_is_what_it_is_in_its_own_format(tmp_path: Path, 
     assert mean[0].displacement_m.max() == pytest.approx(mean[1].displacement_m.max(), abs=5e-4)
 
 
-def crash(folder: Path, name: str, speed_mps: float, scatter: float) -> None:
-    """A table with the pulse of one crash at a speed, without its condition."""
-    pulse_g = half_sine_g(clock()) * speed_mps / SPEED_MPS
-    written(folder, {name: german(clock(), pulse_g + scatter_g(clock(), scatter))})
+def crash(folder: Path, name: str, slower: float, scatter: float) -> None:
+    """A table with the pulse of one crash, slower by a share, without its condition."""
+    written(folder, {name: german(clock(), half_sine_g(clock()) * (1 - slower) + scatter_g(clock(), scatter))})
 
 
 def test_what_many_records_lack_is_asked_for_once_with_the_table_that_gives_each_its_own(tmp_path: Path) -> None:
     """An option would give all the same speed. One row that is missing is asked for, too; a record alone by option."""
     for name in ("A.csv", "B.csv"):
-        crash(tmp_path / "in", name, SPEED_MPS, 1.0)
+        crash(tmp_path / "in", name, 0.0, 1.0)
 
     def asked(conditions: Path | None = None) -> list[str]:
         problems = problems_of(lambda: import_source(tmp_path / "in", tmp_path / "out", conditions=conditions))
@@ -158,8 +157,8 @@ def test_what_many_records_lack_is_asked_for_once_with_the_table_that_gives_each
 def test_one_speed_for_records_of_several_is_told_with_care(tmp_path: Path) -> None:
     """Changes of velocity that differ by 10 % are of two speeds; by 2 %, of repeats whose rebounds differ."""
     for name, slower, scatter in (("A.csv", 0.0, 1.5), ("B.csv", 1.0, -1.5)):
-        crash(tmp_path / "in", name, (1 - 0.1 * slower) * SPEED_MPS, scatter)
-        crash(tmp_path / "alike", name, (1 - 0.02 * slower) * SPEED_MPS, scatter)
+        crash(tmp_path / "in", name, 0.1 * slower, scatter)
+        crash(tmp_path / "alike", name, 0.02 * slower, scatter)
     told = [one.steps[-1] for one in import_source(tmp_path / "in", tmp_path / "a", GIVEN)]
     assert len(told) == 2
     assert all("one speed for all 2 records" in step for step in told)
@@ -225,14 +224,13 @@ def test_the_unit_that_a_slow_run_leaves_open_is_that_of_the_others(tmp_path: Pa
     hump = np.pi / 0.14 * np.sin(np.pi * time_s / 0.07) * (time_s < 0.07)
     columns = np.column_stack([time_s / MS, *(v * KPH * hump for v in speeds_kph.values())])
     rows = [",".join(["time", *speeds_kph]), *(",".join(f"{x:.6g}" for x in row) for row in columns)]
-    table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},{v},900,700" for i, v in speeds_kph.items())])
-    written(tmp_path / "runs", {"runs.csv": "\n".join(rows).encode(), "conditions.csv": table.encode()})
-    slow, *others = import_source(tmp_path / "runs", tmp_path / "campaign", role="cae")
-    assert [one.id for one in (slow, *others)] == ["R1", "R2", "R3"]
-    assert {one.unit for one in (slow, *others)} == {"m/s²"}
-    assert "Unit m/s², from 2 records beside it." in slow.steps
-    written(tmp_path / "alone", {"R1.csv": "\n".join(",".join(row.split(",")[:2]) for row in rows).encode()})
-    written(tmp_path / "alone", {"conditions.csv": "\n".join(table.split("\n")[:2]).encode()})
+    table = ["id,speed [km/h],front [kg],rear [kg]", *(f"{i},{v},900,700" for i, v in speeds_kph.items())]
+    written(tmp_path / "runs", {"runs.csv": "\n".join(rows).encode(), "conditions.csv": "\n".join(table).encode()})
+    settled = import_source(tmp_path / "runs", tmp_path / "campaign", role="cae")
+    assert [(one.id, one.unit) for one in settled] == [("R1", "m/s²"), ("R2", "m/s²"), ("R3", "m/s²")]
+    assert "Unit m/s², from 2 records beside it." in settled[0].steps
+    slow = {"R1.csv": [",".join(row.split(",")[:2]) for row in rows], "conditions.csv": table[:2]}
+    written(tmp_path / "alone", {name: "\n".join(of).encode() for name, of in slow.items()})
     with pytest.raises(DataError, match="a unit that neither file nor speed tells"):
         import_source(tmp_path / "alone", tmp_path / "other", role="cae")
 

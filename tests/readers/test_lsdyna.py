@@ -217,8 +217,7 @@ def test_shards_and_restarts_merge_into_the_run(tmp_path: Path) -> None:
 
 
 def test_where_no_title_says_so_nodes_that_travel_alike_are_proposed(tmp_path: Path) -> None:
-    scales = {1: 1.0, 2: 1.01, 3: 0.99, 4: 1.02, 5: 3.0, 6: 0.6}
-    run = Run(nodes={number: ("", scale) for number, scale in scales.items()})
+    run = Run(nodes={n: ("", scale) for n, scale in enumerate((1.0, 1.01, 0.99, 1.02, 3.0, 0.6), start=1)})
     record = only(saved(tmp_path, binout=run.binout()))
     assert record.proposed == ("1", "2", "3", "4")
     assert any("No title names" in step for step in record.steps)
@@ -231,8 +230,7 @@ def test_accelerations_that_miss_the_velocity_are_taken_from_it(tmp_path: Path) 
     run = Run(nodes={1: ("", 1.0)}, step_s=2e-4, noise_g=300.0)
     record = only(saved(tmp_path, binout=run.binout()))
     assert any("taken from the velocities" in step for step in record.steps)
-    settled = settle(record, WEIGHTS, role="cae")
-    motion = settled.pulse.kinematics(settled.condition.speed_mps)
+    motion = settle(record, WEIGHTS, role="cae").pulse.kinematics(SPEED_MPS)
     assert motion.displacement_m.max() == pytest.approx(CRUSH_M, rel=1e-3)
 
 
@@ -248,10 +246,9 @@ def test_ascii_numbers_may_touch_and_lose_their_e(tmp_path: Path) -> None:
 
 
 def test_a_run_killed_while_writing_is_read_up_to_its_last_whole_state(tmp_path: Path) -> None:
-    whole = only(saved(tmp_path / "whole", nodout=SHORT.nodout()))
     text = SHORT.nodout()
-    last = text.rindex(b"x-accl")
-    half = only(saved(tmp_path / "text", nodout=text[: last + 220]))
+    whole = only(saved(tmp_path / "whole", nodout=text))
+    half = only(saved(tmp_path / "text", nodout=text[: text.rindex(b"x-accl") + 220]))
     assert "The last state is cut short and left out." in half.steps
     assert np.array_equal(half.channels[0].values, whole.channels[0].values[:-1])
     binary = SHORT.binout(Layout(folders_a_table=1)) + SHORT.binout()[200:400]
@@ -282,10 +279,10 @@ def test_rigid_bodies_or_text_serve_where_the_binout_has_no_nodes(tmp_path: Path
 def test_runs_are_called_by_what_tells_their_folders_apart(tmp_path: Path, folders: list[str], ids: list[str]) -> None:
     for folder in folders:
         saved(tmp_path / folder, binout=SHORT.binout())
-    if ids:
-        assert [record.id for record in read_lsdyna(tmp_path)] == ids
-    else:
+    if not ids:
         assert "found one twice" in problem(tmp_path)
+        return
+    assert [record.id for record in read_lsdyna(tmp_path)] == ids
 
 
 def test_of_too_many_nodes_those_with_a_title_are_kept_first(tmp_path: Path) -> None:
@@ -321,23 +318,21 @@ def test_claims_beyond_the_file_cost_nothing(tmp_path: Path) -> None:
 
 def continued(*cuts: int, torn: bool = False) -> list[bytes]:
     """The run's binout in several files, of which only the first holds metadata; torn in the middle of a state."""
-    bounds = [0, *cuts, len(STATES)]
     files = []
-    for number, (start, stop) in enumerate(pairwise(bounds)):
+    for start, stop in pairwise([0, *cuts, len(STATES)]):
         folders = {name: FOLDERS[name] for name in STATES[start:stop]}
         if torn and start:
             folders = {STATES[start - 1]: _half(STATES[start - 1], after=True)} | folders
         if torn and stop < len(STATES):
             folders[STATES[stop - 1]] = _half(STATES[stop - 1], after=False)
-        others = {name: content for name, content in FOLDERS.items() if name not in STATES} if not number else {}
+        others = {} if start else {name: content for name, content in FOLDERS.items() if name not in STATES}
         files.append(lsda({**others, **folders}))
     return files
 
 
 def _half(state: str, *, after: bool) -> dict[str, np.ndarray]:
     """What a state holds before or after the file was full."""
-    items = list(FOLDERS[state].items())
-    middle = [name for name, _ in items].index("x_velocity")
+    items, middle = list(FOLDERS[state].items()), list(FOLDERS[state]).index("x_velocity")
     return dict(items[middle:] if after else items[:middle])
 
 
@@ -355,8 +350,7 @@ def test_continuations_without_metadata_are_read_whole(tmp_path: Path, torn: boo
 
 
 def test_a_state_that_was_never_finished_is_left_out(tmp_path: Path) -> None:
-    first, *_ = continued(60, torn=True)
-    record = only(saved(tmp_path / "alone", binout0000=first))
+    record = only(saved(tmp_path / "alone", binout0000=continued(60, torn=True)[0]))
     assert {channel.time_s.size for channel in record.channels} == {59}
     assert not any("nan" in step for step in record.steps)
     assert record.condition.speed_mps == pytest.approx(SPEED_MPS, rel=1e-4)
@@ -373,12 +367,13 @@ def test_a_family_with_a_missing_member_is_refused(tmp_path: Path, there: str, m
 
 
 def test_a_state_that_lacks_its_nodes_is_refused(tmp_path: Path) -> None:
-    fewer = {name: np.zeros(3, "f4") if name != "time" else values for name, values in FOLDERS[STATES[7]].items()}
-    said = problem(saved(tmp_path / "fewer", binout0000=lsda({**FOLDERS, STATES[7]: fewer})))
-    assert "x_velocity of 4 nodes in each state, found 3 in d000008; copy it again" in said
-    none = {"time": FOLDERS[STATES[7]]["time"]}
-    said = problem(saved(tmp_path / "none", binout0000=lsda({**FOLDERS, STATES[7]: none})))
-    assert "expected x_acceleration in each state, found none in d000008" in said
+    time = {"time": FOLDERS[STATES[7]]["time"]}
+    fewer = dict.fromkeys(FOLDERS[STATES[7]], np.zeros(3, "f4")) | time
+    for name, state, told in (
+        ("fewer", fewer, "x_velocity of 4 nodes in each state, found 3 in d000008; copy it again"),
+        ("none", time, "expected x_acceleration in each state, found none in d000008"),
+    ):
+        assert told in problem(saved(tmp_path / name, binout0000=lsda({**FOLDERS, STATES[7]: state})))
 
 
 def test_two_runs_in_one_folder_are_never_mixed(tmp_path: Path) -> None:
@@ -423,11 +418,9 @@ def test_names_of_jobs_are_those_of_the_runs(tmp_path: Path, run_id: str, ending
 @pytest.mark.parametrize("form", ["binout", "text"])
 def test_nodes_of_nodouthf_are_those_that_are_averaged(tmp_path: Path, form: str) -> None:
     fine = Run(end_s=0.15, step_s=2e-4, nodes={1001: RUN.nodes[1001]}, database="nodouthf")
-    if form == "binout":
-        folder = saved(tmp_path, binout0000=lsda({**FOLDERS, **fine.folders()}))
-    else:
-        folder = saved(tmp_path, nodout=RUN.nodout(), nodouthf=fine.nodout())
-    record = only(folder)
+    texts = {"nodout": RUN.nodout(), "nodouthf": fine.nodout()}
+    files = {"binout0000": lsda({**FOLDERS, **fine.folders()})} if form == "binout" else texts
+    record = only(saved(tmp_path, **files))
     assert record.proposed == ("1001",)
     sizes = {channel.name: channel.time_s.size for channel in record.channels}
     assert sizes == {"1001": 751, "1002": 151, "2001": 151, "2002": 151}
@@ -448,12 +441,10 @@ def test_nodes_that_end_before_the_energies_are_pointed_out(tmp_path: Path) -> N
 @needs_shared
 def test_a_run_in_three_files_of_the_solver_s_own_library_is_the_crash(tmp_path: Path) -> None:
     """Written by LSTC's library without metadata in the later files: all 150 ms, and the pulse of NHTSA 10146."""
-    condition = PartialCondition(mass_kg=1719.0)
-    choices = Choices(condition=condition, front_share=0.56)
-    real = SHARED / "real"
+    choices, real = Choices(condition=PartialCondition(mass_kg=1719.0), front_share=0.56), SHARED / "real"
     (run,) = import_source(real / "formats/lsdyna_split", tmp_path / "run", choices, role="cae")
     (test,) = import_source(real / "nhtsa_10146_camry2018", tmp_path / "test")
-    (record,) = read_lsdyna(real / "formats/lsdyna_split")
+    record = only(real / "formats/lsdyna_split")
     assert {channel.time_s.size for channel in record.channels} == {1501}
     of_run, of_test = (each.pulse.kinematics(each.condition.speed_mps) for each in (run, test))
     assert of_run.t0_s == pytest.approx(of_test.t0_s, abs=0.5 * MS)

@@ -18,7 +18,7 @@ from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.tdms import read_tdms
 from crashfuse.readers.tdms_container import parse_tdms
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH
+from crashfuse.units import KPH, MPH
 from tests.importing.crash_files import sentence
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, STOP_S, clock, half_sine_g, ringing_g
 
@@ -114,8 +114,7 @@ def test_any_tdms_file_offers_its_accelerations(tmp_path: Path) -> None:
     tunnel = ChannelObject("Car", "Tunnel X", pulse(93), properties={"unit_string": "m/s^2", **wave})
     force = ChannelObject("Car", "Force", pulse(93), properties={"unit_string": "N", **wave})
     (record,) = read_tdms(saved(tmp_path / "sled.tdms", written([force, tunnel])))
-    assert record.proposed == ("Tunnel X",)
-    assert record.channels[0].unit == "m/s²"
+    assert (record.proposed, record.channels[0].unit) == (("Tunnel X",), "m/s²")
     assert record.channels[0].time_s == pytest.approx(clock())
     again = ChannelObject("Other", "Tunnel X", pulse(93), properties={"unit_string": "m/s^2", **wave})
     (record,) = read_tdms(saved(tmp_path / "two.tdms", written([tunnel, again])))
@@ -131,8 +130,7 @@ def test_a_channel_of_time_beside_the_values_is_their_clock(tmp_path: Path, unit
     (record,) = read_tdms(saved(tmp_path / "car.tdms", written([time_s, accel])))
     assert record.proposed == ("AX",)
     assert record.channels[0].time_s == pytest.approx(clock())
-    alone = written([accel])
-    assert "add a channel of time" in problem(saved(tmp_path / "alone.tdms", alone))
+    assert "add a channel of time" in problem(saved(tmp_path / "alone.tdms", written([accel])))
 
 
 def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> None:
@@ -157,8 +155,7 @@ def test_values_are_those_that_were_written_whatever_their_type(kind: str) -> No
     ]
     file = parse_tdms(written(*parts), "it")
     by_name = {channel.name: channel for channel in file.channels}
-    assert by_name["a"].group == "it's"
-    assert by_name["a"].properties == {"late": 1.5}
+    assert (by_name["a"].group, by_name["a"].properties) == ("it's", {"late": 1.5})
     for name in ("a", "b"):
         assert np.array_equal(file.values(by_name[name]), values.astype(float))
 
@@ -250,12 +247,11 @@ def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
 
 
 def test_the_speed_is_a_property(tmp_path: Path) -> None:
-    speeds: dict[str, float | None] = {"55,8 km/h": 55.8, "n/a": None, "-3": None, "4 furlongs": None}
     mph: dict[str, Any] = {"impact velocity (mph)": 35.0}
-    given = [(mph, 35 * 1.609344), *(({"Impact_velocity": text}, kph) for text, kph in speeds.items())]
-    for properties, kph in given:
-        speed = read(tmp_path, VEHICLE, **properties).condition.speed_mps
-        assert speed == (None if kph is None else pytest.approx(kph * KPH))
+    assert read(tmp_path, VEHICLE, **mph).condition.speed_mps == pytest.approx(35 * MPH)
+    for text, speed_mps in {"55,8 km/h": 55.8 * KPH, "n/a": None, "-3": None, "4 furlongs": None}.items():
+        found = read(tmp_path, VEHICLE, Impact_velocity=text).condition.speed_mps
+        assert found == (None if speed_mps is None else pytest.approx(speed_mps))
 
 
 def test_units_and_time_are_in_the_names(tmp_path: Path) -> None:
@@ -276,13 +272,12 @@ def test_units_and_time_are_in_the_names(tmp_path: Path) -> None:
 
 
 def test_another_crash_is_named_as_that(tmp_path: Path) -> None:
-    record = read(tmp_path, VEHICLE, Impact_velocity="56", Test_type="Small overlap frontal: driver side")
-    careful = "Careful: not a full-frontal barrier crash, by its own account: Small overlap frontal: driver side."
-    assert careful in settle(record, WEIGHTS).steps
+    kind: dict[str, Any] = {"Impact_velocity": "56", "Test_type": "Small overlap frontal: driver side"}
+    careful = f"Careful: not a full-frontal barrier crash, by its own account: {kind['Test_type']}."
+    assert careful in settle(read(tmp_path, VEHICLE, **kind), WEIGHTS).steps
     slower = [(group, name, 0.6 * values) for group, name, values in VEHICLE]
-    record = read(tmp_path, slower, Impact_velocity="56", Test_type="Small overlap frontal: driver side")
-    with pytest.raises(DataError, match=r"the file calls it 'Small overlap frontal: driver side'"):
-        settle(record, WEIGHTS)
+    with pytest.raises(DataError, match=f"the file calls it '{kind['Test_type']}'"):
+        settle(read(tmp_path, slower, **kind), WEIGHTS)
 
 
 @pytest.mark.parametrize(("unit", "factor", "offset_s"), [("s", 1.0, 0.0), ("ms", 1e3, 0.0), ("s", 1.0, -0.05)])
