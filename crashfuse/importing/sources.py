@@ -20,7 +20,7 @@ import pandas as pd
 from crashfuse import errors
 from crashfuse.campaign_folder.condition_tables import listed, safe_id
 from crashfuse.campaign_folder.load import check_uploads, members_of_zip
-from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, refusal
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, refusal, refuse_if
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, ENDINGS, Budget, Limits, Member
 from crashfuse.readers import table_mapping
@@ -68,8 +68,7 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
                 try:
                     member.write_to(folder / member.path, budget)
                 except (FileExistsError, NotADirectoryError):
-                    found = "another file of this name"
-                    raise refusal(member.where, "names that differ", found, "rename one") from None
+                    raise refusal(member.where, "names that differ", "another file of this name", "rename") from None
     except BaseException:
         shutil.rmtree(home)
         raise
@@ -124,17 +123,15 @@ class Reading:
 
 def format_of(source: Path) -> str:
     """The format of a source, by the names of its files; a DataError for none, or several besides tables."""
-    if not source.exists():
-        raise refusal(str(source), "a file or folder to import", "nothing there", errors.CHECK_PATH)
+    refuse_if(not source.exists(), str(source), "a file or folder to import", "nothing there", errors.CHECK_PATH)
     found = formats_of(_names(source)) or formats_of(name for inner in _archives(source) for name in _names(inner))
     if found == [TABLES] and any(map(is_time_history_csv, tables_of(source))):
         return "radioss"
     if not found:
         broken = "".join(f"; {why.rstrip('.')}" for name in FORMATS.declared if (why := FORMATS.broken(name)))
         raise refusal(source.name, all_formats(), "none of these", f"choose another source{broken}")
-    if len(set(found) - {TABLES}) > 1:
-        several = " and ".join(found)
-        raise refusal(source.name, "records of one format", several, "choose one (--format)")
+    are_several = len(set(found) - {TABLES}) > 1
+    refuse_if(are_several, source.name, "records of one format", " and ".join(found), "choose one (--format)")
     return found[0]
 
 
@@ -178,12 +175,11 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     travel = reading.travel if fmt == TABLES else None
     together = reading.together and fmt == TABLES
     tables = read_tables([*paths, *extra], reading.columns, problems, together=together, travel=travel)
-    if fmt == TABLES and not paths:
-        raise refusal(str(source), f"tables ({FORMATS[TABLES].files})", "none", errors.CHECK_PATH)
-    if fmt == TABLES and not tables.records and not problems:
-        found = "; ".join(tables.neither) or "conditions alone"
-        expected = "time and acceleration"
-        raise refusal(source.name, expected, found, "map the columns (--column COLUMN=ROLE:UNIT)")
+    lacks = fmt == TABLES and not paths
+    refuse_if(lacks, str(source), f"tables ({FORMATS[TABLES].files})", "none", errors.CHECK_PATH)
+    lacks, found = fmt == TABLES and not tables.records, "; ".join(tables.neither) or "conditions alone"
+    advice = "map the columns (--column COLUMN=ROLE:UNIT)"
+    refuse_if(lacks and not problems, source.name, "time and acceleration", found, advice)
     whole, ids, notes = not problems, list[str](), list[str]()
     if fmt == TABLES and tables.neither:
         notes.append(f"Left out, as neither pulse nor conditions: {'; '.join(tables.neither[:_LISTED])}.")
@@ -301,9 +297,9 @@ class _TableSet:
         return replace(record, condition=record.condition.overruled(condition), steps=steps)
 
     def check_ids(self, ids: Sequence[str]) -> None:
-        if self.conditions and not self.conditions.keys() & set(map(str.casefold, ids)):
-            found = f"those of {listed([run_id for run_id, *_ in self.conditions.values()])}"
-            raise refusal("conditions", f"conditions for {listed(ids)}", found, "make the ids the same")
+        is_other = self.conditions and not self.conditions.keys() & set(map(str.casefold, ids))
+        found = f"those of {listed([run_id for run_id, *_ in self.conditions.values()])}"
+        refuse_if(is_other, "conditions", f"conditions for {listed(ids)}", found, "make the ids the same")
         unclear = [
             _unclear(name, alike, without, parted=(path, name) in self.parted)
             for (path, name), records in self.of_table.items()
@@ -322,8 +318,8 @@ def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, p
         advice = "add rows, or leave it out (--column COLUMN=ignored)"
         return Problem(table, f"conditions for {listed(without)}", found, advice)
     best_first = sorted(records, key=lambda record: Heading(record.channels[0].name).likelihood)
-    one = f"average them (--id ID) or choose (--channel {shlex.quote(best_first[0].channels[0].name)})"
-    one = "leave out the others (--column COLUMN=ignored)" if parted else one
+    choose = f"average them (--id ID) or choose (--channel {shlex.quote(best_first[0].channels[0].name)})"
+    one = "leave out the others (--column COLUMN=ignored)" if parted else choose
     advice = f"if they are sensors of one crash, {one}; if crashes, give conditions (--conditions TABLE)"
     found = f"{listed(record.id for record in best_first)}{', each with a time of its own' if parted else ''}"
     return Problem(table, "one acceleration, or conditions for each", found, advice)

@@ -1,8 +1,10 @@
 """The files of a source (a folder, one of its files, or a zip of it), and the records of all that are in it."""
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeVar
 
@@ -28,14 +30,15 @@ def opened_members(
             members = [member for member in zip_members(stream, path.name, limits) if wanted(member.path)]
             yield members, Budget(limits, path.stat().st_size)
         return
-    if path.is_file() and not wanted(path):
-        raise refusal(path.name, kind, "a file of another kind", "choose its folder")
+    is_other = path.is_file() and not wanted(path)
+    refuse_if(is_other, path.name, kind, "a file of another kind", "choose its folder")
     folder = path.parent if path.is_file() else path
     refuse_if(not folder.is_dir(), str(path), kind, "no such folder or file", CHECK_PATH)
     members, size = [], 0
     for file in sorted(files_below(folder)):
         if wanted(file) and file.is_file():
-            members.append(_on_disk(file, folder))
+            inside = PurePosixPath(file.relative_to(folder).as_posix())
+            members.append(Member(inside, str(inside), partial(file.open, "rb")))
             size += file.stat().st_size
             if len(members) > limits.members:
                 raise too_many(path.name, len(members), limits)
@@ -57,8 +60,8 @@ def files_below(folder: Path) -> Iterator[Path]:
     """Yield the files in a folder and those in it but the system's; a DataError for an unreadable one."""
 
     def refuse(error: OSError) -> None:
-        found, advice = error.strerror or str(error), "ask for access"
-        raise refusal(str(error.filename), "a readable folder", found, advice) from error
+        found = error.strerror or str(error)
+        raise refusal(str(error.filename), "a readable folder", found, "ask for access") from error
 
     for home, folders, names in os.walk(folder, onerror=refuse):
         folders[:] = [name for name in folders if not left_by_the_system(name)]
@@ -80,12 +83,6 @@ def as_text(content: bytes) -> str:
     return content.decode("latin-1")
 
 
-def _on_disk(path: Path, folder: Path) -> Member:
-    inside = PurePosixPath(path.relative_to(folder).as_posix())
-    return Member(inside, str(inside), lambda: path.open("rb"))
-
-
 def is_numbered(path: PurePath) -> bool:
     """Whether a name ends in the number of a channel, as ``T1.001`` does."""
-    number = path.suffix[1:]
-    return len(number) >= 3 and number.isascii() and number.isdecimal()
+    return re.fullmatch(r"\.\d{3,}", path.suffix, re.ASCII) is not None

@@ -63,8 +63,8 @@ def _waveform(
         unit_s = UNITS["time"][vocabulary.unit_named(_text_of(properties, "wf_xunit_string"), "time") or "s"]
         clock = unit_s * (start + increment * np.arange(values.size))
     if clock is None or clock.size != values.size:
-        expected, advice = "samples and their time (wf_increment)", "add a channel of time"
-        raise refusal(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice)
+        place, found = f"{where}: {printable(channel.name)}", f"{values.size} samples"
+        raise refusal(place, "samples and their time (wf_increment)", found, "add a channel of time")
     unit = vocabulary.unit_named(_text_of(properties, "unit_string", "inst_yunits"), "acceleration")
     cutoff_hz = _number_of(properties, "inst_prefil") or None
     # descriptors of ISO-MME, which programs that convert it keep as properties, blanks or not
