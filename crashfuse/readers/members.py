@@ -4,7 +4,6 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeVar
 
@@ -37,8 +36,7 @@ def opened_members(
     members, size = [], 0
     for file in sorted(files_below(folder)):
         if wanted(file) and file.is_file():
-            inside = PurePosixPath(file.relative_to(folder).as_posix())
-            members.append(Member(inside, str(inside), partial(file.open, "rb")))
+            members.append(_on_disk(file, folder))
             size += file.stat().st_size
             if len(members) > limits.members:
                 raise too_many(path.name, len(members), limits)
@@ -81,6 +79,11 @@ def as_text(content: bytes) -> str:
         with suppress(UnicodeDecodeError):
             return content.decode(encoding)
     return content.decode("latin-1")
+
+
+def _on_disk(path: Path, folder: Path) -> Member:
+    inside = PurePosixPath(path.relative_to(folder).as_posix())
+    return Member(inside, str(inside), lambda: path.open("rb"))
 
 
 def is_numbered(path: PurePath) -> bool:
