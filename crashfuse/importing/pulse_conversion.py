@@ -33,7 +33,7 @@ _GIVE_SPEED = "give the speed (--speed-kph V, --speed-mph V)"
 _GIVE_WEIGHTS = "give two (--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
 _LONGER = {
     "tests": "export the whole record; check time zero",
-    "cae": "run it to 100 ms; check time zero",
+    "cae": "run it to 100 ms, and copy all files; check time zero",
 }
 _LONGEST_S, _LEAST = 0.2, "at least 60 ms from contact"
 
