@@ -26,17 +26,14 @@ RAW_G = PULSE_G + crashes.ringing_g(TIME_S)
 
 
 def motion(settled: Settled) -> Kinematics:
-    """Kinematics of a settled record."""
     return settled.pulse.kinematics(settled.condition.speed_mps)
 
 
 def signal(time_s: FloatArray, values: FloatArray, cutoff_hz: float | None = None, **of: PartialCondition) -> Record:
-    """A record of one channel in g."""
     return record(RecordedChannel("X", "X", time_s, values, "g", cutoff_hz), **of)
 
 
 def steps_with(settled: Settled, text: str) -> list[str]:
-    """The steps that say this."""
     return [step for step in settled.steps if text in step]
 
 

@@ -17,7 +17,6 @@ GIVEN = Choices(condition=PartialCondition(51.12 * KPH, None, 905.0, 655.0))
 
 
 def settled(name: str, choices: Choices = WEIGHTS, role: Role = "tests") -> Settled:
-    """What becomes of the one record there."""
     (record,) = read_records(Reading(SHARED / "real/formats" / name))
     return settle(record, choices, role=role)
 

@@ -34,21 +34,18 @@ def lines(header: str, *columns: FloatArray) -> str:
 
 
 def table(folder: Path, header: str, *columns: FloatArray, name: str = "x.csv") -> Path:
-    """A written table."""
     path = folder / name
     path.write_text(lines(header, *columns), encoding="utf-8")
     return path
 
 
 def refusal(path: Path, conditions: Path | None = None) -> str:
-    """The one sentence that a source is refused with."""
     said = sentence(lambda: import_source(path, path.parent / "out", GIVEN, conditions=conditions))
     assert not (path.parent / "out").exists()
     return said
 
 
 def by_id(records: Sequence[Record]) -> dict[str, Record]:
-    """Records by their ids."""
     return {record.id: record for record in records}
 
 

@@ -127,15 +127,13 @@ def test_what_laboratories_write_is_read(tmp_path: Path, encoding: str, newline:
     files = laboratory(encoding, newline)
     inside = {f"T1/{name}": content for name, content in files.items()}
     test = read_isomme(as_zip(inside, tmp_path / "v1.ZIP") if packed else written(tmp_path / "T1", files))
-    assert test.name == "T1"
-    assert test.descriptor("title") == "Wall: 40 % Überdeckung"
+    assert (test.name, test.descriptor("title")) == ("T1", "Wall: 40 % Überdeckung")
     assert test.descriptor("Customer name") == ""
     assert [value for name, value in test.descriptors if name == "Comments"] == ["a", "b"]
     implicit, clock, bare, explicit = test.channels
     assert (implicit.code, implicit.unit, implicit.source) == ("M0MBARLEMIUPACXP", "m/(s*s)", "transducer")
-    assert implicit.name == "Wagen links: Beschleunigung in Längsrichtung"
-    assert implicit.comments == ("drift … within 2 %",)
-    assert (implicit.interval_s, implicit.start_s) == (1e-4, -0.1)
+    named = ("Wagen links: Beschleunigung in Längsrichtung", ("drift … within 2 %",), 1e-4, -0.1)
+    assert (implicit.name, implicit.comments, implicit.interval_s, implicit.start_s) == named
     np.testing.assert_array_equal(implicit.values, [1470.835, -300.5184, np.nan, 0.0])
     assert clock.interval_s is None
     assert (bare.code, bare.name, bare.interval_s) == ("10VEHC000000ACXD", "Vehicle X", None)
@@ -159,11 +157,11 @@ def test_times_are_in_the_unit_that_they_name(tmp_path: Path) -> None:
 
 def test_a_start_that_nobody_tells_is_none(tmp_path: Path) -> None:
     """Neither its absence nor NOVALUE means that recording began at 0, and so it is written again."""
-    for number, line in enumerate(("", "Time of first sample        :NOVALUE\n")):
+    for line in ("", "Time of first sample        :NOVALUE\n"):
         changed = IMPLICIT.replace("Time of first sample        :-0.1\n", line)
-        test = read_isomme(written(tmp_path / str(number), laboratory(**{"CHANNEL/T1.001": changed})))
+        test = read_isomme(written(tmp_path / "lab", laboratory(**{"CHANNEL/T1.001": changed})))
         assert test.channels[0].start_s is None
-        again = read_isomme(written(tmp_path / f"again{number}", isomme_files(test)) / "T1")
+        again = read_isomme(written(tmp_path / "again", isomme_files(test)) / "T1")
         assert (again.channels[0].start_s, again.channels[0].interval_s) == (None, 1e-4)
 
 
@@ -218,7 +216,6 @@ def channel(code: str, scale: float = G, unit: str = "m/(s*s)") -> Channel:
 
 
 def isomme(*codes: str, **changed: str) -> IsommeTest:
-    """A test with channels of these codes."""
     descriptors = [(name, changed.get(name.split()[0].lower(), value)) for name, value in DESCRIPTORS]
     return IsommeTest("T1", descriptors, tuple(map(channel, codes)))
 
@@ -252,8 +249,8 @@ def test_without_a_time_of_the_first_sample_time_zero_is_looked_for() -> None:
     assert record.own_time_zero == ""
     assert any("find time zero" in step for step in record.steps)
     settled = settle(record, Choices(front_share=0.56))
-    assert settled.time_zero_s == pytest.approx(0.05, abs=1.5e-3)
-    assert settled.pulse.kinematics(settled.condition.speed_mps).t0_s == pytest.approx(STOP_S, abs=1.5e-3)
+    found = settled.time_zero_s, settled.pulse.kinematics(settled.condition.speed_mps).t0_s
+    assert found == pytest.approx((0.05, STOP_S), abs=1.5e-3)
 
 
 def test_a_channel_without_an_even_time_is_said_to_be_one() -> None:
@@ -291,7 +288,6 @@ def test_another_crash_is_named(name: str, value: str, named: str) -> None:
 
 
 def load_cell(code: str, share: float = 0.25, status: str = "ok", unit: str = "N") -> Channel:
-    """A share of the barrier's force on 1700 kg."""
     return replace(channel(code, share * 1700 * G / (1000 if unit == "kN" else 1), unit), status=status)
 
 

@@ -29,13 +29,11 @@ STATES = [name for name in FOLDERS if name.startswith("/nodout/d")]
 
 
 def saved(folder: Path, **files: bytes) -> Path:
-    """Write files and return their folder."""
     folder.mkdir(parents=True, exist_ok=True)
     return written(folder, files)
 
 
 def only(path: Path) -> Record:
-    """The one record there."""
     (record,) = read_lsdyna(path)
     return record
 
@@ -164,7 +162,6 @@ def test_of_states_that_a_binout_repeats_the_later_are_read(tmp_path: Path) -> N
 
 
 def as_bodies(folders: Folders) -> Folders:
-    """Histories of nodes as those of rigid bodies."""
     names = {"x_velocity": "global_vx", "x_acceleration": "global_ax"}
     renamed = {path: {names.get(name, name): of for name, of in told.items()} for path, told in folders.items()}
     return {path.replace("nodout", "rbdout"): told for path, told in renamed.items()}

@@ -46,7 +46,6 @@ def is_the_crash(record: Record) -> Settled:
 
 
 def refusal(folder: Path, **files: bytes) -> str:
-    """What is said against these files: one sentence."""
     return sentence(lambda: only(folder, **files))
 
 

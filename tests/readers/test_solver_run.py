@@ -148,7 +148,6 @@ QUALITY = RunQuality(-0.04, 0.05, 0.025)
 
 
 def binout(*energies: dict[str, dict[str, np.ndarray]]) -> bytes:
-    """A binout of the run with these energies."""
     folders = {name: content for name, content in RUN.folders().items() if "glstat" not in name}
     for more in energies:
         folders |= more

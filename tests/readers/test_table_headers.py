@@ -20,7 +20,6 @@ SHAKING = 2 * np.sin(2 * np.pi * 300 * TIME_S)
 
 
 def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
-    """A foreign table with these columns beside the time."""
     return written(folder, {"run7.csv": german(TIME_S, *columns, header=f"Time [ms];{header}")}) / "run7.csv"
 
 

@@ -22,20 +22,17 @@ VALUES = [0.0, -1.25, -2.5, -1e-3]
 
 
 def one_sheet(path: Path, content: str | bytes, encoding: str = "utf-8") -> Sheet:
-    """Write and read one table."""
     path.write_bytes(content if isinstance(content, bytes) else content.encode(encoding))
     (sheet,) = read_sheets(path)
     return sheet
 
 
 def one_record(sheet: Sheet) -> Record:
-    """The only record of a sheet, by the proposal."""
     (record,) = apply_mapping(sheet, propose(sheet), record_id="T1")
     return record
 
 
 def table(header: str, delimiter: str, decimal: str = ".", scale: float = 1.0) -> str:
-    """A header and four rows."""
     rows = [f"{t * scale:g}{delimiter}{a!r}".replace(".", decimal) for t, a in zip(TIMES_MS, VALUES, strict=True)]
     return "\n".join([header, *rows]) + "\n"
 

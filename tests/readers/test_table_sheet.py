@@ -38,7 +38,6 @@ MOST = 400 << 20  # bytes beyond the modules, for a workbook of a megabyte
 
 
 def rows(count: int, first: int = 2) -> str:
-    """Rows of two numbers."""
     return "".join(
         f'<row r="{i}"><c r="A{i}"><v>{0.1 * (i - first)}</v></c><c r="B{i}"><v>{-i % 7}</v></c></row>'
         for i in range(first, first + count)
@@ -46,7 +45,6 @@ def rows(count: int, first: int = 2) -> str:
 
 
 def sheet(data: str, before: str = "") -> str:
-    """A worksheet with these rows."""
     return f'<worksheet xmlns="{_MAIN}">{before}<sheetData>{HEADER}{data}</sheetData></worksheet>'
 
 

@@ -26,7 +26,6 @@ def text(header: str, *columns: Iterable[object], delimiter: str = ",", decimal:
 
 
 def sheets(folder: Path, content: str, name: str = "V7.lvm") -> tuple[Sheet, ...]:
-    """The tables of a file."""
     (folder / name).write_bytes(content.encode())
     return read_sheets(folder / name)
 

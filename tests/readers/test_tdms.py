@@ -35,7 +35,6 @@ SCALES = {93: 1.02, 94: 0.98, 95: 3.0, 97: 0.1, 100: 0.1}
 
 
 def said(number: int, kind: str, seat: str, place: str, axis: str, rank: str, comment: str) -> dict[str, Any]:
-    """The properties of a channel, as NHTSA spells them."""
     sensor = {"Axis": axis, "ChStat": rank, "CurNo": np.int32(number), "InsCom": comment, "PreFil": np.int32(1650)}
     sensor |= {"DaStat": "CF" if number == 100 else "AM", "SenAtt": place, "SenLoc": seat, "SenTyp": kind}
     test = {"ClsSpd": 56.0, "ImpAng": 0.0, "TstCfn": "VTB", "TstNo": np.int32(9999)}
@@ -55,7 +54,6 @@ def pulse(number: int) -> FloatArray:
 
 
 def written(*segments: list[Any]) -> bytes:
-    """A TDMS file with these segments."""
     content = BytesIO()
     with TdmsWriter(content) as writer:
         for segment in segments:
@@ -64,7 +62,6 @@ def written(*segments: list[Any]) -> bytes:
 
 
 def nhtsa_test(**changed: Any) -> bytes:
-    """A whole test with some properties changed."""
     channels = [
         ChannelObject("v09999_Veh1", name, pulse(sensor[0]), properties={**said(*sensor), **changed})
         for name, sensor in SENSORS.items()
@@ -73,7 +70,6 @@ def nhtsa_test(**changed: Any) -> bytes:
 
 
 def saved(path: Path, content: bytes) -> Path:
-    """Write a file and return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     return path
@@ -225,7 +221,6 @@ def read(
 
 
 def iihs_test() -> bytes:
-    """A small file as the IIHS writes them."""
     properties = {**WAVE, "wf_increment": 5e-4}
     channels = [(group, name, values[::5]) for group, name, values in [*DUMMIES[:6], *VEHICLE]]
     objects = [ChannelObject(group, name, values, properties=properties) for group, name, values in channels]

@@ -7,7 +7,6 @@ from crashfuse.readers.vocabulary import ChannelCode, Doubt, doubt_in, doubt_of
 
 
 def code(text: str) -> ChannelCode:
-    """A code that is one."""
     found = ChannelCode.parsed(text)
     assert found is not None
     return found
