@@ -232,11 +232,9 @@ def _specification(members: Sequence[Member], path: Path) -> Member:
 
 
 def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
-    lines = _lines(member, budget)
-    refuse_if(len(lines) > _MOST_LINES, member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", _AGAIN)
     sections: dict[str, list[list[str]]] = {}
     current: list[list[str]] = []
-    for line in lines:
+    for line in _lines(member, budget, _MOST_LINES):
         if line.startswith("-----"):
             current = sections.setdefault(line.strip("- "), [])
         elif "|" in line:
@@ -260,7 +258,7 @@ def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
 
 
 def _samples(member: Member, budget: Budget) -> tuple[FloatArray, FloatArray]:
-    lines = [line for line in _lines(member, budget) if line.strip()]
+    lines = [line for line in _lines(member, budget, _MOST_SAMPLES) if line.strip()]
     n, table = len(lines), np.empty((0, 0))
     refuse_if(not 2 <= n <= _MOST_SAMPLES, member.where, f"2 to {_MOST_SAMPLES} samples", f"{n}", _AGAIN)
     with suppress(ValueError):
@@ -290,5 +288,8 @@ def _field(fields: list[str], index: int) -> str:
     return fields[index] if index < len(fields) else ""
 
 
-def _lines(member: Member, budget: Budget) -> list[str]:
-    return member.content(budget).decode("latin-1").split("\n")  # splitlines() would also split at control characters
+def _lines(member: Member, budget: Budget, most: int) -> list[str]:
+    content = member.content(budget)
+    n = content.count(b"\n")
+    refuse_if(n > most, member.where, f"at most {most} lines", f"{n}", _AGAIN)
+    return content.decode("latin-1").split("\n")  # splitlines() would also split at control characters
