@@ -26,7 +26,7 @@ from .importing.ratings import RatingChoices as RatingChoices
 from .importing.ratings import rate_channels as rate_channels
 from .importing.ratings import rate_files as rate_files
 from .importing.ratings import rate_pairs as rate_pairs
-from .importing.tables import ColumnChoice as ColumnChoice
+from .importing.sources import ColumnChoice as ColumnChoice
 from .readers.record import PartialCondition as PartialCondition
 from .results.display import Display as Display
 from .results.export.outgoing_pulses import PulseExport as PulseExport
