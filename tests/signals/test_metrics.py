@@ -12,7 +12,6 @@ from crashfuse.signals.metrics import (
     Metric,
     checked_metrics,
     metric_values,
-    missing_metrics,
     missing_sentences,
     pulse_metrics,
 )
@@ -196,24 +195,25 @@ def test_what_is_missing_is_said_with_its_reason() -> None:
     whole, short = (pulse_metrics(HALF_SINE[:n], 15.0) for n in (1250, 300))
     draws = slow_draws(0.085)
     drawn = pulse_metrics(draws[draws.min(axis=1).argmin()], 9.0, draws_mps2=draws)
-    assert missing_metrics(whole) == ()
     assert_golden("missing_metrics", missing_sentences([("Test", short), ("CAE", whole), ("LF", short), ("MF", drawn)]))
 
 
-def test_a_metric_reads_as_value_and_interval() -> None:
+@pytest.mark.parametrize(
+    ("metric", "text"),
+    [
+        (Metric("t0", 70.04, 68.0, 72.0, "ms"), "70.0 [68.0, 72.0] ms"),
+        (Metric("olc", 3.41, None, None, "g"), "3.4 g"),
+        (Metric("olc", 3.41, None, None, "g", drawn=True), "3.4 [open] g"),
+        (Metric("t0", 70.0, 68.0, None, "ms"), "70.0 [≥ 68.0] ms"),
+        (Metric("olc", 30.0, None, 31.2, ""), "30.00 [≤ 31.20]"),
+        (Metric("olc", None, None, 31.2, "g"), "≤ 31.2 g (95 %, record too short)"),
+        (Metric("max_crush", None, 200.0, 260.0, "mm"), "200.0–260.0 mm (95 %, record too short)"),
+        (Metric("olc", None, None, None, "g"), "–"),
+    ],
+)
+def test_a_metric_reads_as_value_and_interval(metric: Metric, text: str) -> None:
     """Where there is no value, what is known of the interval stands with its level; without draws, no brackets do."""
-    assert Metric("t0", 70.04, 68.0, 72.0, "ms").text == "70.0 [68.0, 72.0]"
-    assert Metric("olc", 3.41, None, None, "g").text == "3.4"
-    assert Metric("olc", 3.41, None, None, "g", drawn=True).text == "3.4 [open]"
-    assert Metric("t0", 70.0, 68.0, None, "ms").text == "70.0 [≥ 68.0]"
-    assert Metric("olc", 30.0, None, 31.2, "g").text == "30.0 [≤ 31.2]"
-    assert Metric("olc", None, None, 31.2, "g").text == "≤ 31.2 (95 %, record too short)"
-    crush = Metric("max_crush", None, 200.0, 260.0, "mm")
-    assert crush.text == "200.0–260.0 (95 %, record too short)"
-    assert crush.text_with_unit == "200.0–260.0 mm (95 %, record too short)"
-    assert Metric("t0", 70.0, 68.0, None, "ms").text_with_unit == "70.0 [≥ 68.0] ms"
-    missing = Metric("olc", None, None, None, "g")
-    assert missing.text == missing.text_with_unit == "–"
+    assert metric.text_with_unit == text
 
 
 def test_an_interval_of_which_one_end_is_known_holds_what_is_on_its_side() -> None:
