@@ -58,7 +58,7 @@ def loading_phase(accel_mps2: FloatArray, speed_mps: float) -> LoadingPhase:
         left_s = t0 - time[n - 1]
         crush = motion.displacement_m[n - 1] + 0.5 * motion.velocity_mps[n - 1] * left_s
         phase = np.column_stack([phase, [t0, crush, 0.0, np.interp(t0, time, accel)]])
-    return LoadingPhase(*phase, t0)
+    return LoadingPhase(phase[0], phase[1], phase[2], phase[3], t0)
 
 
 _POINTS = 201

@@ -264,8 +264,8 @@ def checked_metrics(
         drawn = metric_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant, predicted=True)
         intervals = {name: _interval(of_draws) for name, of_draws in drawn.items()}
     return tuple(
-        Metric(name, _finite(value), *intervals[name], METRIC_UNITS[name], draws_mps2 is not None, _finite(value))
-        for name, value in values.items()
+        Metric(name, value, *intervals[name], METRIC_UNITS[name], drawn=draws_mps2 is not None, of_pulse=value)
+        for name, value in zip(values, map(_finite, values.values()), strict=True)
     )
 
 

@@ -41,7 +41,7 @@ _NEARLY_ALL = 0.95  # of a correction; less is stated
 
 @dataclass(frozen=True, slots=True)
 class DisplacementConfig:
-    """Hyperparameters of the displacement-domain approach.
+    """Hyperparameters of the displacement-domain approach: by default a hierarchical Gaussian process.
 
     Bias points are as far apart as the vehicle comes at impact speed in ``step_s``, and while it stops this time: a CFC
     60 pulse contains little finer detail, and closer points would count as evidence.
@@ -53,11 +53,6 @@ class DisplacementConfig:
     max_points: int = 400  # about, of all tests together: the fit's time grows with the cube of their number
     projected_points: int = 75  # Table 4: in each of a test's two projections
     restarts: int = 10  # Table 4: further starts of the optimiser
-
-    @classmethod
-    def fast(cls) -> Self:
-        """A hierarchical Gaussian process, about one second per fit."""
-        return cls()
 
     @classmethod
     def paper(cls) -> Self:
@@ -129,14 +124,13 @@ class DisplacementDomain(BandedApproach):
     points_: tuple[BiasPoints, ...]
 
     def __init__(self, config: DisplacementConfig | None = None, *, seed: int = 0) -> None:
-        self.config = DisplacementConfig.fast() if config is None else config
+        self.config = config or DisplacementConfig()
         self.seed = seed
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
         """Table 4 under the paper's preset, else the hierarchical bias."""
-        config = DisplacementConfig.paper() if settings.preset == "paper" else DisplacementConfig.fast()
-        return cls(config, seed=settings.seed)
+        return cls(DisplacementConfig.paper() if settings.preset == "paper" else None, seed=settings.seed)
 
     def prepare(self, campaign: Campaign, conditions: Sequence[Condition], run: Run = UNKEPT) -> None:  # noqa: ARG002
         """Train the emulator of the CAE model."""

@@ -37,7 +37,7 @@ class TcnApproach(Approach):
     @classmethod
     def create(cls, settings: Settings) -> Self:
         """Create it with Table 2 under the paper's preset, else with the small networks."""
-        config = TcnConfig.paper() if settings.preset == "paper" else TcnConfig.fast()
+        config = TcnConfig.paper() if settings.preset == "paper" else None
         return cls(config, seed=settings.seed, device=settings.device)
 
     @property
