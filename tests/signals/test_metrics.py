@@ -56,15 +56,6 @@ def test_half_sine_has_its_closed_form_metrics() -> None:
         assert (found[name].lower, found[name].upper, found[name].unit) == (None, None, unit)
 
 
-def test_constant_braking_is_its_own_mean_and_has_known_occupants() -> None:
-    """At a constant a, mean and SM25 are a, OLC a·300/235, VPI a (1 + √(1 + 150 m/s² / a))."""
-    found = by_name(pulse_metrics(np.full(1501, -25 * G), 15.0, dt_s=1e-4))
-    expected = {"mean": 25.0, "sm25": 25.0, "olc": 25 * 300 / 235, "vpi": 25 * (1 + np.sqrt(1 + 150 / (25 * G)))}
-    for name, value in expected.items():
-        assert found[name].value == pytest.approx(value, rel=1e-5)
-        assert found[name].unit == "g"
-
-
 def test_step_of_time_does_not_matter() -> None:
     """At other rates, where 25 ms are an even or odd number of steps or end between two, the metrics are the same."""
     reference = by_name(pulse_metrics(HALF_SINE, 15.0))
