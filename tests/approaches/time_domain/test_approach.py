@@ -105,32 +105,19 @@ def test_the_band_is_wider_far_from_tests_at_a_single_speed(campaign: Campaign) 
     assert single.calibration_.further(1.0) == 1.0
 
 
-def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
-    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+def test_adam_moves_the_prediction_to_the_tests_and_an_infinite_penalty_keeps_the_lf_network(
+    campaign: Campaign,
 ) -> None:
-    """A study fits the LF TCN once without tests: no fold trains a member again."""
-    quick = replace(SMALL, min_steps=20)
-    LfTcn(quick).fit(campaign.without(campaign.test_ids), Run())
-    monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", None)
-    TimeDomain(quick).fit(campaign, Run())
-
-
-def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -> None:
-    mf = TimeDomain(BY_ADAM).fit(campaign)
-    for test in campaign.tests:
-        before = relative_error(lf.predict(test.condition).accel_mps2, test.pulse.accel_mps2)
-        assert relative_error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.4 * before
-
-
-def test_an_infinite_penalty_keeps_the_lf_network(campaign: Campaign) -> None:
-    """λ → ∞ leaves no increments: at the same rate, where λ = 0 moves the pulse by far, θ_MF = θ_LF to rounding."""
-    condition = campaign.tests[0].condition
-    start = LfTcn(BY_ADAM).fit(campaign, Run()).predict(condition).accel_mps2
-    free, held = (
-        TimeDomain(replace(BY_ADAM, penalty=penalty)).fit(campaign, Run()).predict(condition).accel_mps2
-        for penalty in (0.0, 1e6)
+    """At the same rate, where λ = 0 moves the pulses by far, λ → ∞ leaves θ_MF = θ_LF to rounding."""
+    lf, free, held = (
+        approach.fit(campaign, Run())
+        for approach in (LfTcn(BY_ADAM), *(TimeDomain(replace(BY_ADAM, penalty=penalty)) for penalty in (0.0, 1e6)))
     )
-    assert np.abs(held - start).max() < 0.02 * np.abs(free - start).max()
+    for test in campaign.tests:
+        before, after, kept = (fit.predict(test.condition).accel_mps2 for fit in (lf, free, held))
+        measured = test.pulse.accel_mps2
+        assert relative_error(after, measured) < 0.4 * relative_error(before, measured)
+        assert np.abs(kept - before).max() < 0.02 * np.abs(after - before).max()
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.approaches.time_domain.network import Tcn
@@ -45,6 +46,7 @@ def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monk
     assert again.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
     np.testing.assert_array_equal(again.losses_, lf.losses_)
     LfTcn(replace(SMALL, tuning="gradient", penalty=1.0, n_draws=3)).fit(campaign, Run())
+    TimeDomain(SMALL).fit(campaign, Run())
 
 
 def test_members_differ_and_their_mean_predicts(campaign: Campaign, lf: LfTcn) -> None:
