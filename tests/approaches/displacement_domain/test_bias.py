@@ -80,14 +80,6 @@ def test_projection_interpolates_the_one_at_the_others_displacement() -> None:
     assert points.displacement_m.size == 80
 
 
-def test_where_the_test_crushed_further_the_curve_says_how_the_cae_goes_on() -> None:
-    """The CAE vehicle on the same spring but faster continues -ω² s beyond the slow one's crush."""
-    fast = loading_phase(-2 * SPEED * 40 * np.sin(40 * GRID_S), 2 * SPEED)
-    points = BiasPoints.projected(CONDITION, constant(-120.0), LoadingCurve(spring(40.0), (fast,)), 30)
-    np.testing.assert_allclose(points.cae.accel_mps2, -1600 * points.displacement_m, atol=3.0)
-    assert points.displacement_m.max() > 0.4  # beyond the slow one's 0.25
-
-
 def test_points_are_even_in_displacement_and_while_the_vehicle_stops_in_time() -> None:
     """At 10 m/s and 200 m/s² it is at a quarter of its speed after 37.5 ms and 234 mm, and stops at 50 ms and 250 mm.
 
