@@ -131,7 +131,7 @@ class Certification:
         """Write what ``crashfuse certify`` writes; with notes in the report."""
         for note in notes:
             require_a(Note, note, "crashfuse.Note(test, text)")
-        views.write_result("certification", folder, self, views.Display.of(self.campaign.units, **display), notes)
+        views.write_old("certification", folder, self, views.Display.of(self.campaign.units, **display), notes)
 
     def beside(self, earlier: Earlier | str | Path) -> Self:
         """The same held against an earlier one, or its file or folder; a DataError if that is another vehicle's."""

@@ -14,8 +14,8 @@ from crashfuse.cli.conditions import AXES, condition_of, factor, require_positiv
 from crashfuse.errors import UsageError
 from crashfuse.execution.run import Run
 from crashfuse.results import predicted
-from crashfuse.results.files import replaced, write_files, write_pulses
-from crashfuse.results.result_tables import next_tests_table
+from crashfuse.results.files import replaced, write_files, write_pulses, write_result
+from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.training_progress import watching
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study import archive_learning
@@ -28,10 +28,8 @@ from crashfuse.study.planning import (
     speeds_between,
     sweep_speed,
     usual_speeds,
-    weights_sentence,
 )
 from crashfuse.study.saved_models import load_model, model_file, save_model
-from crashfuse.units import speed
 
 
 def train(arguments: argparse.Namespace) -> None:
@@ -96,11 +94,8 @@ def sweep(arguments: argparse.Namespace) -> None:
         with watching() as watch:
             write = partial(write_pulses, campaign, folder, export)
             swept = sweep_speed(campaign, fits, condition, speeds, watch, each=write)
-        write_files("sweep", folder, swept, display)
-    output.say_facts(campaign, display)
-    print(f"{len(speeds)} speeds from {display.words(speed(speeds[0], speeds[-1], between=' to '))}.")
-    print(display.words(weights_sentence(condition, campaign.tests)))
-    output.say_written(arguments.out, "sweep")
+        write_files(result := sweep_result(swept), folder, display)
+    output.say(result, display, arguments.out)
 
 
 def rank_tests(arguments: argparse.Namespace) -> None:
@@ -118,12 +113,8 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     config = settings(arguments, StudyConfig(approaches=("displacement_domain",)))  # by which tests are ranked
     with watching() as watch:
         ranking = next_test(campaign, over.low, over.high, candidates=candidates, config=config, watch=watch)
-    ranking.write(arguments.out, display=display)
-    output.say_facts(campaign, display)
-    low, high = display.condition(over.low), display.condition(over.high)
-    print(f"The band of the displacement domain over {low} to {high}:")
-    print(next_tests_table(ranking).to_string(display))
-    output.say_written(arguments.out, "ranking of next tests")
+    write_result(result := next_tests_result(ranking), arguments.out, display)
+    output.say(result, display, arguments.out)
 
 
 def _fits(arguments: argparse.Namespace, campaign: Campaign) -> list[Fit]:

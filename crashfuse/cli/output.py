@@ -20,6 +20,8 @@ from crashfuse.results.export.outgoing_pulses import PulseExport
 from crashfuse.results.export.solver_curves import SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.results.files import RESULT_FILES
 from crashfuse.results.render import figure_files
+from crashfuse.results.render.text import lines
+from crashfuse.results.result import Result
 from crashfuse.study.facts import campaign_facts
 from crashfuse.units import MS, SYSTEMS
 
@@ -83,6 +85,12 @@ def say_facts(campaign: Campaign, display: Display) -> list[str]:
     sentences: list[str] = [fact.sentence for fact in campaign_facts(campaign)]
     print(*map(display.words, sentences), sep="\n", end="\n" * bool(sentences))
     return sentences
+
+
+def say(result: Result, display: Display, out: Path) -> None:
+    """Print what a result answers, and which files it wrote."""
+    print(*lines(result, display), sep="\n")
+    say_written(out, result.kind)
 
 
 def pulse_export(arguments: argparse.Namespace) -> PulseExport:

@@ -22,18 +22,19 @@ from crashfuse.cli.output import claim, opened, require_output, say_facts, say_w
 from crashfuse.errors import UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes, read_csv_table
-from crashfuse.results.files import begin_study, read_begun
+from crashfuse.results.files import begin_study, read_begun, write_result
+from crashfuse.results.learning_curve import learning_curve_result
 from crashfuse.results.past_results import comparison_means, history_table, read_study
 from crashfuse.results.rating_tables import REPEAT, mean_values
 from crashfuse.results.render.html import ReportOptions
-from crashfuse.results.result_tables import gains_table, studies_table
+from crashfuse.results.result_tables import studies_table
 from crashfuse.results.study_report import comparison_report
 from crashfuse.results.training_progress import watching
 from crashfuse.study import learning_curve as curves
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.history import PastResult, keep, past_results
-from crashfuse.study.one_more_test import Cost, sentences
+from crashfuse.study.one_more_test import Cost
 from crashfuse.study.recommendation import study_facts
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
@@ -182,13 +183,10 @@ def learning_curve(arguments: argparse.Namespace) -> None:
         )
     if criteria is not None:
         curve = with_decided(curve, criteria)
+    result = learning_curve_result(curve, cost)
     with writing(arguments.out):
-        curve.write(arguments.out, cost=arguments.cost_per_test, display=display)
-    say_facts(campaign, display)
-    if not (table := gains_table(curve, cost)).empty:
-        print(table.to_string())
-    print(*sentences(curve, cost), sep="\n")
-    say_written(arguments.out, "learning curve")
+        write_result(result, arguments.out, display)
+    output.say(result, display, arguments.out)
 
 
 def past_studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it has none

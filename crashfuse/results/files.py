@@ -16,16 +16,16 @@ from crashfuse.results import prediction_report as reports
 from crashfuse.results.certification_record import certification_json
 from crashfuse.results.certification_report import certification_report
 from crashfuse.results.credibility import credibility_table
+from crashfuse.results.display import Display
 from crashfuse.results.export.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.results.fit_explanations import events_frame, study_events
-from crashfuse.results.provenance import learning_curve_record, prediction_record, provenance, study_record
+from crashfuse.results.provenance import prediction_record, provenance, study_record
+from crashfuse.results.render.html import report
 from crashfuse.results.render.text import json_bytes, parquet_bytes
+from crashfuse.results.result import Content, Result
 from crashfuse.results.study_report import study_report
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.one_more_test import Cost
-
-Content = bytes | str | Mapping[str, bytes] | None  # of a file; of a folder's, by relative path; None: no such file
 
 
 def begin_study(folder: Path, plan: StudyPlan) -> None:
@@ -47,19 +47,30 @@ def read_begun(folder: Path) -> tuple[str, tuple[str, ...], StudyConfig]:
         raise DataError(Problem(str(path), "the record of a study", f"{error!r}", advice)) from error
 
 
-def write_result(kind: str, folder: str | Path, *result: object) -> None:
-    """Replace what a folder holds of a kind of result; what follows is what each of its files is made of."""
-    with replaced(kind, Path(folder)) as staging:
-        write_files(kind, staging, *result)
+def write_result(result: Result, folder: str | Path, display: Display | None = None) -> None:
+    """Replace what a folder holds of this kind of result, by its files and its report."""
+    with replaced(result.kind, Path(folder)) as staging:
+        write_files(result, staging, display)
 
 
-def write_files(kind: str, folder: Path, *result: object) -> None:
-    """Write the files of a kind of result, in their order."""
-    for name, make in _FILES[kind].items():
-        content = make(*result)
+def write_files(result: Result, folder: Path, display: Display | None = None) -> None:
+    """Write the files of a result and its report, in their order."""
+    made: dict[str, Callable[[], Content]] = {**result.files, REPORT: lambda: report(result, display)}
+    for name in filter(made.__contains__, RESULT_FILES[result.kind]):
+        content = made[name]()
         for path, data in (content if isinstance(content, Mapping) else {"": content}).items():
             if data is not None:
                 write_atomically(folder / name / path, data.encode() if isinstance(data, str) else data)
+
+
+def write_old(kind: str, folder: str | Path, *result: object) -> None:  # until all kinds are results
+    """Replace what a folder holds of a kind of result; what follows is what each of its files is made of."""
+    with replaced(kind, Path(folder)) as staging:
+        for name, make in _FILES[kind].items():
+            content = make(*result)
+            for path, data in (content if isinstance(content, Mapping) else {"": content}).items():
+                if data is not None:
+                    write_atomically(staging / name / path, data.encode() if isinstance(data, str) else data)
 
 
 @contextmanager
@@ -93,10 +104,6 @@ def write_pulses(campaign: Campaign, folder: Path, export: PulseExport, estimate
             write_atomically(folder / name / speed / path, content)
 
 
-def _cost(text: str | None) -> Cost | None:
-    return None if text is None else Cost.of(text)
-
-
 _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
     "study": {  # of the study, the display and the options of the report
         "scores.csv": lambda study, *_: csv_bytes(study.scores),
@@ -115,14 +122,6 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         **{f"{name}/": (lambda _, pulses, *_rest, name=name: pulses.get(name)) for name in PULSE_FORMATS},
         "prediction.json": lambda own, *_: json_bytes(prediction_record(own)),
     },
-    "sweep": {
-        "report.html": reports.sweep_report,
-        "sweep.csv": lambda sweep, _: csv_bytes(sweep.table),
-    },
-    "ranking of next tests": {
-        "report.html": reports.next_test_report,
-        "next_tests.csv": lambda ranking, _: csv_bytes(ranking.table),
-    },
     "certification": {  # of the certification, the display and notes
         "certification.csv": lambda certification, *_: tables.csv_as_given(tables.certification_table(certification)),
         "track_record.csv": lambda certification, *_: csv_bytes(tables.track_record_table(certification)),
@@ -130,17 +129,15 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "report.html": certification_report,
         "certification.json": lambda certification, *_: certification_json(certification),
     },
-    "learning curve": {  # of the curve, the cost of a test and the display
-        "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),
-        "report.html": lambda curve, cost, *display: reports.learning_curve_report(curve, _cost(cost), *display),
-        "learning_curve.json": lambda curve, cost, _: json_bytes(learning_curve_record(curve, _cost(cost))),
-    },
 }
 
+REPORT = "report.html"
 RESULT_FILES = {
     "series of studies": ("studies.csv",),
     **{kind: tuple(files) for kind, files in _FILES.items()},
     "certification": (SEAL, REVIEW, *_FILES["certification"]),
-    "sweep": (*(f"{name}/" for name in PULSE_FORMATS), *_FILES["sweep"]),
+    "sweep": (*(f"{name}/" for name in PULSE_FORMATS), REPORT, "sweep.csv"),
+    "ranking of next tests": (REPORT, "next_tests.csv"),
+    "learning curve": ("learning_curve.csv", REPORT, "learning_curve.json"),
 }
 """Files and folders of each kind of result, some of which may be missing; the last, written last, tells the kind."""

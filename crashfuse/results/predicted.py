@@ -158,7 +158,7 @@ class PredictedPulse:
         export = views.PulseExport() if export is None else export
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
         pulses, shown = export.files(self.campaign, self.estimates), Display.of(self.campaign.units, **display)
-        views.write_result("prediction", folder, self, pulses, shown, report)
+        views.write_old("prediction", folder, self, pulses, shown, report)
 
     def beside(self, other: "PredictedPulse") -> figures.OtherPrediction:
         """Itself in a figure of another one: at the same condition it is named by its settings."""

@@ -19,8 +19,6 @@ from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
-from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without, study_facts
 from crashfuse.study.study import Study
 from crashfuse.units import MASS, MPH_LB, SPEED, SYSTEMS, UnitSystem, read_out
@@ -234,20 +232,6 @@ def _recommendation(advice: Recommendation) -> dict[str, object]:
         "approach": advice.approach,
         "sentences": list(advice.sentences),
         "expected_rating": advice.expected and asdict(advice.expected),
-    }
-
-
-def learning_curve_record(curve: LearningCurve, cost: Cost | None) -> dict[str, object]:
-    """``learning_curve.json``."""
-    return {
-        **provenance(curve.campaign, curve.campaign.test_ids, curve.config),
-        "repeats": curve.repeats,
-        "seconds": round(curve.seconds, 3),
-        "approach": curve.judged,
-        "sentences": list(sentences(curve, cost)),
-        "gains": [asdict(gain) for gain in gains(curve)],
-        "one_more_test": (more := one_more(curve)) and asdict(more),
-        "cost_per_test": cost and asdict(cost),
     }
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.cae_library import QualityVerdict
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import listed
@@ -17,12 +16,9 @@ from crashfuse.condition import About, about_label
 from crashfuse.results.table import CONDITION, PARTS, Column, Kind, Table, frame_of, of_condition
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, Metric
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.one_more_test import Cost, gains, summary
-from crashfuse.study.planning import BEST, NextTests, SpeedSweep
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
-from crashfuse.units import KN, LB, MPH, MS, G, Quantity, Sentence, speed
+from crashfuse.units import KN, MS, G, Quantity, Sentence
 
 _FOLDS = ("others", "apart")  # in names of columns: as most tests at about the speed fold, and as one that stands apart
 _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
@@ -168,65 +164,6 @@ def study_metrics(study: Study) -> pd.DataFrame:
     return metrics_table(rows, study.campaign)
 
 
-def sweep_table(sweep: SpeedSweep) -> pd.DataFrame:
-    """Pulse metrics at every speed, then those of the tests, which have their own weights."""
-    campaign = sweep.campaign
-    rows: list[tuple[object, str, Sequence[Metric]]] = [
-        (speed_mps / MPH, approach, metrics)
-        for approach, at_speeds in sweep.metrics.items()
-        for speed_mps, metrics in zip(sweep.speeds_mps.tolist(), at_speeds, strict=True)
-    ]
-    rows += [(test.condition.speed_mps / MPH, "test", campaign.metrics_of(test)) for test in campaign.tests]
-    return metrics_table(rows, campaign, "speed_mph")
-
-
-def speeds_table(sweep: SpeedSweep) -> Table:
-    """The main metrics by the last approach of a sweep, with its intervals, one row a speed."""
-    shown, headings = [*sweep.metrics][-1], sweep.campaign.metric_headings
-    frame = interval_frame({headings[name]: sweep.over_speed(shown, name) for name in MAIN_METRICS})
-    frame["Speed"] = [*map(speed, sweep.speeds_mps.tolist())]
-    columns = (Column(headings[name], "interval", METRIC_UNITS[name]) for name in MAIN_METRICS)
-    return Table("sweep", frame, (Column("Speed"), *columns))
-
-
-def next_tests_file(ranking: NextTests) -> pd.DataFrame:
-    """Ranked tests in the columns of ``next_tests.csv``, one row each."""
-    after, gains = (
-        ranking.after_mps2.tolist(),
-        ranking.gains.tolist(),
-    )  # Python and NumPy round otherwise
-    rows = zip(ranking.conditions, after, gains, ranking.extrapolated, strict=True)
-    return pd.DataFrame(
-        {
-            "rank": rank,
-            "speed (mph)": round(condition.speed_mps / MPH, 1),
-            "front weight (lb)": round(condition.front_weight_kg / LB),
-            "rear weight (lb)": round(condition.rear_weight_kg / LB),
-            **dict(condition.factors),
-            "band now (± g)": round(ranking.before_mps2 / G, 2),
-            "band then (± g)": round(after / G, 2),
-            "gain (%)": round(100 * gain, 1),
-            "extrapolation": "yes" if extrapolated else "no",
-        }
-        for rank, (condition, after, gain, extrapolated) in enumerate(rows, start=1)
-    )
-
-
-def next_tests_table(ranking: NextTests, most: int = BEST) -> Table:
-    """The best of the ranked tests, with the ranking criterion first."""
-    frame = pd.DataFrame([of_condition(condition) for condition in ranking.conditions]).assign(
-        **{"Rank": range(1, len(ranking.conditions) + 1), "Gain": ranking.gains, "Extrapolation": ranking.extrapolated},
-        **{"Band now": ranking.before_mps2 / G, "Band then": ranking.after_mps2 / G},
-    )
-    v0, *weights = CONDITION
-    columns = (
-        *(Column("Rank", "number", form=".0f"), v0, Column("Gain", "share", "%"), Column("Extrapolation")),
-        *(*weights, *(Column(name.capitalize(), source=name) for name, _ in ranking.conditions[0].factors)),
-        *(Column(name, "spread", "g", ".2f") for name in ("Band now", "Band then")),
-    )
-    return Table("next tests", frame[:most], columns)
-
-
 def repeat_scores(study: Study) -> pd.DataFrame:
     """What a repeat of each held-out test would rate over each window, with its interval and the actual repeats."""
     return pd.DataFrame(
@@ -237,49 +174,6 @@ def repeat_scores(study: Study) -> pd.DataFrame:
         ],
         columns=["held_out", "window_ms", "value", "lower", "upper", "repeats"],
     )
-
-
-def gains_table(curve: LearningCurve, cost: Cost | None = None) -> Table:
-    """Gains of the judged approach; the cost of a hundredth only for gains above their error."""
-    frame = pd.DataFrame(
-        {
-            **asdict(step),
-            "steps": f"{step.before} → {step.after}",
-            "per_test": step.per_test,
-            "cost": cost.times(0.01 / step.per_test) if cost is not None and step.is_clear else None,
-        }
-        for step in gains(curve)
-    )
-    columns = (
-        Column("Tests", source="steps"),
-        Column("Gain of rating", "estimate", form="+.3f", source="gain", further=("error",)),
-        Column("Per test", "number", form="+.4f", source="per_test"),
-        *([] if cost is None else [Column("Cost of 0.01", source="cost")]),
-    )
-    return Table("gains", frame, columns)
-
-
-_CHOICES = {"even": "evenly", "random": "at random"}
-
-
-def curve_table(curve: LearningCurve) -> Table:
-    """The summary of the approaches that learn from tests."""
-    frame = summary(curve)
-    frame = frame[[CLASSES[name].learns_from_tests for name in frame["approach"]]]
-    inside = frame["inside"].where(frame["half_width_g"].notna())
-    frame = frame.assign(label=frame["approach"].map(LABELS), chosen=frame["choice"].map(_CHOICES), inside=inside)
-    columns = (
-        Column("Approach", source="label"),
-        Column("Tests", "number", form=".0f", source="n_tests"),
-        Column("Chosen", source="chosen"),
-        Column("Predictions", "number", form=".0f", source="predictions"),
-        Column("Rating", "estimate", form=".3f", source="rating", further=("error",)),
-        Column("80 % within", "range", form=".2f", further=("low", "high")),
-        Column("a(t) in band", "share", "%", ".0f", source="inside"),
-        Column("Band", "spread", "g", source="half_width_g"),
-        *([Column("Decided", "share", "%", ".0f", source="decided")] if "decided" in frame else []),
-    )
-    return Table("learning curve", frame, columns)
 
 
 def tests_table(campaign: Campaign) -> Table:

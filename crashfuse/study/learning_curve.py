@@ -141,14 +141,15 @@ class LearningCurve:
 
     def write(self, folder: str | Path, *, cost: str | None = None, **display: Unpack[views.DisplayOptions]) -> None:
         """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""
-        views.write_result("learning curve", folder, self, cost, views.Display.of(self.campaign.units, **display))
+        result = views.learning_curve_result(self, cost)
+        views.write_result(result, folder, views.Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         sizes = self.table["n_tests"].unique()
         return f"<LearningCurve of {self.campaign.name!r}: {self.judged} with {sizes.min()} to {sizes.max()} tests>"
 
     def _repr_html_(self) -> str:
-        return views.card(repr(self)[1:-1], views.curve_table(self))
+        return views.result_html(views.learning_curve_result(self))
 
 
 def learning_curve(

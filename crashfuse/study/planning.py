@@ -76,15 +76,14 @@ class SpeedSweep:
 
     def write(self, folder: str | Path, **display: Unpack[views.DisplayOptions]) -> None:
         """Write ``sweep.csv`` and ``report.html``."""
-        views.write_result("sweep", folder, self, views.Display.of(self.campaign.units, **display))
+        views.write_result(views.sweep_result(self), folder, views.Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         ends = speed(float(self.speeds_mps[0]), float(self.speeds_mps[-1]), between=" to ")
         return f"<SpeedSweep, {', '.join(self.metrics)}, {len(self.speeds_mps)} speeds from {ends}>"
 
     def _repr_html_(self) -> str:
-        display = views.Display(system=self.campaign.units)
-        return views.card(repr(self)[1:-1], views.speeds_table(self), (f"By {[*self.metrics][-1]}.",), display)
+        return views.result_html(views.sweep_result(self))
 
 
 def sweep(
@@ -268,17 +267,14 @@ class NextTests:
 
     def write(self, folder: str | Path, **display: Unpack[views.DisplayOptions]) -> None:
         """Write ``next_tests.csv`` and ``report.html``."""
-        views.write_result("ranking of next tests", folder, self, views.Display.of(self.campaign.units, **display))
+        views.write_result(views.next_tests_result(self), folder, views.Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         share = f"{100 * self.gains[0]:.0f} % narrower"
         return f"<NextTests, the best of {len(self.conditions)} at {self.conditions[0]}: {share}>"
 
     def _repr_html_(self) -> str:
-        display = views.Display(system=self.campaign.units)
-        low, high = map(display.condition, (self.over.low, self.over.high))
-        title = f"The band over {low} to {high}: which test would narrow it most"
-        return views.card(title, views.next_tests_table(self), (), display)
+        return views.result_html(views.next_tests_result(self))
 
 
 def next_test(

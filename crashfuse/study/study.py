@@ -225,7 +225,7 @@ class Study:
     ) -> None:
         """Write what ``crashfuse study`` writes: tables, ``study.json``, ``report.html``."""
         shown = views.Display.of(self.campaign.units, **display)
-        views.write_result("study", folder, self, shown, report or views.ReportOptions())
+        views.write_old("study", folder, self, shown, report or views.ReportOptions())
 
     def __repr__(self) -> str:
         window = self.config.windows_ms[-1]

@@ -23,6 +23,7 @@ from crashfuse.errors import UsageError
 from crashfuse.results.certification_tables import csv_as_given
 from crashfuse.results.display import Display
 from crashfuse.results.fit_explanations import whole_sentences
+from crashfuse.results.planning import MEANING, next_tests_result, sweep_result
 from crashfuse.results.predicted import (
     PredictedPulse,
     by_one,
@@ -31,9 +32,8 @@ from crashfuse.results.predicted import (
     predictions_table,
     side_by_side,
 )
-from crashfuse.results.prediction_report import NEXT_TEST_MEANING, next_test_report, prediction_report, sweep_report
+from crashfuse.results.prediction_report import prediction_report
 from crashfuse.results.render.text import parquet_bytes
-from crashfuse.results.result_tables import next_tests_table
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import condition_facts
@@ -56,6 +56,7 @@ from crashfuse.ui.kit.files import (
     export_button,
     offer,
     offer_pulses,
+    offer_result,
 )
 from crashfuse.ui.kit.frame import by_itself
 from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training
@@ -282,8 +283,7 @@ def _show_over_speed(view: View, fitted: Fitted, condition: Condition, approach:
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
     for sentence in shown.missing(metric):
         st.caption(plain(sentence))
-    files = {"sweep.csv": lambda: sweep.table, "sweep.html": lambda: sweep_report(sweep, view.display)}
-    offer(view.campaign.name, files)
+    offer_result(sweep_result(sweep), view.display)
 
 
 def _show_next_test(view: View, fitted: Fitted, condition: Condition, approach: str) -> None:
@@ -307,15 +307,15 @@ def _show_next_test(view: View, fitted: Fitted, condition: Condition, approach: 
         return
     alt, name = "How much each candidate would narrow the band", f"next test {over.low.text} to {over.high.text}"
     show_figure(ranking.plot(display=display), alt, name=name)
-    st.caption(NEXT_TEST_MEANING)
+    st.caption(MEANING)
     if approach != DisplacementDomain.name:
         st.caption(f"By the displacement domain: {LABELS[approach]} cannot rank tests.")
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
     usual_kind = "" if condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
-    show_table(next_tests_table(ranking), "next tests")
-    report = partial(next_test_report, ranking, display)
-    offer(campaign.name, {"next_tests.csv": lambda: ranking.table, "next_test.html": report})
+    result = next_tests_result(ranking)
+    show_table(result.tables["best"], "next tests")
+    offer_result(result, display)
 
 
 @st.cache_resource(show_spinner="Ranking candidates …", max_entries=32)

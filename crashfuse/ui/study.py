@@ -15,12 +15,11 @@ from crashfuse.errors import DataError
 from crashfuse.results import rating_tables
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import coverage_table
-from crashfuse.results.prediction_report import LEARNING_CURVE_MEANING, ONE_MORE_MEANING, learning_curve_report
-from crashfuse.results.result_tables import gains_table
+from crashfuse.results.learning_curve import MEANING, ONE_MORE_MEANING, learning_curve_result
 from crashfuse.results.study_report import study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
-from crashfuse.study.one_more_test import Cost, sentences
+from crashfuse.study.one_more_test import Cost
 from crashfuse.study.recommendation import SPEED_GROUPS, recommend, worst_test
 from crashfuse.study.study import Study
 from crashfuse.ui import past_results
@@ -29,7 +28,7 @@ from crashfuse.ui.kit.address import choose_held_out, chosen_config, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import learn_curve, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
-from crashfuse.ui.kit.files import choose_report, export_button, offer
+from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_result
 from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
@@ -206,18 +205,14 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     look = {"placeholder": "optional, any currency", "help": "Gains are then given as the cost of 0.01 of rating, too."}
     amount = st.number_input("Cost of one test", 0.0, None, None, 1000.0, "%.0f", width=260, **kept("cost", **look))
     cost = Cost(amount) if amount and 0 < amount < math.inf else None  # a link may hold any number
-    st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
+    result = learning_curve_result(curve, cost)
+    st.info("  \n".join(map(plain, result.answer)), icon=":material/science:")
     alt = "Mean rating, width of the band, decided verdicts over the number of tests"
     show_figure(whole.plot(display=view.display), alt, name="learning curve")
-    st.caption(f"{LEARNING_CURVE_MEANING} Points: means ± standard error; shaded: 80 %. {campaign.rating_basis}.")
-    if not (steps := gains_table(curve, cost)).empty:
+    st.caption(f"{MEANING} Points: means ± standard error; shaded: 80 %. {campaign.rating_basis}.")
+    if result.shown:
         with st.expander("What further tests gained", icon=":material/table:"):
-            show_table(steps, "gains")
+            show_table(result.tables["gains"], "gains")
             st.caption(ONE_MORE_MEANING)
-
-    files: dict[str, Callable[[], pd.DataFrame | str]] = {
-        "learning_curve.csv": lambda: whole.table,
-        "learning_curve.html": partial(learning_curve_report, curve, cost, view.display),
-    }
     with row:
-        export_button(partial(offer, campaign.name, files))
+        export_button(partial(offer_result, result, view.display))

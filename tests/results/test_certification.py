@@ -252,7 +252,7 @@ def test_of_conditions_to_be_tested_the_fastest_is_run_first(certification: Cert
 def test_what_stands_apart_is_named_beside_the_answer(certification: Certification) -> None:
     """Where it does, and nowhere else: in the figure, in the table, and in the list by speed."""
     found = near(certification)
-    beside = verdict_matrix(found).layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
+    beside = verdict_matrix(found).figure().layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
     assert list(beside) == ["run", "run", "run; T1 stands apart"]
     assert planned_table(found, DEFAULT).frame["Answer"].tolist() == ["run"] * 3
     *_, last = planned(found)

@@ -82,7 +82,7 @@ def test_every_figure_of_a_prediction_is_one_call(elsewhere: PredictedPulse, nam
 def test_the_options_are_those_of_the_pages(study: Study, elsewhere: PredictedPulse) -> None:
     fold = study.fold("T2")
     predictions = {each.approach: each.prediction for each in fold.estimates}
-    drawn = plots.overlay(fold.test.pulse, predictions, Display(40.0, "m/s²", deceleration=True))
+    drawn = plots.overlay(fold.test.pulse, predictions, Display(40.0, "m/s²", deceleration=True)).figure()
     assert study.plot("T2", "acceleration", window_ms=40, unit="m/s2", deceleration=True) == drawn
     assert study.plot("T2", "acceleration", display=Display(40.0, "m/s²", deceleration=True)) == drawn
     assert study.plot("T2", "acceleration").layout.annotations[0].text == "rated: 0–40 ms"

@@ -26,7 +26,7 @@ def compared() -> StudyComparison:
 
 
 def test_the_figure_shows_every_difference_and_the_mean_with_two_standard_errors(compared: StudyComparison) -> None:
-    figure = rating_differences(compared, 60.0, "test")
+    figure = rating_differences(compared, 60.0, "test").figure()
     fused = next(trace for trace in figure.data if trace.name == "Fused")
     gains = [SECOND[test] - FIRST[test] for test in SECOND]
     assert list(fused.y) == pytest.approx([*gains, np.mean(gains)])

@@ -30,7 +30,7 @@ def test_a_preview_is_what_the_import_then_adds(table: Path, tmp_path: Path) -> 
     np.testing.assert_array_equal(preview.settled.pulse.accel_mps2, added.pulse.accel_mps2)
     assert preview.settled.steps == added.steps
     (channel,) = preview.record.channels
-    expected = imported_pulse([channel], added, Display(unit="m/s²", deceleration=True))
+    expected = imported_pulse([channel], added, Display(unit="m/s²", deceleration=True)).figure()
     assert preview.plot(unit="m/s2", deceleration=True) == expected
     assert repr(preview) == f"<Preview of 'V7': {added.condition}>"
     assert repr(added) == f"<Settled 'V7': {added.condition}>"

@@ -14,6 +14,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.results import result_tables as tables
 from crashfuse.results.display import Display
+from crashfuse.results.learning_curve import curve_table
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -185,7 +186,7 @@ def test_a_learning_curve_is_told_in_the_readers_unit(campaign: Campaign) -> Non
         for name, half_g in names.items() for i in range(3)
     ]  # fmt: skip
     curve = LearningCurve(campaign, StudyConfig(approaches=tuple(names)), 1, pd.DataFrame(rows), (), 0.0)
-    table = tables.curve_table(curve).texts(Display(unit="m/s²"))
+    table = curve_table(curve).texts(Display(unit="m/s²"))
     assert table["Approach"].tolist() == ["Fused", "Displacement domain"]
     assert table.columns[-2:].tolist() == ["a(t) in band (%)", "Band (± m/s²)"]
     rated = ["3", "evenly", "3", "0.800 ± 0.058", "0.72–0.88"]

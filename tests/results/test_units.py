@@ -21,11 +21,13 @@ from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.certification_report import certification_report
 from crashfuse.results.display import Display
+from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion
 from crashfuse.results.predicted import PredictedPulse
-from crashfuse.results.prediction_report import next_test_report, prediction_report, sweep_report
+from crashfuse.results.prediction_report import prediction_report
+from crashfuse.results.render.html import report
 from crashfuse.results.study_report import study_report
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import GRID_S
@@ -101,21 +103,21 @@ REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
         PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG), display
     ),
     "study": lambda campaign, display: study_report(study(campaign), display),
-    "sweep": lambda campaign, display: sweep_report(sweep(campaign), display),
-    "next test": lambda campaign, display: next_test_report(ranking(campaign), display),
+    "sweep": lambda campaign, display: report(sweep_result(sweep(campaign)), display),
+    "next test": lambda campaign, display: report(next_tests_result(ranking(campaign)), display),
     "certification": lambda campaign, display: certification_report(certification(campaign), display),
 }
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "motion": lambda campaign, display: motion(
         campaign.tests[0].pulse, {}, campaign.tests[0].condition.speed_mps, display
-    ),
-    "tests": lambda campaign, display: measured_pulses(campaign.tests, display=display),
-    "runs": lambda campaign, display: library_band(campaign.cae, campaign.tests, display=display),
-    "conditions": lambda campaign, display: condition_space(campaign.cae, campaign.tests, display=display),
+    ).figure(),
+    "tests": lambda campaign, display: measured_pulses(campaign.tests, display=display).figure(),
+    "runs": lambda campaign, display: library_band(campaign.cae, campaign.tests, display=display).figure(),
+    "conditions": lambda campaign, display: condition_space(campaign.cae, campaign.tests, display=display).figure(),
     "sweep of ΔV": lambda campaign, display: sweep(campaign).plot("delta_v", display=display),
     "next test": lambda campaign, display: ranking(campaign).plot(display=display),
-    "verdicts": lambda campaign, display: verdict_matrix(certification(campaign), display),
-    "domain": lambda campaign, display: validated_domain(certification(campaign), display),
+    "verdicts": lambda campaign, display: verdict_matrix(certification(campaign), display).figure(),
+    "domain": lambda campaign, display: validated_domain(certification(campaign), display).figure(),
     "record": lambda campaign, display: certification(campaign).plot("record", display=display),
 }
 

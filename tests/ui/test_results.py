@@ -14,8 +14,9 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.results import result_tables
 from crashfuse.results.display import Display
+from crashfuse.results.planning import next_tests_table
 from crashfuse.results.plots.conditions import condition_space
-from crashfuse.results.result_tables import metrics_shown, next_tests_table
+from crashfuse.results.result_tables import metrics_shown
 from crashfuse.results.table import Column, Table
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.planning import ConditionRange, NextTests
@@ -105,7 +106,7 @@ def test_page_report_and_figure_say_one_range(campaign: Campaign, paired: bool) 
     wider = replace(campaign, cae=library, tests=(*campaign.tests, far))
     on_page = results.conditions_table(wider).texts().iloc[-1]
     in_report = result_tables.tests_table(wider).texts().iloc[-1]
-    legend = {trace.legendgroup for trace in condition_space(library, wider.tests).data if trace.text}
+    legend = {trace.legendgroup for trace in condition_space(library, wider.tests).figure().data if trace.text}
     assert on_page["In CAE range"] == in_report["Inside the CAE runs' range"] == ("yes" if paired else "no")
     assert on_page["Paired run"] == ("its own" if paired else "none")
     assert ("Tests outside it: extrapolation" in legend) is not paired

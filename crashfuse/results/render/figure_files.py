@@ -15,8 +15,11 @@ from markupsafe import Markup
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
 from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results.display import Display
 from crashfuse.results.plots.canvas import without_links
 from crashfuse.results.render.figure_data import figure_table
+from crashfuse.results.result import Result
+from crashfuse.units import joined
 
 FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
@@ -59,6 +62,24 @@ class Report(str):
         report = super().__new__(cls, html)
         report.contents = contents
         return report
+
+
+def contents_of(result: Result, display: Display) -> FiguresOfReport:
+    """What a report and its slides have in common: the figures of a result, its answer, what has to be known."""
+    title = joined([result.campaign.name, display.words(result.title)], ": ")
+    figures = [
+        ReportFigure(display.words(own.title), json.loads(without_links(own.draw(display).to_json())), own.is_answer)
+        for own in result.all_figures()
+    ]
+    notices, answers = (
+        [*map(display.words, texts)] for texts in ([own.sentence for own in result.facts], result.answer)
+    )
+    return FiguresOfReport(title, tuple(notices), tuple(own.label for own in result.facts), figures, tuple(answers))
+
+
+def slides(result: Result, display: Display) -> bytes:
+    """Its answer and figures as PowerPoint slides."""
+    return figure_files(contents_of(result, display), ("pptx",))["figures.pptx"]
 
 
 def read_figures(path: Path) -> FiguresOfReport:

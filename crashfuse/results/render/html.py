@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -18,26 +18,30 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, several
 from crashfuse.results import fit_explanations
+from crashfuse.results.campaign import campaign_result
 from crashfuse.results.display import Display
 from crashfuse.results.plots.canvas import without_links
 from crashfuse.results.plots.palette import VERDICT_COLOURS
 from crashfuse.results.provenance import provenance
-from crashfuse.results.render.figure_files import HEIGHT_PX, FiguresOfReport, Report, ReportFigure, embedded, file_name
+from crashfuse.results.render.figure_files import (
+    HEIGHT_PX,
+    FiguresOfReport,
+    Report,
+    ReportFigure,
+    contents_of,
+    embedded,
+    file_name,
+)
 from crashfuse.results.render.text import spreadsheet_text
+from crashfuse.results.result import Figure, Result
 from crashfuse.results.result_tables import (
-    about_table,
-    archive_table,
     metrics_shown,
-    quality_table,
-    tests_table,
-    wall_table,
 )
 from crashfuse.results.table import Table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.facts import Fact, campaign_facts
-from crashfuse.units import Sentence, joined, speed, weight
-from crashfuse.vehicle_archive import record_sentence
+from crashfuse.study.facts import Fact
+from crashfuse.units import joined
 
 
 @cache
@@ -64,6 +68,13 @@ def _shown(table: Table, display: Display) -> pd.DataFrame:
     return pd.DataFrame(shown, dtype=object)
 
 
+def report(result: Result, display: Display | None = None) -> Report:
+    """The report of a result as one file, by default in the units of its campaign."""
+    display = Display(system=result.campaign.units) if display is None else display
+    pages = _Page(display, contents_of(result, display), [figure.draw for figure in result.all_figures()])
+    return pages.render(result.template or result.kind.replace(" ", "_"), result=result, **_common(result, display))
+
+
 def render(
     template: str,
     title: str,
@@ -76,32 +87,26 @@ def render(
     **own: object,
 ) -> Report:
     """The complete file, from a report's template and values; the command is the one that reproduces it."""
-    cfc, quality = campaign.channel_filter_class, campaign.quality
-    speeds, front, rear = zip(*campaign.cae.range, strict=True)
-    record = provenance(campaign, held_out, config)
-    past = pd.DataFrame() if campaign.prior is None else campaign.prior.record
-    return render_in_frame(
-        template,
-        f"{campaign.name}: {title}",
-        display,
-        facts=campaign_facts(campaign),
-        cautions=(),
-        answers=answers,
-        campaign=campaign,
-        config=config,
-        tests=tests_table(campaign),
-        pedigree=about_table(campaign),
-        past_vehicles="" if past.empty else record_sentence(past),
-        past_record=archive_table(past),
-        walls=(walls := wall_table(campaign)),
-        walls_figure=None if walls.empty else campaign.plot("wall", display=display),
-        library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
-        quality=[quality.summary, *quality.named],
-        quality_table=quality_table(quality),
-        filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
-        methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
-        origin={
-            "Command": command,
+    data = campaign_result(campaign)
+    plain = Result(
+        kind="", title=title, campaign=campaign, config=config, command=lambda _: command, held_out=tuple(held_out),
+        parts={"data": (data,)}, answer=tuple(answers),
+    )  # fmt: skip
+    more: dict[str, Any] = _common(plain, display) | own
+    return render_in_frame(template, f"{campaign.name}: {title}", display, facts=plain.facts, answers=answers, **more)
+
+
+def _common(result: Result, display: Display) -> dict[str, object]:
+    """What the templates of all reports take besides the result itself."""
+    campaign, config = result.campaign, result.config
+    record = provenance(campaign, result.held_out, config)
+    return {
+        "campaign": campaign,
+        "config": config,
+        "data": next(iter(result.parts.get("data", ())), None),
+        "methods": [(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
+        "origin": {
+            "Command": result.command(display.system),
             "Campaign fingerprint (SHA-256)": campaign.fingerprint,
             **({"Archive of past vehicles": record["archive"]} if record["archive"] else {}),
             "crashfuse": record["crashfuse"],
@@ -109,11 +114,41 @@ def render(
             "Packages": _listed(record["packages"]),
             "Seed and settings": _listed(record["config"]),
         },
-        shown_otherwise=""
+        "shown_otherwise": ""
         if display.unit == "g" and not display.deceleration
         else f"Shown in {display.unit}{', braking positive' * display.deceleration}; files have g and the data's sign.",
-        **own,
-    )
+    }
+
+
+class _Page:
+    """What a template places figures with: ids are numbered, so that equal results give equal files."""
+
+    def __init__(self, display: Display, contents: FiguresOfReport, draws: Sequence[object]) -> None:
+        self.display, self.contents, self.draws = display, contents, [*draws]
+
+    def place(self, figure: Figure) -> Markup:
+        """Where the page draws a figure of the result."""
+        number = self.draws.index(figure.draw)
+        return self.numbered(number + 1)
+
+    def numbered(self, number: int) -> Markup:
+        """Where the page draws the figure of this number, the first is 1."""
+        drawn = self.contents.figures[number - 1]
+        style = f"height: {drawn.drawn['layout'].get('height', HEIGHT_PX)}px; width: 100%"
+        place = Markup('<div><div id="figure-{}" class="plotly-graph-div" data-name="{}" style="{}"></div></div>')
+        return place.format(number, file_name(number, drawn.title), style)
+
+    def render(self, template: str, **values: object) -> Report:
+        """The complete file."""
+        common: dict[str, object] = {
+            "title": self.contents.title,
+            "notices": self.contents.notices,
+            "answers": self.contents.answers,
+        }
+        common |= {"figure": self.place, "data_of_report": partial(embedded, self.contents)}
+        common |= {"verdict_colours": VERDICT_COLOURS, "plotly": Markup(get_plotlyjs())}  # noqa: S704
+        html = _templates(self.display).get_template(f"{template}.html.j2").render(common | values)
+        return Report(html, self.contents)
 
 
 def render_in_frame(
@@ -130,23 +165,20 @@ def render_in_frame(
     figures, notices = list[ReportFigure](), [*(fact.sentence for fact in facts), *cautions]
     told, answered = (tuple(map(display.words, texts)) for texts in (notices, answers))
     contents = FiguresOfReport(title, told, tuple(fact.label for fact in facts), figures, answered)
+    page = _Page(display, contents, [])
 
     def words(heading: str | Sequence[str]) -> str:
         return display.words(heading) if isinstance(heading, str) else " ".join(map(display.words, heading))
 
-    def figure(drawn: go.Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
-        """Its place, in which the page draws it; ids are numbered: equal results give equal files."""
+    def figure(drawn: go.Figure | Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
+        if isinstance(drawn, Figure):
+            headings, drawn = (drawn.title,), drawn.draw(display)
         content = json.loads(without_links(drawn.to_json()))
         figures.append(ReportFigure(": ".join(map(words, headings)) or title, content, is_answer))
-        style = f"height: {content['layout'].get('height', HEIGHT_PX)}px; width: 100%"
-        place = Markup('<div><div id="figure-{}" class="plotly-graph-div" data-name="{}" style="{}"></div></div>')
-        return place.format(len(figures), file_name(len(figures), figures[-1].title), style)
+        return page.numbered(len(figures))
 
-    common = {"title": title, "notices": notices, "answers": answers, "figure": figure}
-    common |= {"data": partial(embedded, contents)}
-    common |= {"verdict_colours": VERDICT_COLOURS, "plotly": Markup(get_plotlyjs())}  # noqa: S704
-    html = _templates(display).get_template(f"{template}.html.j2").render(own | common)
-    return Report(html, contents)
+    placed: dict[str, object] = {"figure": figure, "notices": notices, "answers": answers}
+    return page.render(template, **own | placed)
 
 
 def _listed(value: object) -> str:

@@ -6,6 +6,7 @@ from html import escape
 from crashfuse.campaign import Campaign
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.rating_tables import mean_values, ratings_shown
+from crashfuse.results.result import Result
 from crashfuse.results.table import CONDITION, Cell, Column, Table, of_condition
 from crashfuse.study.facts import campaign_facts, distinct
 from crashfuse.study.recommendation import SPEED_GROUPS, recommend
@@ -23,6 +24,14 @@ def card(title: str, table: Table, notes: Sequence[str] = (), display: Display =
     columns = [_column(heading, *own) for heading, own in table.head(_MOST_ROWS).cells(display).items()]
     head, *rows = (f"<tr>{''.join(cells)}</tr>" for cells in zip(*columns, strict=True))
     return f"<div><b>{escape(title)}</b><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>{below}</div>"
+
+
+def result_html(result: Result) -> str:
+    """A result in a notebook: what answers, and what has to be known of the data."""
+    display = Display(system=result.campaign.units)
+    table = result.tables[result.shown[0]] if result.shown else Table.of("nothing", ())
+    notes = [display.words(text) for text in (*result.answer, *(fact.sentence for fact in result.facts))]
+    return card(f"{result.campaign.name}: {display.words(result.title)}", table, notes, display)
 
 
 def _column(heading: str, column: Column, cells: Sequence[Cell]) -> list[str]:

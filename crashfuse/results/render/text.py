@@ -1,4 +1,4 @@
-"""Tables and records in formats for other programs: JSON, Parquet, and text that a spreadsheet takes."""
+"""Text: what a terminal prints of a result; JSON, Parquet and lines with tabs for other programs."""
 
 import io
 import json
@@ -10,7 +10,17 @@ import pyarrow.parquet as pq
 
 from crashfuse.files.csv_text import neutral
 from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.result import Result
 from crashfuse.results.table import PARTS, Table
+
+
+def lines(result: Result, display: Display) -> list[str]:
+    """What a command prints: facts of the data, the answer, and the tables that answer, under names if several."""
+    sentences = [*(fact.sentence for fact in result.facts), *result.answer]
+    printed = [*dict.fromkeys(map(display.words, sentences))]
+    for table in (result.tables[name] for name in result.shown):
+        printed += [table.name] * (len(result.shown) > 1) + [table.to_string(display)]
+    return printed
 
 
 def json_bytes(values: Mapping[str, object]) -> bytes:

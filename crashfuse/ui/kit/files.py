@@ -17,8 +17,10 @@ from crashfuse.results.display import Display
 from crashfuse.results.export.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
 from crashfuse.results.export.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.results.figures import LEFT_OUT
+from crashfuse.results.files import REPORT
 from crashfuse.results.render.figure_files import figure_files, hyphened, missing_for
-from crashfuse.results.render.html import REPORT_FORMS, ReportForm, ReportOptions
+from crashfuse.results.render.html import REPORT_FORMS, ReportForm, ReportOptions, report
+from crashfuse.results.result import Result
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import kept, page_config
@@ -127,6 +129,12 @@ def offer(of: str, files: Mapping[str, Callable[[], pd.DataFrame | bytes | str]]
             _offer(name, partial(_content, make), f"{of} {form}" if is_report else of)
             if is_report and not missing_for(("pptx",)):
                 _offer(f"{name.removesuffix('.html')}.pptx", partial(_slides, make), f"{of} {form}")
+
+
+def offer_result(result: Result, display: Display, of: str = "") -> None:
+    """Offer the files of a result, its report and its slides, named by what they are ``of``."""
+    files: dict[str, Callable[[], Any]] = {**result.files, REPORT: lambda: report(result, display)}
+    offer(of or f"{result.campaign.name} {result.kind}", files)
 
 
 def _offer(name: str, content: Callable[[], bytes], of: str) -> None:

@@ -60,7 +60,7 @@ def colour_of(heat: go.Heatmap, z: float) -> str:
 
 
 def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(three: Certification) -> None:
-    heat, marks, *_ = verdict_matrix(three).data
+    heat, marks, *_ = verdict_matrix(three).figure().data
     assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
     assert list(heat.x) == ["<b>crush</b><br>at most 500\N{NO-BREAK SPACE}mm", "<b>rating</b><br>at least 0.80"]
     told = [["met<br>0.998", "met<br>0.998"], ["not met<br>0.031", "open<br>0.500"], ["outside", "outside"]]
@@ -84,7 +84,7 @@ def test_beside_each_row_stands_the_answer_at_its_condition(campaign: Campaign) 
     found = replace(found, verdicts=tuple(verdicts))
     told = ["skip", "skip, as M20", "was run: T1", "was run: 2 tests", "would miss", "cannot say"]
     for part in (slice(None), slice(1, 4)):
-        figure = verdict_matrix(found, part=part)
+        figure = verdict_matrix(found, part=part).figure()
         assert list(figure.layout.yaxis2.ticktext) == told[part]
         assert list(figure.layout.yaxis2.tickvals) == list(figure.data[0].y)
         assert figure_table(figure)["A test there"].tolist() == told[part]
@@ -97,7 +97,7 @@ def test_words_stand_above_their_numbers_and_grow_smaller_with_the_number_of_cri
     """So that those of one cell do not run into the next; the numbers of the figure have them in a line."""
     criteria = tuple(replace(CRUSH, name=f"crush {i}") for i in range(n))
     rows = tuple(tuple(replace(row[0], criterion=own) for own in criteria) for row in three.verdicts)
-    figure = verdict_matrix(replace(three, criteria=Criteria(criteria), verdicts=rows))
+    figure = verdict_matrix(replace(three, criteria=Criteria(criteria), verdicts=rows)).figure()
     assert figure.data[0].textfont.size == size
     assert figure.data[0].text[0][0] == "met<br>0.998"
     assert "met 0.998" in figure_table(figure).iloc[0].tolist()
@@ -105,20 +105,20 @@ def test_words_stand_above_their_numbers_and_grow_smaller_with_the_number_of_cri
 
 def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> None:
     name = "a condition with a long name"
-    figure = verdict_matrix(certification(campaign, {name: ("met", "open")}, {name: 20.0}))
+    figure = verdict_matrix(certification(campaign, {name: ("met", "open")}, {name: 20.0})).figure()
     assert list(figure.layout.yaxis.ticktext) == ["a condition …a long name · 20.0 mph"]
     assert list(figure.layout.yaxis.tickvals) == [f"{name} · 20.0 mph"] == list(figure.data[0].y)
     same = f"{name}, a little faster"
     met: tuple[Word, Word] = ("met", "met")
-    figure = verdict_matrix(certification(campaign, {name: met, same: met}, {name: 20.0, same: 20.1}))
+    figure = verdict_matrix(certification(campaign, {name: met, same: met}, {name: 20.0, same: 20.1})).figure()
     assert figure.layout.yaxis2.ticktext[1] == "skip, as a condition …a long name"
 
 
 def test_the_legend_counts_the_verdicts_and_is_dim_with_them_on_a_dark_page(three: Certification) -> None:
-    _, _, *legend = verdict_matrix(three).data
+    _, _, *legend = verdict_matrix(three).figure().data
     assert [trace.name for trace in legend] == ["met (2)", "not met (1)", "open (1)", "outside (2)"]
     assert [trace.marker.color for trace in legend] == list(VERDICT_COLOURS.values())
-    heat, _, *legend = darkened(verdict_matrix(three)).data
+    heat, _, *legend = darkened(verdict_matrix(three).figure()).data
     assert heat.textfont.color == IN_THE_DARK["#000000"]
     assert {colour for _, colour in heat.colorscale} == {trace.marker.color for trace in legend}
     assert not {colour for _, colour in heat.colorscale} & set(VERDICT_COLOURS.values())
@@ -129,7 +129,7 @@ def test_many_conditions_become_colours(campaign: Campaign, n: int, words_shown:
     """Hundreds can be read, with the answer beside each; of more, only colours, with the words under the mouse."""
     names = [f"M{i}" for i in range(n)]
     many = certification(campaign, dict.fromkeys(names, WORDS["fast"]), dict.fromkeys(names, 20.0))
-    figure = verdict_matrix(many)
+    figure = verdict_matrix(many).figure()
     heat = figure.data[0]
     assert list(heat.y) == [f"{name} · 20.0 mph" for name in names]  # as fast: in the order of the matrix
     assert (heat.text is not None) == words_shown
@@ -145,7 +145,7 @@ def test_many_conditions_become_colours(campaign: Campaign, n: int, words_shown:
 
 def test_the_domain_shows_each_condition_by_its_worst_verdict(three: Certification) -> None:
     """In mph and lb, a mark and a colour for each word; what is shaded, on a grid, is what is not outside."""
-    figure = validated_domain(three)
+    figure = validated_domain(three).figure()
     shown = {trace.name: trace for trace in figure.data}
     weight = three.matrix.conditions[0].mass_kg / LB
     speeds: dict[Word, float] = {"not met": 30.0, "met": 20.0, "outside": 70.0}
@@ -155,7 +155,7 @@ def test_the_domain_shows_each_condition_by_its_worst_verdict(three: Certificati
         assert worst.marker.color == VERDICT_COLOURS[word]
     assert len({trace.marker.symbol for name, trace in shown.items() if name.startswith("Worst")}) == 3
     np.testing.assert_allclose(shown["4 tests"].x, [15, 25, 26, 35], rtol=1e-6)
-    figure, domain = validated_domain(three), three.domain
+    figure, domain = validated_domain(three).figure(), three.domain
     here, rng = three.matrix.conditions[0], np.random.default_rng(0)
     shaded = [trace for trace in figure.data if trace.legendgroup == "checked"]
     assert len(shaded) == len(domain.speed_ranges_mps) == 1
@@ -187,7 +187,7 @@ def test_shares_that_met_stand_over_the_probability_with_exact_bounds() -> None:
     """One of four at 0.8, all of two at 0.99; open where none of twenty met what was given 0.9."""
     trials = [trial(f"A{i}", 400.0 if i == 0 else 600.0, 0.8) for i in range(4)]
     trials += [trial(f"B{i}", 400.0, 0.99) for i in range(2)]
-    promised, agrees = reliability(TrackRecord(tuple(trials))).data
+    promised, agrees = reliability(TrackRecord(tuple(trials))).figure().data
     assert (list(promised.x), list(promised.y)) == ([0, 1], [0, 1])
     bounds = np.array([share_bounds(1, 4), share_bounds(2, 2)])
     np.testing.assert_allclose(agrees.x, [0.8, 0.99])
@@ -196,7 +196,7 @@ def test_shares_that_met_stand_over_the_probability_with_exact_bounds() -> None:
     np.testing.assert_allclose(agrees.y + agrees.error_y.array, bounds[:, 1])
     assert list(agrees.text) == ["n = 4", "n = 2"]
     trials = [*(trial(f"A{i}", 600.0, 0.9) for i in range(20)), trial("B", 400.0, 0.3)]
-    _, agrees, disagrees = reliability(TrackRecord(tuple(trials))).data
+    _, agrees, disagrees = reliability(TrackRecord(tuple(trials))).figure().data
     assert (agrees.name, disagrees.name) == ("Within its bounds", "Outside its bounds")
     assert (list(agrees.x), list(disagrees.x)) == ([0.3], [pytest.approx(0.9)])
     assert (agrees.marker.symbol, disagrees.marker.symbol) == ("circle", "circle-open")
@@ -206,7 +206,7 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
     """By test in order of speed, left out alone on the left of its speed group; a wrong verdict has a ring."""
     group = trial("slow", 440.0, word="open", speed_mps=5.0, left_out="speed group", said=(480.0, 400.0, 560.0))
     record = TrackRecord((trial("fast", 510.0, speed_mps=15.0), trial("slow", 440.0, speed_mps=5.0), group))
-    figure = record_figure(record, [CRUSH])
+    figure = record_figure(record, [CRUSH]).figure()
     alone, apart, measured, wrong = figure.data[:4]
     assert list(figure.layout.xaxis.ticktext) == ["slow", "fast"]
     assert alone.x[0] < 0 < apart.x[0] < 0.5 < alone.x[1] < 1
@@ -216,7 +216,7 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
     np.testing.assert_allclose(sorted(measured.y), [440.0, 440.0, 510.0])
     np.testing.assert_allclose([*wrong.x, *wrong.y], [alone.x[1], 510.0])
     assert [(shape.y0, shape.y1) for shape in figure.layout.shapes] == [(500.0, 500.0)]
-    others = record_figure(TrackRecord(record.trials[1:]), [CRUSH])
+    others = record_figure(TrackRecord(record.trials[1:]), [CRUSH]).figure()
     assert ["wrong verdict" in [trace.name for trace in drawn.data] for drawn in (figure, others)] == [True, False]
     assert figure.layout.yaxis.title.text == "Maximum dynamic crush<br>(mm)"
 

@@ -23,7 +23,7 @@ def traces(figure: go.Figure, group: str) -> list[go.Scatter]:
 
 
 def test_tests_stand_at_their_speeds_and_weights(campaign: Campaign) -> None:
-    figure = condition_space(campaign.cae, campaign.tests)
+    figure = condition_space(campaign.cae, campaign.tests).figure()
     front, rear = traces(figure, INSIDE)
     assert list(front.text) == list(rear.text) == ["T1", "T2", "T3", "T4"]
     np.testing.assert_allclose(front.x[:3], [15, 25, 26], rtol=1e-6)
@@ -42,7 +42,7 @@ def test_a_test_is_drawn_open_only_over_the_weight_that_lies_outside(
     """Inside the other box it is drawn as any test inside; the legend names the open mark, in whichever plot it is."""
     condition = Condition.of_vector([25 * MPH, front_lb * LB, rear_lb * LB])
     test = CrashTest("far", condition, campaign.tests[0].pulse)
-    figure = condition_space(campaign.cae, [campaign.tests[1], test])
+    figure = condition_space(campaign.cae, [campaign.tests[1], test]).figure()
     (open_mark,) = traces(figure, OUTSIDE)
     assert (open_mark.yaxis, list(open_mark.text)) == (outside, ["far"])
     assert (open_mark.showlegend, open_mark.marker.symbol) == (True, "circle-open")
@@ -57,7 +57,7 @@ def test_a_large_library_is_thinned_but_counted_whole(campaign: Campaign) -> Non
     conditions = tuple(Condition.of_vector(row) for row in vectors)
     accel = np.zeros((len(conditions), 1), dtype=np.float32)
     library = CaeLibrary(tuple(map(str, range(len(conditions)))), conditions, accel)
-    figure = condition_space(library, campaign.tests)
+    figure = condition_space(library, campaign.tests).figure()
     runs, _ = traces(figure, "runs")
     assert runs.name == "30,000 CAE runs"
     assert len(runs.x) <= 2000

@@ -69,7 +69,7 @@ MARKS = (Note("T2", "the <b>third</b> hump", 25.0, 40.0), Note("T2", "on the tes
 def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
     """A line for a moment, a stretch from its start to its end; a note without a time is not drawn."""
     test = campaign.test("T2")
-    plain = motion(test.pulse, {}, test.condition.speed_mps)
+    plain = motion(test.pulse, {}, test.condition.speed_mps).figure()
     before, written = len(plain.layout.shapes), len(plain.layout.annotations)
     marked = add_marks(plain, MARKS)
     drawn = marked.layout.shapes[before:]
@@ -85,8 +85,8 @@ def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
 def test_without_marks_or_curves_nothing_is_drawn(campaign: Campaign) -> None:
     """All curves of a figure can be hidden."""
     assert not add_marks(motion(None, {}, 11.0), MARKS).layout.shapes
-    plain = motion(campaign.test("T2").pulse, {}, 11.0)
-    assert add_marks(plain, []).layout == motion(campaign.test("T2").pulse, {}, 11.0).layout
+    plain = motion(campaign.test("T2").pulse, {}, 11.0).figure()
+    assert add_marks(plain, []).layout == motion(campaign.test("T2").pulse, {}, 11.0).figure().layout
 
 
 def test_titles_of_axes_are_no_larger_than_text() -> None:

@@ -14,7 +14,9 @@ from crashfuse.study.one_more_test import one_more
 
 def test_a_learning_curve_shows_what_was_reported() -> None:
     """Progress along x, the value on a logarithmic axis, unless some are not positive; both axes say what they are."""
-    figure = plots.learning_curves({"loss": [(1, 0.5), (2, 0.25)]}, value="Mean square error", step="Epoch", total=10)
+    figure = plots.learning_curves(
+        {"loss": [(1, 0.5), (2, 0.25)]}, value="Mean square error", step="Epoch", total=10
+    ).figure()
     assert figure.data[0].x.tolist() == [1, 2]
     assert figure.data[0].y.tolist() == [0.5, 0.25]
     assert figure.layout.yaxis.type == "log"
@@ -25,13 +27,13 @@ def test_a_learning_curve_shows_what_was_reported() -> None:
     assert figure.layout.xaxis.title.text == "Epoch"
     assert figure.layout.yaxis.title.text == "Mean square error"
     assert figure.layout.showlegend  # one curve alone is named, too
-    figure = plots.learning_curves({"log likelihood": [(1, -20.0), (2, 3.0)]}, value="Log likelihood", total=2)
+    figure = plots.learning_curves({"log likelihood": [(1, -20.0), (2, 3.0)]}, value="Log likelihood", total=2).figure()
     assert figure.layout.yaxis.type is None
 
 
 def test_the_strength_of_the_fine_tuning_is_drawn_with_its_choice() -> None:
     """Errors on tests learned from and left out, in their order, and a line at what was taken that says so."""
-    figure = plots.tuning_strength({"0.02": 0.1, "0.06": 0.2}, {"0.02": 0.4, "0.06": 0.3}, "0.06")
+    figure = plots.tuning_strength({"0.02": 0.1, "0.06": 0.2}, {"0.02": 0.4, "0.06": 0.3}, "0.06").figure()
     np.testing.assert_allclose(figure.data[0].y, [0.1, 0.2])
     np.testing.assert_allclose(figure.data[1].y, [0.4, 0.3])
     (line,) = figure.layout.shapes
@@ -56,7 +58,7 @@ def made_up(campaign: Campaign, approaches: tuple[str, ...], sizes: tuple[int, .
 
 def test_ratings_and_band_are_drawn_over_the_number_of_tests(campaign: Campaign) -> None:
     """Even and random choices, the raw CAE model as a level line from zero tests, the band's half width below."""
-    drawn = {trace.name: trace for trace in over_number_of_tests(made_up(campaign, ("cae", "fused"))).data}
+    drawn = {trace.name: trace for trace in over_number_of_tests(made_up(campaign, ("cae", "fused"))).figure().data}
     level = drawn["CAE, without any test"]
     assert list(level.x) == [0, 5]
     assert list(level.y) == pytest.approx([0.6, 0.6])
@@ -66,16 +68,16 @@ def test_ratings_and_band_are_drawn_over_the_number_of_tests(campaign: Campaign)
     assert band.yaxis == "y2"
     assert list(band.x) == [1, 2, 3]
     assert list(band.y) == pytest.approx([8, 4, 8 / 3])
-    figure = over_number_of_tests(made_up(campaign, ("cae",)))
+    figure = over_number_of_tests(made_up(campaign, ("cae",))).figure()
     assert [trace.name for trace in figure.data] == ["CAE, without any test"]
     assert "yaxis2" not in figure.layout
 
 
 def test_one_more_test_is_drawn_where_it_can_be_told(campaign: Campaign) -> None:
     name = "Fused, expected with one test more"
-    assert name not in [trace.name for trace in over_number_of_tests(made_up(campaign, ("fused",))).data]
+    assert name not in [trace.name for trace in over_number_of_tests(made_up(campaign, ("fused",))).figure().data]
     curve = made_up(campaign, ("fused",), (1, 2, 3, 4))
-    expected = {trace.name: trace for trace in over_number_of_tests(curve).data}[name]
+    expected = {trace.name: trace for trace in over_number_of_tests(curve).figure().data}[name]
     more = one_more(curve)
     assert more is not None
     assert expected.x[-1] == len(campaign.tests) + 1

@@ -38,7 +38,7 @@ def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
 
 def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """A pulse of -9.80665 m/s² is drawn at -1."""
-    measured = trace(plots.overlay(test.pulse, predictions), "Test")
+    measured = trace(plots.overlay(test.pulse, predictions).figure(), "Test")
     np.testing.assert_allclose(measured.x, GRID_S * 1000, rtol=1e-6)
     np.testing.assert_allclose(measured.y, test.pulse.accel_mps2 / G, rtol=1e-6)
     assert measured.line.color == "#000000"
@@ -48,7 +48,7 @@ def test_deceleration_in_si_is_the_negative_of_the_signed_data(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     """The sign and the unit are the plot's own; the axis says so, and the rated window is shaded and named."""
-    figure = plots.overlay(test.pulse, predictions, Display(40.0, unit="m/s²", deceleration=True))
+    figure = plots.overlay(test.pulse, predictions, Display(40.0, unit="m/s²", deceleration=True)).figure()
     np.testing.assert_allclose(trace(figure, "CAE").y, -predictions["cae"].accel_mps2, rtol=1e-6)
     assert figure.layout.yaxis.title.text == "Deceleration (m/s²)"
     (shape,) = figure.layout.shapes
@@ -58,7 +58,7 @@ def test_deceleration_in_si_is_the_negative_of_the_signed_data(
 
 def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Of 101 evenly spaced draws from -50 to +50 the interval is -47.5 to +47.5."""
-    figure = plots.overlay(test.pulse, predictions, Display(unit="m/s²"))
+    figure = plots.overlay(test.pulse, predictions, Display(unit="m/s²")).figure()
     (band,) = [t for t in figure.data if t.fill == "toself"]
     half = band.x.size // 2
     lower, upper = band.y[:half], band.y[half:][::-1]
@@ -69,7 +69,7 @@ def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predic
 
 
 def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    for curve in plots.motion(test.pulse, predictions, test.condition.speed_mps).data:
+    for curve in plots.motion(test.pulse, predictions, test.condition.speed_mps).figure().data:
         assert curve.x.size == curve.y.size
         assert curve.x.size < N_SAMPLES if curve.hoverinfo == "skip" else curve.x.size == N_SAMPLES
         end = pytest.approx(60 if curve.name == WHOLE else 100, abs=0.1)
@@ -81,7 +81,7 @@ def test_velocity_and_displacement_are_those_of_the_closed_form(
 ) -> None:
     """A half sine that stops the car and throws it back at a tenth of v0: v(t) = v0 (0.45 + 0.55 cos(π t / T))."""
     v0 = test.condition.speed_mps
-    figure = plots.motion(test.pulse, predictions, v0)
+    figure = plots.motion(test.pulse, predictions, v0).figure()
     duration = 0.07 * test.condition.mass_kg / 1700
     time = np.minimum(GRID_S, duration)
     velocity = v0 * (0.45 + 0.55 * np.cos(np.pi * time / duration))
@@ -94,7 +94,7 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
     """A test at 35 mph beside one at 25: its velocity begins at 35 mph, its displacement ends where its own does."""
     test, other = campaign.test("T2"), campaign.test("T4")
     beside = {"T4 · 35 mph": Prediction(other.condition, other.pulse.accel_mps2)}
-    figure = plots.motion(test.pulse, {**predictions, **beside}, test.condition.speed_mps)
+    figure = plots.motion(test.pulse, {**predictions, **beside}, test.condition.speed_mps).figure()
     assert trace(figure, "T4 · 35 mph", 2).y[0] == pytest.approx(other.condition.speed_mps / MPH)
     own = other.pulse.kinematics(other.condition.speed_mps)
     assert trace(figure, "T4 · 35 mph", 3).y[-1] == pytest.approx(own.displacement_m[-1] * 1000)
@@ -103,7 +103,7 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
 
 def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Where the acceleration is, with the ends of the filled band; numbers have a minus sign, not a hyphen."""
-    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
+    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps).figure()
     accel = trace(figure, "CAE")
     told = np.array([text.replace("\N{MINUS SIGN}", "-").split(" mph, ") for text in accel.customdata], float)
     np.testing.assert_array_equal(told[:, 0], np.round(trace(figure, "CAE", 2).y, 1))
@@ -113,7 +113,7 @@ def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predict
     assert "-" not in "".join(accel.customdata)
     assert ":" not in accel.hovertemplate  # the formats of templates know hyphens only
     assert trace(figure, "CAE", 2).hoverinfo == "none"
-    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps, filled="displacement_domain")
+    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps, filled="displacement_domain").figure()
     (banded,) = [own for own in figure.data if own.hovertemplate == "%{y} [%{customdata} mm"]
     assert banded.legendgroup == "displacement_domain"
     prediction = predictions["displacement_domain"]
@@ -129,21 +129,23 @@ def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
     """Of 101 constant pulses of 0 to -100 m/s²: -5, -50 and -95; a test without a paired run adds nothing."""
     levels = np.repeat(-np.arange(101.0)[:, None], N_SAMPLES, axis=1).astype(np.float32)
     library = CaeLibrary(tuple(map(str, range(101))), campaign.cae.conditions[:1] * 101, levels)
-    band, median = plots.library_band(library, display=Display(unit="m/s²")).data
+    band, median = plots.library_band(library, display=Display(unit="m/s²")).figure().data
     assert (band.y.min(), band.y.max(), median.y.max()) == (-95, -5, -50)
     assert band.name == "5–95 % of 101 runs"
     stray = CrashTest("stray", campaign.cae.conditions[0], campaign.tests[0].pulse)
-    figure = plots.library_band(CaeLibrary(("C",), campaign.cae.conditions[1:2], campaign.cae.accel_mps2[1:2]), [stray])
+    figure = plots.library_band(
+        CaeLibrary(("C",), campaign.cae.conditions[1:2], campaign.cae.accel_mps2[1:2]), [stray]
+    ).figure()
     assert len(figure.data) == 2
-    figure = plots.library_band(campaign.cae, campaign.tests)
+    figure = plots.library_band(campaign.cae, campaign.tests).figure()
     assert len(figure.data) == 2 + len(campaign.tests)
     assert figure.data[2].name == f"C20 · {campaign.tests[0].condition.speed_mps / MPH:.1f} mph"
 
 
 def test_filtered_tests_are_drawn_over_what_was_read(campaign: Campaign) -> None:
     """Two curves a test of one colour: the thin one as read, the named one filtered to the class."""
-    plain = plots.measured_pulses(campaign.tests)
-    figure = plots.measured_pulses(campaign.tests, cfc=180, display=Display(unit="m/s²"))
+    plain = plots.measured_pulses(campaign.tests).figure()
+    figure = plots.measured_pulses(campaign.tests, cfc=180, display=Display(unit="m/s²")).figure()
     assert (len(plain.data), len(figure.data)) == (4, 8)
     for test in campaign.tests:
         read, filtered = (trace for trace in figure.data if trace.legendgroup == test.id)
@@ -160,7 +162,7 @@ def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -
     test = campaign.tests[1]
     accel = test.pulse.accel_mps2 - 2 * G
     draws = accel + np.linspace(-1, 1, 401)[:, None] * G / 0.95
-    figure = plots.residuals(test.pulse, {"fused": Prediction(test.condition, accel, draws)})
+    figure = plots.residuals(test.pulse, {"fused": Prediction(test.condition, accel, draws)}).figure()
     band, _, line = figure.data
     assert line.name == "Fused, RMS 2.0 g"
     np.testing.assert_allclose(line.y, -2.0, atol=1e-4)
@@ -182,7 +184,7 @@ def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaig
 def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(test: CrashTest) -> None:
     """Each draw integrated over all of its samples, then the central 95 % at each point of the band."""
     draws, speed = np.random.default_rng(0).normal(-150, 80, (40, N_SAMPLES)), test.condition.speed_mps
-    figure = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)}, speed)
+    figure = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)}, speed).figure()
     _, _, *bands = [own.numbers for own in drawing_of(figure).marks if "lower" in own.numbers]
     for band, drawn, unit in zip(bands, motion(draws, speed, DT_S), (MPH, 1e-3), strict=True):
         lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0) / unit
@@ -194,14 +196,14 @@ def test_the_recording_lies_under_its_pulse() -> None:
     raw = replace(channel(scale=-9.80665, unit="m/s²"), time_s=channel().time_s + 0.3)
     source = replace(record(raw, condition=CONDITION), own_time_zero="")
     found = settle(source)
-    recorded, pulse = imported_pulse([raw], found, Display(unit="m/s²")).data
+    recorded, pulse = imported_pulse([raw], found, Display(unit="m/s²")).figure().data
     assert recorded.y.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
     assert pulse.y.min() == pytest.approx(-PEAK_MPS2, rel=0.01)
     assert recorded.x[recorded.y.argmin()] == pytest.approx(pulse.x[pulse.y.argmin()], abs=0.5)
-    flipped, _ = imported_pulse([raw], found, Display(unit="m/s²", deceleration=True)).data
+    flipped, _ = imported_pulse([raw], found, Display(unit="m/s²", deceleration=True)).figure().data
     assert flipped.y.max() == pytest.approx(PEAK_MPS2, rel=1e-3)
     channels = [channel(str(number), scale=2.0) for number in range(12)]
-    figure = imported_pulse(channels, None)
+    figure = imported_pulse(channels, None).figure()
     assert len(figure.data) == 8
     assert figure.data[0].x[0] == pytest.approx(1000 * channels[0].time_s[0])
     assert np.abs(figure.data[0].y).max() == pytest.approx(2 * np.abs(channel().values).max(), rel=1e-3)

@@ -17,11 +17,11 @@ from tests.signals.test_rating_explanation import TEST, bump, pulse
 def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
     """Grades and their colours hold above 0.94, 0.80 and 0.58 (ISO/TS 18571), not at them."""
     scores = {"A": {"cae": 0.58, "lf_tcn": 0.81}, "B": {"cae": 0.80, "lf_tcn": 0.95}}
-    heat, _ = plots.rating_heatmap(scores).data
+    heat, _ = plots.rating_heatmap(scores).figure().data
     graded = [["0.580 Poor", "0.810 Good"], ["0.800 Fair", "0.950 Excellent"], ["0.690 Fair", "0.880 Good"]]
     assert [list(row) for row in heat.text] == graded
     np.testing.assert_allclose(heat.z[-1], [0.69, 0.88], rtol=1e-6)
-    heat, _ = plots.rating_heatmap({"A": {"cae": 0.5}}).data
+    heat, _ = plots.rating_heatmap({"A": {"cae": 0.5}}).figure().data
     spans = {colour: [limit for limit, c in heat.colorscale if c == colour] for _, colour in heat.colorscale}
     assert list(spans.values()) == [[0, 0.58], [0.58, 0.8], [0.8, 0.94], [0.94, 1]]
     assert list(spans) == list(GRADE_COLOURS.values())
@@ -29,7 +29,7 @@ def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
 
 def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
     """An invisible mark in it names its test and approach, is found from anywhere in it, and says which it is."""
-    figure = plots.rating_heatmap({"A": {"cae": 0.5, "fused": 0.9}, "B": {"cae": 0.6, "fused": 0.8}})
+    figure = plots.rating_heatmap({"A": {"cae": 0.5, "fused": 0.9}, "B": {"cae": 0.6, "fused": 0.8}}).figure()
     heat, marks = figure.data
     assert list(marks.customdata) == ["A:cae", "A:fused", "B:cae", "B:fused", "", ""]
     assert list(marks.y) == [row for row in heat.y for _ in range(2)]
@@ -42,18 +42,18 @@ def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
 def test_repeats_are_the_last_column_of_the_heat_map_and_bars_behind_the_spread() -> None:
     repeats = {"A": Repeatability(0.9, 0.8, 0.95), "B": Repeatability(0.8, 0.6, 0.9)}
     scores = {"A": {"cae": 0.5}, "B": {"cae": 0.6}}
-    heat, marks = plots.rating_heatmap(scores, repeats).data
+    heat, marks = plots.rating_heatmap(scores, repeats).figure().data
     np.testing.assert_allclose(heat.z[:, -1], [0.9, 0.8, 0.85], rtol=1e-6)
     assert len(marks.x) == heat.z.size
-    assert plots.rating_heatmap(scores, {"A": repeats["A"]}).data[0].z.shape == (3, 1)
-    bars = plots.rating_spread({"A": {"fused": (0.7, 0.6, 0.8)}, "B": {}}, {"A": repeats["A"]}).data[0]
+    assert plots.rating_heatmap(scores, {"A": repeats["A"]}).figure().data[0].z.shape == (3, 1)
+    bars = plots.rating_spread({"A": {"fused": (0.7, 0.6, 0.8)}, "B": {}}, {"A": repeats["A"]}).figure().data[0]
     assert (list(bars.x), list(bars.base)) == ([0], [0.8])
     np.testing.assert_allclose(bars.y, [0.15])
 
 
 def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> None:
     ratings = {"A": {"fused": (0.9, 0.7, 0.95)}, "B": {"fused": (0.8, 0.6, 0.8), "lf_tcn": (0.5, 0.4, 0.6)}}
-    figure = plots.rating_spread(ratings)
+    figure = plots.rating_spread(ratings).figure()
     network, fused = figure.data
     assert (network.name, fused.name) == ("LF TCN", "Fused")
     assert len(network.x) == 1
@@ -65,7 +65,7 @@ def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> 
 
 def test_levels_run_along_x_and_shares_along_y_in_percent() -> None:
     """Half the time inside the 90 % band is drawn at (90, 50); the diagonal is there to compare."""
-    figure = plots.calibration_curves(np.array([0.5, 0.9]), {"fused": np.array([0.4, 0.5])})
+    figure = plots.calibration_curves(np.array([0.5, 0.9]), {"fused": np.array([0.4, 0.5])}).figure()
     promised, fused = figure.data
     assert (list(promised.x), list(promised.y)) == ([0, 100], [0, 100])
     np.testing.assert_allclose(fused.x, [50, 90])
@@ -82,14 +82,14 @@ def explanation() -> RatingExplanation:
 
 def test_the_bars_are_the_four_scores_of_each_approach() -> None:
     ratings = {"cae": Rating(0.6, 0.7, 0.3, 0.73, 0.6, "Fair"), "fused": Rating(0.9, 0.9, 1.0, 0.8, 0.75, "Good")}
-    raw, fused = rating_parts(ratings).data
+    raw, fused = rating_parts(ratings).figure().data
     assert list(raw.x) == ["Corridor (40 %)", "Phase (20 %)", "Magnitude (20 %)", "Slope (20 %)"]
     np.testing.assert_allclose(fused.y, [0.9, 1.0, 0.8, 0.75], rtol=1e-6)
     assert list(raw.text) == ["0.70", "0.30", "0.73", "0.60"]
 
 
 def test_each_row_draws_what_its_score_compares(explanation: RatingExplanation) -> None:
-    figure = rated_curves(explanation, "fused")
+    figure = rated_curves(explanation, "fused").figure()
     rows = {"y2": (explanation.shifted, 1 / G), "y3": (explanation.warped, 1 / G), "y4": (explanation.slopes, 1e-3 / G)}
     for axis, (curves, scale) in rows.items():
         test, fused = (trace for trace in figure.data if trace.yaxis == axis and trace.name in ("Test", "Fused"))
@@ -100,7 +100,7 @@ def test_each_row_draws_what_its_score_compares(explanation: RatingExplanation) 
 
 
 def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation: RatingExplanation) -> None:
-    figure = rated_curves(explanation, "fused", Display(window_ms=70.0, unit="m/s²"))
+    figure = rated_curves(explanation, "fused", Display(window_ms=70.0, unit="m/s²")).figure()
     (marked,) = [trace for trace in figure.data if trace.name == "Outside the inner corridor"]
     curves = explanation.compared
     outside = np.abs(curves.comparison - curves.reference) > explanation.inner_mps2
@@ -112,6 +112,6 @@ def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation:
 
 
 def test_the_same_hump_has_the_same_number_in_both_curves(explanation: RatingExplanation) -> None:
-    marks = [(a.text, a.x) for a in rated_curves(explanation, "fused").layout.annotations if a.showarrow]
+    marks = [(a.text, a.x) for a in rated_curves(explanation, "fused").figure().layout.annotations if a.showarrow]
     assert [text for text, _ in marks] == ["1", "1", "2", "2", "3", "3"]
     assert [at for _, at in marks] == pytest.approx([15, 15, 33, 33, 50, 54], abs=0.3)

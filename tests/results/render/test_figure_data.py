@@ -48,7 +48,9 @@ def test_curves_over_time_stand_side_by_side_in_the_units_of_the_figure(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     """One row a sample; test, approaches and the ends of the band are what the library holds, scaled by hand."""
-    shown = table(motion(test.pulse, predictions, test.condition.speed_mps, Display(unit="m/s²", deceleration=True)))
+    shown = table(
+        motion(test.pulse, predictions, test.condition.speed_mps, Display(unit="m/s²", deceleration=True)).figure()
+    )
     assert len(shown) == N_SAMPLES
     np.testing.assert_allclose(shown["Time (ms)"], GRID_S / MS, rtol=1e-5)
     np.testing.assert_allclose(shown["Test: Deceleration (m/s²)"], -test.pulse.accel_mps2, rtol=1e-5, atol=1e-6)
@@ -65,7 +67,7 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
     test = campaign.test("T2")
     drawn = np.random.default_rng(seed).normal(-150.0, 80.0, (draws, N_SAMPLES))
     prediction = Prediction(test.condition, drawn.mean(axis=0), drawn)
-    figure = motion(test.pulse, {"fused": prediction}, test.condition.speed_mps)
+    figure = motion(test.pulse, {"fused": prediction}, test.condition.speed_mps).figure()
     shown = figure_table(json.loads(figure.to_json()) if in_a_report else figure)
     names = [f"Fused: Acceleration{end} (g)" for end in ("", ", lower", ", upper")]
     whole = [f"Fused, {WHOLE}: Acceleration, {end} (g)" for end in ("lower", "upper")]
@@ -80,7 +82,7 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
 
 def test_of_plots_above_each_other_the_table_says_which_is_meant(test: CrashTest) -> None:
     later = Pulse(test.pulse.time_s, np.roll(test.pulse.accel_mps2, 20))
-    shown = table(rated_curves(explain_rating(test.pulse, later), "fused"))
+    shown = table(rated_curves(explain_rating(test.pulse, later), "fused").figure())
     curves = shown[shown["Curve"] == "Fused"]
     parts = [plot.partition(" ")[0] for plot in dict.fromkeys(curves["Plot"])]
     assert parts == ["Corridor", "Phase", "Magnitude", "Slope"]
@@ -88,7 +90,7 @@ def test_of_plots_above_each_other_the_table_says_which_is_meant(test: CrashTest
 
 def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """By the reader, with a click in the legend, or by whoever drew it; corridors count once they are added."""
-    figure = overlay(test.pulse, predictions)
+    figure = overlay(test.pulse, predictions).figure()
     places = [place for place, trace in enumerate(figure.data) if trace.legendgroup == "cae"]
     assert any(name.startswith("CAE") for name in table(figure))
     assert not any(name.startswith("CAE") for name in table(figure, tuple(places)))
@@ -105,7 +107,7 @@ def test_curves_with_positions_of_their_own_stand_below_each_other(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     interval = {"fused": Metric("max_crush", 500.0, 100.0, None, "mm")}
-    shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps, crush=interval))
+    shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps, crush=interval).figure())
     assert set(shown["Curve"]) > {"Test", "CAE", "Fused"}
     own = shown[shown["Curve"] == "CAE"]
     travelled = predictions["cae"]
@@ -120,10 +122,10 @@ def test_curves_with_positions_of_their_own_stand_below_each_other(
 
 
 def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
-    spread = table(rating_spread({"T1": {"cae": (0.7, 0.6, 0.75)}, "T2": {"cae": (0.8, 0.75, 0.9)}}))
+    spread = table(rating_spread({"T1": {"cae": (0.7, 0.6, 0.75)}, "T2": {"cae": (0.8, 0.75, 0.9)}}).figure())
     assert spread.iloc[:, :2].to_numpy().tolist() == [["CAE", "T1"], ["CAE", "T2"]]
     np.testing.assert_allclose(spread.iloc[1, 2:].to_numpy(float), [0.8, 0.75, 0.9], rtol=1e-6)
-    cells = table(rating_heatmap({"T1": {"cae": 0.7, "fused": 0.9}, "T2": {"cae": 0.5, "fused": 0.8}}))
+    cells = table(rating_heatmap({"T1": {"cae": 0.7, "fused": 0.9}, "T2": {"cae": 0.5, "fused": 0.8}}).figure())
     assert list(cells)[1:] == ["CAE", "Fused"]
     assert cells.iloc[:, 0].tolist() == ["Test T1", "Test T2", "Mean"]
     np.testing.assert_allclose(cells["Fused"], [0.9, 0.8, 0.85], rtol=1e-6)
@@ -131,7 +133,7 @@ def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
 
 def test_a_copy_has_the_numbers_and_a_figure_from_elsewhere_has_none(test: CrashTest) -> None:
     """Nor has a report whose figures lack them."""
-    figure = overlay(test.pulse, {})
+    figure = overlay(test.pulse, {}).figure()
     pd.testing.assert_frame_equal(figure_table(copy.deepcopy(figure)), figure_table(figure))
     others: list[Any] = [go.Figure(figure), {"data": [{"x": [0, 1]}], "layout": {}}, {"data": []}]
     for other in others:

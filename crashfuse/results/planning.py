@@ -1,0 +1,120 @@
+"""What to plan, as results: pulse metrics over impact speed, and a ranking of the tests to run next."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import pandas as pd
+
+from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results.campaign import campaign_result
+from crashfuse.results.plots.conditions import next_tests_figure, sweep_figure
+from crashfuse.results.provenance import next_test_command, sweep_command
+from crashfuse.results.result import Figure, Result
+from crashfuse.results.result_tables import metrics_table
+from crashfuse.results.table import CONDITION, PARTS, Column, Table, of_condition
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, METRIC_UNITS, Metric
+from crashfuse.study.planning import BEST, NextTests, SpeedSweep, weights_sentence
+from crashfuse.units import LB, MPH, G, Sentence, speed
+
+MEANING = "How a test narrows the band of the bias (RMS) follows from where it is, not from what it measures."
+_MOST = 20  # ranked tests of a report
+
+
+def sweep_result(sweep: SpeedSweep) -> Result:
+    """A sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
+    campaign = sweep.campaign
+    return Result(
+        kind="sweep",
+        title="pulse metrics over impact speed",
+        campaign=campaign,
+        config=sweep.config,
+        command=partial(sweep_command, campaign, sweep.condition, sweep.speeds_mps, sweep.config),
+        answer=(weights_sentence(sweep.condition, campaign.tests),),
+        shown=("speeds",),
+        sentences={name: tuple(sweep.missing(name)) for name in MAIN_METRICS},
+        tables={"speeds": speeds_table(sweep)},
+        figures={name: Figure(METRIC_LABELS[name], partial(sweep_figure, sweep, name)) for name in MAIN_METRICS},
+        parts={"data": (campaign_result(campaign),)},
+        files={"sweep.csv": lambda: csv_bytes(sweep.table)},
+    )
+
+
+def next_tests_result(ranking: NextTests) -> Result:
+    """A ranking of next tests."""
+    over, best = ranking.over, next_tests_table(ranking)
+    return Result(
+        kind="ranking of next tests",
+        template="next_test",
+        title="which test next",
+        campaign=ranking.campaign,
+        config=ranking.config,
+        command=partial(next_test_command, over.low, over.high, ranking.config),
+        answer=(Sentence("Which test would narrow the band over {} to {} most.", over.low, over.high),),
+        shown=("best",),
+        sentences={"meaning": (MEANING,)},
+        tables={"best": best.head(BEST), "more": best.head(_MOST)},
+        figures={"gains": Figure("Gain of each candidate", partial(next_tests_figure, ranking))},
+        values={"ranked": len(ranking.conditions)},
+        parts={"data": (campaign_result(ranking.campaign),)},
+        files={"next_tests.csv": lambda: csv_bytes(ranking.table)},
+    )
+
+
+def sweep_table(sweep: SpeedSweep) -> pd.DataFrame:
+    """Pulse metrics at every speed, then those of the tests, which have their own weights."""
+    campaign = sweep.campaign
+    rows: list[tuple[object, str, Sequence[Metric]]] = [
+        (speed_mps / MPH, approach, metrics)
+        for approach, at_speeds in sweep.metrics.items()
+        for speed_mps, metrics in zip(sweep.speeds_mps.tolist(), at_speeds, strict=True)
+    ]
+    rows += [(test.condition.speed_mps / MPH, "test", campaign.metrics_of(test)) for test in campaign.tests]
+    return metrics_table(rows, campaign, "speed_mph")
+
+
+def speeds_table(sweep: SpeedSweep) -> Table:
+    """The main metrics by the last approach of a sweep, with its intervals, one row a speed."""
+    shown, headings = [*sweep.metrics][-1], sweep.campaign.metric_headings
+    values = {
+        f"{headings[name]}{end}": [metric.interval[place] for metric in sweep.over_speed(shown, name)]
+        for name in MAIN_METRICS
+        for place, end in enumerate(PARTS["interval"])
+    }
+    frame = pd.DataFrame({"Speed": [*map(speed, sweep.speeds_mps.tolist())], **values})
+    columns = (Column(headings[name], "interval", METRIC_UNITS[name]) for name in MAIN_METRICS)
+    return Table("sweep", frame, (Column("Speed"), *columns))
+
+
+def next_tests_file(ranking: NextTests) -> pd.DataFrame:
+    """Ranked tests in the columns of ``next_tests.csv``, one row each."""
+    after, gains = ranking.after_mps2.tolist(), ranking.gains.tolist()  # Python and NumPy round otherwise
+    rows = zip(ranking.conditions, after, gains, ranking.extrapolated, strict=True)
+    return pd.DataFrame(
+        {
+            "rank": rank,
+            "speed (mph)": round(condition.speed_mps / MPH, 1),
+            "front weight (lb)": round(condition.front_weight_kg / LB),
+            "rear weight (lb)": round(condition.rear_weight_kg / LB),
+            **dict(condition.factors),
+            "band now (± g)": round(ranking.before_mps2 / G, 2),
+            "band then (± g)": round(after / G, 2),
+            "gain (%)": round(100 * gain, 1),
+            "extrapolation": "yes" if extrapolated else "no",
+        }
+        for rank, (condition, after, gain, extrapolated) in enumerate(rows, start=1)
+    )
+
+
+def next_tests_table(ranking: NextTests) -> Table:
+    """The ranked tests, with the ranking criterion first."""
+    frame = pd.DataFrame([of_condition(condition) for condition in ranking.conditions]).assign(
+        **{"Rank": range(1, len(ranking.conditions) + 1), "Gain": ranking.gains, "Extrapolation": ranking.extrapolated},
+        **{"Band now": ranking.before_mps2 / G, "Band then": ranking.after_mps2 / G},
+    )
+    v0, *weights = CONDITION
+    columns = (
+        *(Column("Rank", "number", form=".0f"), v0, Column("Gain", "share", "%"), Column("Extrapolation")),
+        *(*weights, *(Column(name.capitalize(), source=name) for name, _ in ranking.conditions[0].factors)),
+        *(Column(name, "spread", "g", ".2f") for name in ("Band now", "Band then")),
+    )
+    return Table("next tests", frame, columns)

@@ -1,0 +1,101 @@
+"""A result as data: what page, terminal, notebook, report and slides show without knowing its kind.
+
+The module of a kind says which sentences, tables, figures and files it has; units are chosen when it is shown.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Generic, NamedTuple, Self, TypeVar
+
+from crashfuse import views
+from crashfuse.campaign import Campaign
+from crashfuse.results.display import Display
+from crashfuse.results.drawing import DrawnFigure
+from crashfuse.results.table import Table
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import Fact, campaign_facts
+from crashfuse.units import UnitSystem, joined
+
+T = TypeVar("T")
+Content = bytes | str | Mapping[str, bytes] | None
+"""Of a file; of a folder's files, by relative path; None: there is no such file."""
+
+
+class Deferred(Mapping[str, T], Generic[T]):
+    """Values by name, in order, each made when it is first asked for."""
+
+    def __init__(self, **makers: Callable[[], T]) -> None:
+        self._makers, self._made = makers, dict[str, T]()
+
+    def __getitem__(self, name: str) -> T:
+        if name not in self._made:
+            self._made[name] = self._makers[name]()
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+
+class Figure(NamedTuple):
+    """A drawing under its title."""
+
+    title: str
+    draw: Callable[[Display], DrawnFigure]
+    is_answer: bool = False  # what was asked, so the first of the slides
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Result:
+    """What a computation came to.
+
+    Parameters
+    ----------
+    kind : str
+        Names its files (:data:`crashfuse.results.files.RESULT_FILES`) and, unless it has another, its ``template``.
+    title : str
+        Its subject; of a part, the heading of its section.
+    command : callable
+        The command line that reproduces it, in units of the reader.
+    answer : tuple of str
+        What was asked, in sentences that come first in every medium.
+    shown : tuple of str
+        Names of the tables that answer, too, in terminal and notebook.
+    sentences, tables, figures, parts, values : mapping
+        All else that its report has, by names in the template; parts are results, values are plain words and numbers.
+    files : mapping
+        Files for programs, in the units of the contract, by name.
+    """
+
+    kind: str
+    title: str
+    campaign: Campaign
+    config: StudyConfig = StudyConfig()
+    command: Callable[[UnitSystem], str] = lambda _: ""
+    held_out: tuple[str, ...] = ()
+    answer: tuple[str, ...] = ()
+    shown: tuple[str, ...] = ()
+    sentences: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    figures: Mapping[str, Figure] = field(default_factory=dict)
+    parts: Mapping[str, tuple[Self, ...]] = field(default_factory=dict)
+    values: Mapping[str, object] = field(default_factory=dict)
+    files: Mapping[str, Callable[[], Content]] = field(default_factory=dict)
+    template: str = ""
+
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        """What has to be known of the data."""
+        return campaign_facts(self.campaign)
+
+    def all_figures(self) -> Iterator[Figure]:
+        """Its figures and those of its parts, these under the titles of both."""
+        yield from self.figures.values()
+        for part in (part for parts in self.parts.values() for part in parts):
+            for figure in part.all_figures():
+                yield figure._replace(title=joined([part.title, figure.title], ": "))
+
+    def _repr_html_(self) -> str:
+        return views.result_html(self)
