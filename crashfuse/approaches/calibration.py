@@ -5,7 +5,6 @@ from dataclasses import astuple, dataclass, replace
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from crashfuse.approaches.base import (
     MOST_TESTS,
@@ -136,7 +135,7 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
     return np.asarray((np.abs(2 * below - 1) <= levels[:, None]).mean(axis=1))
 
 
-def _inside(draws: FloatArray, true: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
     """Whether values lie inside the central interval of draws, shape (n_draws, ...)."""
     lower, upper = central_interval(draws, LEVEL)
     return np.asarray((lower <= true) & (true <= upper))

@@ -77,6 +77,7 @@ def test_predictions_and_their_parts_are_the_textbooks(process: GaussianProcess)
     logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1])
     inverse = np.linalg.inv(Covariance(ALL_KINDS, x, x)(logs) + noise * np.eye(len(y)))
     mean, covariance = process.posterior(new)
+    moments: list[tuple[tuple[Part, ...], FloatArray, FloatArray, FloatArray]]
     moments = [(ALL_KINDS, logs, mean, np.diag(covariance))]
     lengths = np.cumsum([len(part.priors) for part in ALL_KINDS])[:-1]
     for part, own, (mean_of_part, std) in zip(
