@@ -5,13 +5,10 @@ import pytest
 from scipy.stats import multivariate_normal
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
-from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.signals.pulse import FloatArray
-
-pytestmark = pytest.mark.usefixtures("one_thread")
 
 WIDE = LogNormal(1.0, 1.0)
 ONE = Part("one", LogNormal(1.0, 1.0), (((0, LogNormal(0.3, 1.0)), (1, LogNormal(2.0, 1.0))),))
@@ -33,8 +30,7 @@ def deviations(process: GaussianProcess, x: FloatArray) -> FloatArray:
 def process() -> GaussianProcess:
     """Fitted to :func:`rows`, the output in units far from one."""
     x, y = rows()
-    with threadpool_limits(1):
-        return GaussianProcess(ALL_KINDS, NOISE).fit(x, 40 * y)
+    return GaussianProcess(ALL_KINDS, NOISE).fit(x, 40 * y)
 
 
 def new_rows(n: int = 15, seed: int = 5, test: int = -1) -> FloatArray:

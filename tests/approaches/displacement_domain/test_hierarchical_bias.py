@@ -11,8 +11,6 @@ from crashfuse.approaches.displacement_domain.hierarchical_bias import PAST_CRUS
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 S = np.linspace(0, 0.5, 26)
 SHARE = np.sqrt(1 - S / 0.5)
 SHARES = np.linspace(0, 1, 101)

@@ -13,8 +13,6 @@ from crashfuse.execution.progress import Progress
 from crashfuse.signals.pulse import FloatArray
 from tests.conftest import cancelled_after
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 
 def points(bias: FloatArray, k: int) -> BiasPoints:
     """A test's bias at 15 displacements."""
