@@ -109,7 +109,7 @@ def test_summed_up_again_the_parts_give_the_rating_to_the_last_digit(name: str, 
 
 def bumps(*centres_ms: float, height: float = 200.0) -> FloatArray:
     """Braking in humps of 4 ms at these times."""
-    return np.sum([bump(centre_ms, height, 4.0) for centre_ms in centres_ms], axis=0)[:600]
+    return np.asarray(np.sum([bump(centre_ms, height, 4.0) for centre_ms in centres_ms], axis=0)[:600])
 
 
 def test_peaks_are_where_the_humps_are_and_valleys_half_way_between() -> None:
