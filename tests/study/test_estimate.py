@@ -137,7 +137,7 @@ def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign
 def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     condition = campaign.tests[0].condition
     estimate_at(campaign, condition, "displacement_domain")
-    few = replace(DisplacementConfig(), n_draws=20)
+    few = replace(DisplacementConfig.fast(), n_draws=20)
     monkeypatch.setattr(DisplacementConfig, "fast", lambda: few)
     draws = not_none(estimate_at(campaign, condition, "displacement_domain").prediction.draws_mps2)
     assert len(draws) == 20
