@@ -59,7 +59,7 @@ def _predicted(campaign: Campaign, learned_from: str, held_out: tuple[str, ...])
             fold = Fold.of(test, estimates_at(fits, test.condition), (_WINDOW_MS,))
             raw = fold.ratings["cae"][_WINDOW_MS].overall
             for estimate in fold.estimates:
-                draws, rating = estimate.prediction.draws_mps2, fold.ratings[estimate.approach][_WINDOW_MS].overall
+                draws, rating = estimate.draws_mps2, fold.ratings[estimate.approach][_WINDOW_MS].overall
                 inside = None if draws is None else Coverage.of(test, draws).accel
                 row = {"tests": learned_from, "approach": estimate.approach, "rating": rating}
                 rows.append({**row, "change": rating - raw, "inside": inside})

@@ -84,7 +84,7 @@ def _rows(fold: Fold) -> tuple[list[dict[str, object]], list[dict[str, object]]]
         inside = {name: getattr(coverage, key, None) for name, key in (("a(t)", "accel"), ("whole", "whole"))}
         pulses.append({**about, **ratings, "below CAE": fall, **inside})
         for metric in estimate.metrics:
-            truth, drawn = measured[metric.name], estimate.prediction.draws_mps2 is not None
+            truth, drawn = measured[metric.name], estimate.draws_mps2 is not None
             if metric.name not in _METRICS or not metric.value or not np.isfinite(truth) or not drawn:
                 continue
             ends = np.array([metric.lower, metric.upper], dtype=float)

@@ -57,12 +57,12 @@ def _predicted(kind: str, seed: int) -> tuple[list[dict[str, object]], list[dict
                     metrics.append(
                         {**about, "metric": metric.name, **row, "inside": inside, "width": np.ptp(ends) / truth}
                     )
-            bands = estimate.prediction.band(), estimate.prediction.whole_band()
+            bands = estimate.band(), estimate.whole_band()
             insides, widths = [], []
             for lower, upper in filter(None, bands):
                 insides.append(bool(((lower <= accel) & (accel <= upper))[_JUDGED].all()))
                 widths.append(float((upper - lower)[_JUDGED].mean()))
-            overall = rate_iso18571(crash.pulse, Pulse(GRID_S, estimate.prediction.accel_mps2), window_ms=60.0).overall
+            overall = rate_iso18571(crash.pulse, Pulse(GRID_S, estimate.accel_mps2), window_ms=60.0).overall
             row = {"rating": overall, "at each time": insides[0], "whole": insides[1], "wider": widths[1] / widths[0]}
             pulses.append({**about, **row})
     return metrics, pulses

@@ -99,7 +99,7 @@ def _rows(seed: int, approach: str) -> list[dict[str, object]]:
             error = None if value is None else abs(value / truth.loc[i, name] - 1)
             rows.append({"tests": "new", "error": error, "rating": None})
     for test in new[:10]:
-        said = estimate_at(campaign, test.condition, approach).prediction.accel_mps2
+        said = estimate_at(campaign, test.condition, approach).accel_mps2
         rating = rate_windows(test.pulse, Pulse(GRID_S, said), [60.0])[60.0].overall
         rows.append({"tests": "new", "error": None, "rating": rating})
     return rows

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from typing import Unpack
 
     import pandas as pd
-    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +133,7 @@ class Campaign:
         """
         return views.campaign_events(self, window_ms)
 
-    def plot(
+    def draw(
         self,
         figure: str = "tests",
         *,
@@ -143,7 +142,7 @@ class Campaign:
         cfc: float | None = None,
         also: "Sequence[views.Further]" = (),
         **display: "Unpack[views.DisplayOptions]",
-    ) -> "go.Figure":
+    ) -> "views.Drawing":
         """A figure of the pages Data and Compare.
 
         Parameters
@@ -165,11 +164,14 @@ class Campaign:
         """
         return views.campaign_figure(self, figure, tests=tests, held_out=held_out, cfc=cfc, also=also, **display)
 
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
+
     def __repr__(self) -> str:
         return f"<Campaign {self.name!r}: {len(self.tests)} tests, {len(self.cae):,} CAE runs>"
 
     def _repr_html_(self) -> str:
-        return views.campaign_html(self)
+        return views.result_html(views.campaign_result(self))
 
     @cached_property
     def fingerprint(self) -> str:

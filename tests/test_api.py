@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 import pandas as pd
@@ -12,18 +13,16 @@ import pytest
 
 import crashfuse
 from crashfuse import errors
+from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 
 NAMES = """
-Cache Campaign Certification Choices ColumnChoice Condition CrashTest CrashfuseError Criteria DataError Display
-EarlierPrediction Estimate ExpectedRating Fit Fold Kinematics LearningCurve Matrix Metric Neighbour NextTests Note
-OccupantModel PartialCondition PredictedPulse Prediction Preview Problem Pulse PulseExport QualityLimits Rating
-RatingChoices RatingExplanation Recommendation ReportOptions Run SolverCurve SpeedSweep Study StudyConfig UsageError
-VehicleArchive Watch __version__ certify darkened excursions_table explain_files explain_rating figure_table
-humps_table import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict
-prediction_report preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences
-read_notes recommend run_study sample_folder save_model study_report sweep watching with_decided worst_test
-write_campaign write_notes
+Cache Campaign Certification Choices ColumnChoice Condition CrashfuseError Criteria DataError Display EarlierPrediction
+Fit LearningCurve Matrix Note OccupantModel PartialCondition PredictedPulse Problem Pulse PulseExport QualityLimits
+RatingChoices RatingExplanation ReportOptions Run SolverCurve Study StudyConfig UsageError Watch __version__ certify
+explain_rating import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict
+preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences read_notes recommend
+run_study sample_folder save_model study_report sweep watching with_decided worst_test write_campaign write_notes
 """
 
 
@@ -73,10 +72,10 @@ BRAKING = -680.0 * np.sin(np.pi * TIME_S / 0.07) * (TIME_S < 0.07)  # takes 30.3
 PULSE = crashfuse.Pulse(TIME_S, BRAKING)
 
 
-def prediction() -> crashfuse.Prediction:
+def prediction() -> Prediction:
     """A prediction with two draws."""
     condition = crashfuse.Condition(speed_mps=28.0, front_weight_kg=950.0, rear_weight_kg=700.0)
-    return crashfuse.Prediction(condition, BRAKING, np.array([BRAKING, 0.9 * BRAKING]))
+    return Prediction(condition, BRAKING, np.array([BRAKING, 0.9 * BRAKING]))
 
 
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
@@ -149,10 +148,13 @@ def test_one_thing_stands_for_a_series_of_it() -> None:
 UNFIT = (None, object(), "x", 0, -1.0, 1e300, np.nan, np.inf, True, ["x"], {"a": 1}, np.zeros((3, 4)))
 CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which is the one that matters
     **dict.fromkeys(("rate_iso18571", "explain_rating"), ("reference", "comparison", "dt_s", "window_ms")),
-    **dict.fromkeys(("rate_files", "rate_channels", "explain_files"), ("reference", "comparison", "windows_ms")),
-    **dict.fromkeys(("humps_table", "excursions_table", "rating_sentences"), ("explanation",)),
+    **dict.fromkeys(
+        ("rate_files", "rate_channels", "importing.ratings.explain_files"), ("reference", "comparison", "windows_ms")
+    ),
+    **dict.fromkeys(("results.rating_tables.humps_table", "results.rating_tables.excursions_table"), ("explanation",)),
+    "rating_sentences": ("explanation",),
     **dict.fromkeys(("recommend", "study_report"), ("study",)),
-    **dict.fromkeys(("figure_table", "darkened"), ("figure",)),
+    **dict.fromkeys(("results.render.figure_data.figure_table", "results.drawing.darkened"), ("figure",)),
     "rate_pairs": ("table", "windows_ms"),
     "pulse_metrics": ("accel_mps2", "speed_mps", "dt_s", "draws_mps2", "occupant"),
     "load_campaign": ("path",),
@@ -172,7 +174,7 @@ CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which
     "sweep": ("campaign", "condition", "approach", "config"),
     "next_test": ("campaign", "config"),
     "worst_test": ("study", "window_ms", "approach"),
-    "prediction_report": ("prediction",),
+    "results.prediction_report.prediction_report": ("prediction",),
     "Condition": ("speed_mps", "front_weight_kg", "rear_weight_kg", "factors"),
     "Pulse": ("time_s", "accel_mps2"),
     "Matrix": ("ids", "conditions"),
@@ -207,9 +209,9 @@ def test_whatever_is_given_is_taken_or_refused_in_a_sentence(
     }  # fmt: skip
     arguments = CALLS[name]
     given = {argument: sound[argument] for argument in arguments if argument in sound}
-    if name in ("rate_files", "rate_channels", "explain_files"):
+    if name.endswith(("_files", "_channels")):
         given |= dict.fromkeys(("reference", "comparison"), campaign_on_disk / "tests" / "T1.csv")
     for argument in arguments:
         for unfit in UNFIT:
             with suppress(crashfuse.CrashfuseError):
-                getattr(crashfuse, name)(**given | {argument: unfit})
+                resolve_name(f"crashfuse.{name}")(**given | {argument: unfit})

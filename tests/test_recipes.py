@@ -123,7 +123,7 @@ shown["imported"] = printed("import", f"{place}/V7.pulse.json", "--out", f"{plac
 still = np.zeros((3, 1250))
 (metric,) = (m for m in pulse_metrics(still[0], 15.0, draws_mps2=still) if m.name == "crush_20")
 shown["metric"] = [metric.text_with_unit, METRIC_LABELS["crush_20"]]
-figure = jerk(campaign.tests)
+figure = jerk(campaign.tests).figure()
 shown["figure"] = [len(figure.data), round(float(figure.data[0].x.max())), figure.layout.yaxis.title.text]
 os.environ["CRASHFUSE_CAMPAIGN"] = folder
 app = AppTest.from_file("app.py", default_timeout=60).run().switch_page("pages/jerk.py").run()

@@ -82,10 +82,10 @@ def test_the_displacement_domain_is_taught_alone(campaign: Campaign, errs: Float
     taught = replace(few, prior=prior("a", "b", "c", bias=errs))
     names = ("displacement_domain", "fused", "displacement_domain")
     domain, fused, again = (Fit.of(taught, name, run=Run(Cache(tmp_path))) for name in names)
-    together = [estimate.prediction.accel_mps2 for estimate in estimates_at([domain, fused], condition)]
-    np.testing.assert_array_equal(together[1], fused.estimate(condition).prediction.accel_mps2)
-    np.testing.assert_array_equal(together[0], again.estimate(condition).prediction.accel_mps2)
-    without = Fit.of(few, "displacement_domain", run=Run(Cache(tmp_path))).estimate(condition).prediction.accel_mps2
+    together = [estimate.accel_mps2 for estimate in estimates_at([domain, fused], condition)]
+    np.testing.assert_array_equal(together[1], fused.estimate(condition).accel_mps2)
+    np.testing.assert_array_equal(together[0], again.estimate(condition).accel_mps2)
+    without = Fit.of(few, "displacement_domain", run=Run(Cache(tmp_path))).estimate(condition).accel_mps2
     measured = campaign.test("T3").pulse.accel_mps2[: len(without)]
     assert 0.1 < np.abs(together[0] - measured).mean() < np.abs(without - measured).mean()
 

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack
 
 from crashfuse import views
-from crashfuse.approaches.base import holds_whole
 from crashfuse.approaches.mixture import AboutFused
-from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.certification.criteria import WINDOW_MS, Criteria, varied
+from crashfuse.certification.criteria import (
+    COSTS,
+    WINDOW_MS,
+    Criteria,
+    CriteriaGiven,
+    criteria_given,
+    varied,
+    with_costs,
+)
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import Earlier, LaterTests, read_earlier
-from crashfuse.certification.forecasts import SEEDS, Forecast, Forecasts, Query, paired_runs, quantity
-from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
+from crashfuse.certification.forecasts import SEEDS, Plan
+from crashfuse.certification.matrix import Matrix, MatrixGiven, matrix_given
+from crashfuse.certification.track_record import TrackRecord, left_out_tests
 from crashfuse.certification.verdict import (
     WORDS,
     AllMet,
@@ -33,16 +39,15 @@ from crashfuse.certification.verdict import (
     with_reason,
 )
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError, require_a
-from crashfuse.execution.run import Run
+from crashfuse.errors import UsageError, require_a, several
+from crashfuse.execution.run import Run, RunOptions
+from crashfuse.execution.workers import running
 from crashfuse.study.config import StudyConfig, check_window
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import Sentence, probability_text, read_out
 
 if TYPE_CHECKING:
     import pandas as pd
-    import plotly.graph_objects as go
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
@@ -116,7 +121,7 @@ class Certification:
         """Number of verdicts of each kind, one row a criterion."""
         return views.counts_frame(self)
 
-    def plot(self, figure: str = "verdicts", **display: Unpack[views.DisplayOptions]) -> go.Figure:
+    def draw(self, figure: str = "verdicts", **display: Unpack[views.DisplayOptions]) -> views.Drawing:
         """A figure of the page Certify.
 
         Parameters
@@ -126,6 +131,9 @@ class Certification:
             often probabilities came true; where predictions are checked.
         """
         return views.certification_figure(self, figure, **display)
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(self, folder: str | Path, *, notes: Sequence[Note] = (), **display: Unpack[views.DisplayOptions]) -> None:
         """Write what ``crashfuse certify`` writes; with notes in the report."""
@@ -232,6 +240,57 @@ class Certification:
         return max(speeds, key=lambda i: (speeds[i], i)) if len(speeds) > 1 else None
 
 
+def certify(
+    campaign: Campaign,
+    criteria: CriteriaGiven,
+    matrix: MatrixGiven,
+    *,
+    confidence: float | None = None,
+    costs: tuple[float, float] | None = None,
+    robustness: bool = False,
+    approach: str = APPROACH,
+    config: StudyConfig = StudyConfig(),
+    **run: Unpack[RunOptions],
+) -> Certification:
+    """Judge acceptance criteria at every condition of a matrix, and the record of the tests, left out in turn.
+
+    Parameters
+    ----------
+    criteria : path, DataFrame, mapping or sequence of mappings, or Criteria
+        ``criteria.toml``, or its tables, one row each in a frame: name, metric, window_ms, at_least, at_most.
+    matrix : path, DataFrame or Matrix
+        ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
+    confidence : float, optional
+        Of criteria given as mappings or rows; else as the costs ask for, or 0.95.
+    costs : (float, float), optional
+        Of a test and of a wrong answer, in one currency, in place of those of the criteria.
+    robustness : bool
+        Whether to judge without each test, too. It computes all of it again.
+    approach : str
+        Whose predictions are judged.
+    config : StudyConfig
+        Preset, seed and device; its approaches do not matter.
+    **run
+        See :class:`crashfuse.execution.run.RunOptions`.
+
+    Raises
+    ------
+    DataError, UsageError
+        If the criteria or the matrix are wrong, or the campaign cannot be judged by them.
+    """
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
+    require_a(bool, robustness, "robustness=True judges without each test, too")
+    conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
+    if costs is not None and len(several(costs)) != len(COSTS):
+        raise UsageError("Costs are that of a test and that of a wrong answer, such as (60_000, 1_200_000).")
+    limits = limits if costs is None else with_costs(limits, dict(zip(COSTS, costs, strict=True)))
+    config = replace(config, approaches=(approach,))
+    with running(campaign, **run) as started:
+        certification = certify_matrix(campaign, limits, conditions, config, started)
+        return without_each_test(certification, started) if robustness else certification
+
+
 def certify_matrix(
     campaign: Campaign,
     criteria: Criteria,
@@ -254,7 +313,7 @@ def certify_matrix(
     for window in criteria.windows_ms:
         for test in campaign.tests:
             check_window(test, window)
-    plan = _Plan.of(campaign, criteria, matrix, config, run)
+    plan = Plan.of(campaign, criteria, matrix, config, run)
     forecasts, start = plan.forecasts, time.perf_counter()
     at_trials = forecasts.averaged(plan.trials, _LEARN, learn_for=plan.cells)
     with_runs = forecasts.all(plan.with_runs, _WITH_RUNS)
@@ -263,13 +322,13 @@ def certify_matrix(
     seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     domain, tests_run = Domain.of(campaign), matrix.run((test.id, test.condition) for test in campaign.tests)
     left_out, left_out_with_runs = (
-        [*_left_out(campaign, criteria, plan.splits, config.approaches[0], found)]
+        [*left_out_tests(campaign, criteria, plan.splits, config.approaches[0], found)]
         for found in (at_trials, at_trials | with_runs)
     )
 
     def by(criteria: Criteria) -> Certification:
-        record = _record(criteria, left_out)
-        flattered = _record(criteria, left_out_with_runs) if with_runs else None
+        record = TrackRecord.of_tests(criteria, left_out)
+        flattered = TrackRecord.of_tests(criteria, left_out_with_runs) if with_runs else None
         judged = tuple(
             judge(at_cells[cell], at, criteria, domain.outside(at), tests, domain.unshown(at))
             for cell, at, tests in zip(plan.cells, matrix.conditions, tests_run, strict=True)
@@ -310,87 +369,9 @@ def without_each_test(certification: Certification, run: Run) -> Certification:
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig) -> bool:
     """Whether the cache has every forecast that a certification takes."""
     config = replace(config, approaches=config.approaches[:1])
-    plan = _Plan.of(campaign, criteria, matrix, config, Run.of(campaign))
+    plan = Plan.of(campaign, criteria, matrix, config, Run.of(campaign))
     find = plan.forecasts
     return all(map(find.is_known, plan.with_runs)) and find.are_known((*plan.cells, *plan.trials))
-
-
-_Split = tuple[CrashTest, LeftOut, tuple[str, ...]]  # a test, what is left out with it, the ids of all left out
-
-
-class _Plan(NamedTuple):
-    """What is to be predicted: left-out tests as the conditions of the matrix are, so mostly without a paired run."""
-
-    splits: Sequence[_Split]
-    trials: Sequence[Query]
-    with_runs: Sequence[Query]  # those that lack the CAE runs at their tests' conditions, with these
-    cells: Sequence[Query]
-    forecasts: Forecasts
-
-    @classmethod
-    def of(cls, campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, run: Run) -> Self:
-        approach, splits = config.approaches[0], list[_Split]()
-        if len(campaign.tests) > 1:
-            groups = [(test, campaign.speed_group(test.id)) for test in campaign.tests]
-            splits += [(test, "test", (test.id,)) for test in campaign.tests]
-            splits += [(test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)]
-        all_have_runs = all(campaign.cae.paired_run(condition) is not None for condition in matrix.conditions)
-        trials = [
-            Query(held_out, name, test.condition, with_runs=all_have_runs or not paired_runs(campaign, held_out))
-            for test, _, held_out in splits
-            for name in dict.fromkeys((approach, BASELINE))
-        ]
-        with_runs = [trial._replace(with_runs=True) for trial in trials if not trial.with_runs]
-        cells = [Query((), approach, condition, with_runs=True) for condition in matrix.conditions]
-        # networks, which all trials share, are trained on none of the runs that one of these lacks
-        tests = sorted({test for trial in with_runs for test in trial.held_out})
-        if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
-            campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
-        forecasts = Forecasts(campaign, criteria.windows_ms, config, run)
-        return cls(splits, trials, with_runs, cells, forecasts)
-
-
-class _LeftOut(NamedTuple):
-    test: CrashTest
-    way: LeftOut
-    forecast: Forecast
-    cae: Forecast
-    outside: tuple[str, ...]
-    unshown: tuple[str, ...]
-    measured: dict[str, float | None]  # by :func:`quantity`
-    whole: bool | None  # whether its pulse lies in the band of whole pulses; None if there is none, or it counts once
-
-
-def _left_out(
-    campaign: Campaign,
-    criteria: Criteria,
-    splits: Sequence[_Split],
-    approach: str,
-    forecasts: Mapping[Query, Forecast],
-) -> Iterator[_LeftOut]:
-    by_key = {(asked.held_out, asked.approach, asked.condition): own for asked, own in forecasts.items()}
-    for test, way, held_out in splits:
-        domain = Domain.of(campaign.without(held_out), for_record=True)
-        outside = domain.exceeded_by(test.condition), domain.unshown(test.condition)
-        own, cae = (by_key[held_out, name, test.condition] for name in (approach, BASELINE))
-        measured = {quantity(limit): own.measured(limit, test, campaign.occupant) for limit in criteria.items}
-        whole = None
-        band = own.whole_mps2.mean(axis=0)
-        if len(band) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
-            whole = holds_whole((band[0], band[1]), test.pulse.accel_mps2)
-        yield _LeftOut(test, way, own, cae, *outside, measured, whole)
-
-
-def _record(criteria: Criteria, left_out: Sequence[_LeftOut]) -> TrackRecord:
-    trials, tuned = list[Trial](), list[Trial]()
-    for test, way, forecast, cae, outside, unshown, measured, _ in left_out:
-        for verdict in judge(forecast, test.condition, criteria, outside, unshown=unshown):
-            criterion = verdict.criterion
-            (raw,) = (cae.chances(criterion) if criterion.window_ms is None else ()) or (None,)
-            if (value := measured[quantity(criterion)]) is not None:
-                (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, value, raw))
-    whole = tuple((own.way, own.whole) for own in left_out if own.whole is not None)
-    return TrackRecord(tuple(trials), whole=whole, tuned=tuple(tuned))
 
 
 def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord) -> Rows:

@@ -4,14 +4,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import lru_cache, partial
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from crashfuse.approaches.metric_calibration import Distribution, mean_quantiles, metric_distributions
+from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria import RATING, Criterion
+from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Code, Entry, numbers
@@ -145,27 +147,27 @@ class Forecaster:
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
         (estimate,) = estimates_at([self.fit], condition, with_state=False)
-        prediction, drawn, occupant = estimate.prediction, estimate.drawn, estimate.occupant
+        drawn, apart = estimate.drawn, estimate.apart
         found = metric_distributions(drawn, self.fit.metric_errors)
         known = {name: None if own is None else own.median for name, own in found.items()}
         unknown = [name for name, own in found.items() if own is None]
-        of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant, names=unknown)
+        of_pulse = metric_values(estimate.accel_mps2, condition.speed_mps, occupant=estimate.occupant, names=unknown)
         known |= {name: float(value) for name, value in of_pulse.items() if np.isfinite(value)}
         away = np.abs(self.speeds_mps - condition.speed_mps)
-        agreements, here = np.array(list(self.fit.agreements.values())), prediction.agreement
+        agreements, here = np.array(list(self.fit.agreements.values())), estimate.agreement
         for window, ratings in self.rated.items():
             rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
             name = f"{RATING} {window:g}"
             found[name], known[name] = rating, None if rating is None else rating.median
-        ways = () if (apart := prediction.apart) is None else (~apart, apart)
+        ways = () if apart is None else (~apart, apart)
         by_way = [{name: values[way] for name, values in drawn.items()} for way in ways]
         folds = [metric_distributions(values, self.fit.metric_errors) for values in by_way] or [{}, {}]
         arrays = {
-            "accel_mps2": prediction.accel_mps2,
+            "accel_mps2": estimate.accel_mps2,
             "values": np.array([np.nan if known[name] is None else known[name] for name in found], dtype=np.float64),
             "distributions": _rows(found, found),
             "ranks": _ranks(np.array(list(drawn.values()))),
-            "whole_mps2": np.array(prediction.whole_band() or np.empty((0, N_SAMPLES))),
+            "whole_mps2": np.array(estimate.whole_band() or np.empty((0, N_SAMPLES))),
             "folds": np.array([_rows(fold, found) for fold in folds]),
             "apart_share": np.array(0.0 if apart is None else apart.mean()),
         }
@@ -318,3 +320,40 @@ def _key(training: Campaign, asked: Query, config: StudyConfig, windows_ms: tupl
     fit = _by(config, asked.seed).create(asked.approach).identity
     own = {"campaign": training.fingerprint, "condition": asked.condition, "windows_ms": windows_ms}
     return {**fit, **own, "code": Code(__name__)}
+
+
+Split = tuple[CrashTest, Literal["test", "speed group"], tuple[str, ...]]
+"""A test, what is left out with it, the ids of all left out."""
+
+
+class Plan(NamedTuple):
+    """What is to be predicted: left-out tests as the conditions of the matrix are, so mostly without a paired run."""
+
+    splits: Sequence[Split]
+    trials: Sequence[Query]
+    with_runs: Sequence[Query]  # those that lack the CAE runs at their tests' conditions, with these
+    cells: Sequence[Query]
+    forecasts: Forecasts
+
+    @classmethod
+    def of(cls, campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, run: Run) -> Self:
+        """The plan of a certification by the first approach of the config."""
+        approach, splits = config.approaches[0], list[Split]()
+        if len(campaign.tests) > 1:
+            groups = [(test, campaign.speed_group(test.id)) for test in campaign.tests]
+            splits += [(test, "test", (test.id,)) for test in campaign.tests]
+            splits += [(test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)]
+        all_have_runs = all(campaign.cae.paired_run(condition) is not None for condition in matrix.conditions)
+        trials = [
+            Query(held_out, name, test.condition, with_runs=all_have_runs or not paired_runs(campaign, held_out))
+            for test, _, held_out in splits
+            for name in dict.fromkeys((approach, BASELINE))
+        ]
+        with_runs = [trial._replace(with_runs=True) for trial in trials if not trial.with_runs]
+        cells = [Query((), approach, condition, with_runs=True) for condition in matrix.conditions]
+        # networks, which all trials share, are trained on none of the runs that one of these lacks
+        tests = sorted({test for trial in with_runs for test in trial.held_out})
+        if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
+            campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
+        forecasts = Forecasts(campaign, criteria.windows_ms, config, run)
+        return cls(splits, trials, with_runs, cells, forecasts)

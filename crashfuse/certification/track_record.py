@@ -1,17 +1,22 @@
 """The track record: the verdicts that left-out tests got from the others alone, compared with what was measured."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from scipy.special import betainc, betaincinv
 
+from crashfuse.approaches.base import holds_whole
+from crashfuse.approaches.registry import BASELINE
+from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.forecasts import quantity
-from crashfuse.certification.verdict import WORDS, Verdict, needs_no_test, reaches
+from crashfuse.certification.domain import Domain
+from crashfuse.certification.forecasts import Forecast, Query, Split, quantity
+from crashfuse.certification.verdict import WORDS, Verdict, judge, needs_no_test, reaches
+from crashfuse.crash_test import CrashTest
 from crashfuse.units import counted, probability_text
 
 _LEVEL = 0.95
@@ -222,6 +227,40 @@ class Bin:
         return self.lower <= self.probability <= self.upper
 
 
+class LeftOutTest(NamedTuple):
+    """A test that was left out, what was forecast of it, and what it showed."""
+
+    test: CrashTest
+    way: LeftOut
+    forecast: Forecast
+    cae: Forecast
+    outside: tuple[str, ...]
+    unshown: tuple[str, ...]
+    measured: dict[str, float | None]  # by :func:`quantity`
+    whole: bool | None  # whether its pulse lies in the band of whole pulses; None if there is none, or it counts once
+
+
+def left_out_tests(
+    campaign: Campaign,
+    criteria: Criteria,
+    splits: Sequence[Split],
+    approach: str,
+    forecasts: Mapping[Query, Forecast],
+) -> Iterator[LeftOutTest]:
+    """The tests as they were left out, each way, with their forecasts by an approach and by the raw CAE model."""
+    by_key = {(asked.held_out, asked.approach, asked.condition): own for asked, own in forecasts.items()}
+    for test, way, held_out in splits:
+        domain = Domain.of(campaign.without(held_out), for_record=True)
+        outside = domain.exceeded_by(test.condition), domain.unshown(test.condition)
+        own, cae = (by_key[held_out, name, test.condition] for name in (approach, BASELINE))
+        measured = {quantity(limit): own.measured(limit, test, campaign.occupant) for limit in criteria.items}
+        whole = None
+        band = own.whole_mps2.mean(axis=0)
+        if len(band) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
+            whole = holds_whole((band[0], band[1]), test.pulse.accel_mps2)
+        yield LeftOutTest(test, way, own, cae, *outside, measured, whole)
+
+
 @dataclass(frozen=True, eq=False)
 class TrackRecord:
     """All trials of a campaign. Groups of a single test, whose verdict is the test's own, count once."""
@@ -233,6 +272,19 @@ class TrackRecord:
     """Whether left-out tests lie inside their bands of whole pulses, where there are any."""
     tuned: tuple[Trial, ...] = ()
     """Of tests that the CAE model was tuned to; they support nothing and count nowhere."""
+
+    @classmethod
+    def of_tests(cls, criteria: Criteria, left_out: Sequence[LeftOutTest]) -> Self:
+        """The verdicts on left-out tests, with what they showed."""
+        trials, tuned = list[Trial](), list[Trial]()
+        for test, way, forecast, cae, outside, unshown, measured, _ in left_out:
+            for verdict in judge(forecast, test.condition, criteria, outside, unshown=unshown):
+                criterion = verdict.criterion
+                (raw,) = (cae.chances(criterion) if criterion.window_ms is None else ()) or (None,)
+                if (value := measured[quantity(criterion)]) is not None:
+                    (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, value, raw))
+        whole = tuple((own.way, own.whole) for own in left_out if own.whole is not None)
+        return cls(tuple(trials), whole=whole, tuned=tuple(tuned))
 
     def __repr__(self) -> str:
         decided, wrong = self.decided

@@ -9,6 +9,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import read_notes
 from crashfuse.certification import file_store, seal
 from crashfuse.certification.certify import APPROACH, Certification
+from crashfuse.certification.certify import certify as certify_campaign
 from crashfuse.certification.criteria import read_criteria
 from crashfuse.certification.earlier import FILE, read_earlier
 from crashfuse.certification.matrix import Matrix
@@ -16,12 +17,12 @@ from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
 from crashfuse.cli.output import opened, say_facts, say_written, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
-from crashfuse.results import verdicts
 from crashfuse.results.certification_facts import sentences
 from crashfuse.results.certification_tables import SHOWN
 from crashfuse.results.display import Display
 from crashfuse.results.files import replaced
 from crashfuse.results.training_progress import watching
+from crashfuse.results.verdicts import planned
 
 _MOST = 40  # planned tests that are printed
 
@@ -42,7 +43,7 @@ def certify(arguments: argparse.Namespace) -> None:
         earlier.require_of(campaign)  # or another vehicle's would be told only once all is computed
     matrix = _matrix(arguments, campaign)
     with watching() as watch:
-        judged = verdicts.certify(
+        judged = certify_campaign(
             campaign, criteria, matrix, costs=arguments.costs, robustness=arguments.robustness,
             approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
@@ -71,7 +72,7 @@ def certify(arguments: argparse.Namespace) -> None:
 
 
 def _print_planned(certification: Certification, display: Display) -> None:
-    rows = verdicts.planned(certification)
+    rows = planned(certification)
     width = max(len(row.id) for row in rows[:_MOST])
     for row in rows[:_MOST]:
         speed, why = display.speed(row.condition.speed_mps), display.words(row.why)

@@ -13,7 +13,6 @@ from crashfuse.cli import output
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.errors import UsageError
 from crashfuse.execution.run import Run
-from crashfuse.results import predicted
 from crashfuse.results.files import replaced, write_files, write_pulses, write_result
 from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.training_progress import watching
@@ -29,6 +28,7 @@ from crashfuse.study.planning import (
     sweep_speed,
     usual_speeds,
 )
+from crashfuse.study.prediction import predict as predict_pulse
 from crashfuse.study.saved_models import load_model, model_file, save_model
 
 
@@ -66,7 +66,7 @@ def predict(arguments: argparse.Namespace) -> None:
     export = output.pulse_export(arguments)
     campaign, display = output.opened(arguments, "prediction")
     condition = condition_of(arguments, campaign, arguments.speed_mps)
-    prediction = predicted.predict(campaign, condition, _fits(arguments, campaign))
+    prediction = predict_pulse(campaign, condition, _fits(arguments, campaign))
     prediction.write(arguments.out, export=export, report=arguments.report, display=display)
     keep(PastResult.of_prediction(campaign, prediction.estimates, prediction.config))
     metrics = prediction.metrics

@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Self, TypeVar
+from typing import Self, TypedDict, TypeVar
 
 import numpy.typing as npt
 from threadpoolctl import ThreadpoolController, threadpool_limits
@@ -38,6 +38,27 @@ class Workers:
     def completed(self, work: "Work[T, R]", campaign: Campaign, tasks: Sequence[T], run: "Run") -> Generator[list[R]]:
         """Yield the results of each task once it is done, in any order; occasionally an empty list."""
         yield from (work(campaign, task, run) for task in tasks)
+
+
+class RunOptions(TypedDict, total=False):
+    """How a computation is to run, which changes no number; whatever asks for one takes these keywords.
+
+    Attributes
+    ----------
+    cache : Cache, optional
+        Keeps what is finished: an interrupted computation continues where it stopped. By default the campaign's.
+    watch : Watch, optional
+        Hears of the progress, and cancels. That of a study is shown what is known each time that more is.
+    workers : int, optional
+        Number of processes; default one per core.
+    scheduler : str, optional
+        Address of a Dask scheduler (``tcp://host:port``), whose workers then compute.
+    """
+
+    cache: Cache | None
+    watch: Watch
+    workers: int | None
+    scheduler: str | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from numbers import Integral
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, Unpack
 
 import joblib
 from joblib.executor import get_memmapping_executor
@@ -31,8 +31,8 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 from crashfuse.campaign import Campaign
 from crashfuse.errors import CrashfuseError, UsageError, printable
 from crashfuse.execution.cache import Cache, resume
-from crashfuse.execution.progress import Watch
-from crashfuse.execution.run import Run, Work, Workers, give_back, share_one_heap
+from crashfuse.execution.progress import SILENT
+from crashfuse.execution.run import Run, RunOptions, Work, Workers, give_back, share_one_heap
 from crashfuse.version import versions
 
 log = logging.getLogger(__name__)
@@ -168,13 +168,12 @@ def _end_with(parent: int) -> None:
 
 
 @contextmanager
-def running(
-    campaign: Campaign, cache: Cache | None, watch: Watch, workers: int | None, scheduler: str | None = None
-) -> Iterator[Run]:
+def running(campaign: Campaign, **options: Unpack[RunOptions]) -> Iterator[Run]:
     """Run on a Dask cluster if a scheduler is given, else in processes on this machine."""
+    workers, scheduler = options.get("workers"), options.get("scheduler")
     if workers is not None and not (isinstance(workers, Integral) and workers >= 1):
         raise UsageError(f"The number of workers is 1 or more, not {printable(repr(workers), 20)}.")
-    run = Run.of(campaign, cache, watch)
+    run = Run.of(campaign, options.get("cache"), options.get("watch", SILENT))
     if scheduler is None:
         yield replace(run, workers=Local(workers))
     else:

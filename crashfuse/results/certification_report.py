@@ -3,8 +3,6 @@
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 
-import plotly.graph_objects as go
-
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.verdict import WORDS
@@ -12,6 +10,7 @@ from crashfuse.results.certification_facts import PLACES, exceptions, sentences
 from crashfuse.results.certification_tables import SHOWN
 from crashfuse.results.credibility import credibility_table
 from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.results.provenance import certify_command
 from crashfuse.results.render.figure_files import Report
@@ -74,7 +73,7 @@ def certification_report(
     )
 
 
-def _matrix_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:
+def _matrix_figures(certification: Certification, display: Display) -> Iterator[Drawing]:
     """The matrix in parts, slow before fast; if it would take too many, as a single figure of colours."""
     n = len(certification.matrix.ids)
     size = _CONDITIONS if n <= _CONDITIONS else _CONDITIONS_OF_MANY

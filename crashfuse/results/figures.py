@@ -15,21 +15,21 @@ from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, printable, require_a, several
 from crashfuse.execution.run import Run
 from crashfuse.results.display import Display, DisplayOptions
-from crashfuse.results.drawing import DrawnFigure
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots import displacement, learning, pulses, ratings
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.curves import LegendName, add_marks, curve_line
 from crashfuse.results.plots.palette import added_test_line
-from crashfuse.signals.pulse import Pulse
 from crashfuse.study.config import StudyConfig, require_rated
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
 
 T = TypeVar("T")
-Draw = Callable[[], DrawnFigure]
+Draw = Callable[[], Drawing]
 
 RUN = "cae:"  # may stand before the id of a CAE run, and must where a test has the same id
 ONE_PROCESS = "The paper's bias model is one Gaussian process; only the fast settings split it into parts."
@@ -96,38 +96,36 @@ def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What a figure of pulses shows: the measured one, if any, and estimates by approach, then whatever is beside."""
+    """What a figure of pulses shows: a test, if any, and estimates by approach, then whatever is beside."""
 
-    measured: Pulse | None
-    shown: Mapping[str, Estimate | Prediction]
-    condition: Condition
+    test: CrashTest | None
+    shown: Mapping[str, Prediction]
     band: str | None = None  # the approach whose band is filled, by default the preferred one
 
     @property
     def predictions(self) -> dict[str, Prediction]:
         """The pulses by their names."""
-        return pulses_of(self.shown)
+        return dict(self.shown)
 
-    def draw(self, figure: str, display: Display) -> DrawnFigure:
+    def draw(self, figure: str, display: Display) -> Drawing:
         """The figure of this name; a UsageError if there is none."""
         return one_of("figure of pulses", figure, self.figures(display))()
 
     def figures(self, display: Display) -> dict[str, Draw]:
         """What draws each of its figures."""
-        both, speed_mps = (self.measured, self.predictions), self.condition.speed_mps
-        filled, mass_kg = self.band, self.condition.mass_kg
+        both, filled = (self.test, self.predictions), self.band
 
-        def over_displacement() -> DrawnFigure:
+        def over_displacement() -> Drawing:
             metrics = {name: own.metrics for name, own in self.shown.items() if isinstance(own, Estimate)}
             crush = {name: m for name, own in metrics.items() for m in own if m.name == "max_crush"}
-            return displacement.over_displacement(*both, speed_mps, display, filled=filled, crush=crush)
+            return displacement.over_displacement(*both, display, filled=filled, crush=crush)
 
         return {
-            "motion": lambda: pulses.motion(*both, speed_mps, display, filled=filled),
+            "motion": lambda: pulses.motion(*both, display, filled=filled),
             "acceleration": lambda: pulses.overlay(*both, display, filled=filled),
             "displacement": over_displacement,
-            "energy": lambda: displacement.energy_over_crush(*both, speed_mps, mass_kg, filled=filled),
-            "integration": lambda: displacement.integration_check(*both, speed_mps),
+            "energy": lambda: displacement.energy_over_crush(*both, filled=filled),
+            "integration": lambda: displacement.integration_check(*both),
         }
 
 
@@ -140,15 +138,15 @@ def campaign_figure(
     cfc: float | None,
     also: Sequence[Further],
     **options: Unpack[DisplayOptions],
-) -> DrawnFigure:
+) -> Drawing:
     """A figure of a campaign, see :meth:`Campaign.plot`."""
     display = Display.of(campaign.units, **options)
     shown = [campaign.test(test) for test in several(tests) or campaign.test_ids]
-    further = pulses_of(beside(campaign, also, display))
+    further = beside(campaign, also, display)
     of_all: dict[str, Any] = {"speeds_mps": _speeds(campaign), "display": display}
     marked: dict[str, Any] = {"highlight": held_out, **of_all}
 
-    def bias() -> DrawnFigure:
+    def bias() -> Drawing:
         model = CaeModel().fit(campaign.cae, Run.of(campaign))
         return displacement.bias_by_speed(shown, [measured_bias(test, model) for test in shown], **marked)
 
@@ -170,9 +168,7 @@ def campaign_figure(
     return draw()
 
 
-def overview(
-    study: Study, figure: str, approaches: Sequence[str] | None, **options: Unpack[DisplayOptions]
-) -> DrawnFigure:
+def overview(study: Study, figure: str, approaches: Sequence[str] | None, **options: Unpack[DisplayOptions]) -> Drawing:
     """A figure of all held-out tests, see :meth:`Study.plot`."""
     names = chosen({name: name for fold in study.folds for name in fold.ratings}, approaches)
     window_ms = _rated(study, _display(study, options))
@@ -180,20 +176,20 @@ def overview(
     def asked(by_approach: Mapping[str, T]) -> dict[str, T]:
         return {name: by_approach[name] for name in by_approach if name in names}
 
-    def heatmap() -> DrawnFigure:
+    def heatmap() -> Drawing:
         overall = {
             fold.held_out: {name: rated[window_ms].overall for name, rated in asked(fold.ratings).items()}
             for fold in study.folds
         }
         return ratings.rating_heatmap(overall, study.repeats(window_ms))
 
-    def spread() -> DrawnFigure:
+    def spread() -> Drawing:
         drawn = {test: asked(by_approach) for test, by_approach in study.rating_spread(window_ms).items()}
         if not any(drawn.values()):
             raise UsageError("None of these approaches has a band to draw pulses from.")
         return ratings.rating_spread(drawn, study.repeats(window_ms))
 
-    def calibration() -> DrawnFigure:
+    def calibration() -> Drawing:
         return ratings.calibration_curves(LEVELS, asked(study.reliability))
 
     figures: dict[str, Draw] = {"ratings": heatmap, "draws": spread, "calibration": calibration}
@@ -212,7 +208,7 @@ def figure_of_test(
     corridors: bool,
     notes: Sequence[Note],
     **options: Unpack[DisplayOptions],
-) -> DrawnFigure:
+) -> Drawing:
     """A figure of one held-out test, see :meth:`Study.plot`."""
     require_a(bool, measured, "measured=False leaves the test out")
     require_a(bool, corridors, "corridors=True shades them")
@@ -221,21 +217,21 @@ def figure_of_test(
     fold, display = study.fold(held_out), _display(study, options)
     estimates = chosen({estimate.approach: estimate for estimate in fold.estimates}, approaches, band)
     further = beside(study.campaign, also, display)
-    pulse = fold.test.pulse if measured else None
-    curves = Curves(pulse, estimates | other_fold(estimates, band) | further, fold.test.condition, band)
+    test = fold.test if measured else None
+    curves = Curves(test, estimates | other_fold(estimates, band) | further, band)
 
-    def scores() -> DrawnFigure:
+    def scores() -> Drawing:
         window_ms = _rated(study, display)
         return ratings.rating_parts({name: fold.ratings[name][window_ms] for name in estimates})
 
-    def rating() -> DrawnFigure:
+    def rating() -> Drawing:
         name = by_preference(estimates)[0]
         explanation = fold.explained(name, _rated(study, display))
-        return ratings.rated_curves(explanation, name, display, pulses_of(further))
+        return ratings.rated_curves(explanation, name, display, further)
 
     figures: dict[str, Draw] = {
         **curves.figures(display),
-        "residuals": lambda: pulses.residuals(fold.test.pulse, curves.predictions, display, filled=band),
+        "residuals": lambda: pulses.residuals(fold.test, curves.predictions, display, filled=band),
         "scores": scores,
         "rating": rating,
         "bias parts": lambda: _bias_parts(study, fold, display, measured=measured),
@@ -247,11 +243,12 @@ def figure_of_test(
     draw = one_of("figure of a held-out test", figure, figures)
     if corridors and figure not in _ACCELERATIONS:
         raise UsageError(f"Corridors stand in the figures {' and '.join(_ACCELERATIONS)}, not in {figure}.")
-    drawn = draw()
+    drawing = draw()
     if corridors:
-        drawn = pulses.add_corridors(drawn, fold.test.pulse, display)
-    is_over_time = figure in (*_ACCELERATIONS, "residuals")
-    return add_marks(drawn, [note for note in notes if note.test == held_out]) if is_over_time else drawn
+        pulses.add_corridors(drawing, fold.test.pulse, display)
+    if figure in (*_ACCELERATIONS, "residuals"):
+        add_marks(drawing, [note for note in notes if note.test == held_out])
+    return drawing
 
 
 def _display(study: Study, options: DisplayOptions) -> Display:
@@ -263,7 +260,7 @@ def _rated(study: Study, display: Display) -> float:
     return display.window_ms
 
 
-def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -> DrawnFigure:
+def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -> Drawing:
     config, test = study.config, fold.test
     if config.preset == "paper":
         raise UsageError(ONE_PROCESS)
@@ -281,13 +278,13 @@ def _state(estimates: Mapping[str, Estimate], *keys: str) -> dict[str, Any]:
     raise UsageError(f"None of these approaches trained a network like that: {', '.join(estimates)}.")
 
 
-def _fine_tuning(state: dict[str, Any]) -> DrawnFigure:
+def _fine_tuning(state: dict[str, Any]) -> Drawing:
     if "tuning_curve" in state:
         return _losses(state["tuning_curve"], "Loss", "Step")
     return learning.tuning_strength(state["rmse"], state["left_out_rmse"], str(state["penalty"]))
 
 
-def _losses(curve: dict[str, list[float]], value: str, step: str) -> DrawnFigure:
+def _losses(curve: dict[str, list[float]], value: str, step: str) -> Drawing:
     steps = [int(number) for number in curve["epoch"]]
     losses = {name.replace("_", " "): list(zip(steps, curve[name], strict=True)) for name in curve if name != "epoch"}
     return learning.learning_curves(losses, value=value, step=step, total=steps[-1])
@@ -301,7 +298,7 @@ def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str |
     return {name: one_of("prediction by", name, known) for name in names}
 
 
-def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Estimate | Prediction]:
+def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Prediction]:
     """Further pulses by their names in the legend; a UsageError if there is no such test or CAE run."""
     return dict(_further(campaign, asked, display) for asked in several(also))
 
@@ -309,17 +306,12 @@ def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dic
 def other_fold(estimates: Mapping[str, Estimate], band: str | None) -> dict[str, Prediction]:
     """The pulse by the approach whose band is filled, if a test folds as one that stands apart near it, by its name."""
     approach = next(iter([band] if band in estimates else by_preference(estimates)), None) or ""
-    prediction = estimates[approach].prediction if approach else None
+    prediction = estimates[approach] if approach else None
     if prediction is None or not prediction.folds_mps2:
         return {}
     name = f"{LABELS[approach]} if it folds as {prediction.apart_as}"
     line, (_, accel) = {**curve_line(approach), "dash": _FOLDED}, prediction.folds_mps2
     return {LegendName.of(name, line): Prediction(prediction.condition, accel)}
-
-
-def pulses_of(shown: Mapping[str, Estimate | Prediction]) -> dict[str, Prediction]:
-    """What estimates predict; other pulses as they are."""
-    return {name: own.prediction if isinstance(own, Estimate) else own for name, own in shown.items()}
 
 
 def pulse_name(of: str, condition: Condition, display: Display) -> str:
@@ -333,7 +325,7 @@ def prediction_name(approach: str, condition: Condition, display: Display) -> st
     return f"{LABELS[approach]} at {display.words(condition.brief)}"
 
 
-def _further(campaign: Campaign, asked: Further, display: Display) -> tuple[str, Estimate | Prediction]:
+def _further(campaign: Campaign, asked: Further, display: Display) -> tuple[str, Prediction]:
     if not isinstance(asked, str):
         if not hasattr(asked, "curve"):
             raise UsageError(f"Shown beside are ids and predictions, not {printable(repr(asked), 60)}.")

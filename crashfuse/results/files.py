@@ -98,7 +98,7 @@ def replaced(kind: str, folder: Path) -> Iterator[Path]:
 
 def write_pulses(campaign: Campaign, folder: Path, export: PulseExport, estimates: Sequence[Estimate]) -> None:
     """Write the pulses at one speed of a sweep for an occupant model, into a folder by format and speed."""
-    speed = estimates[0].prediction.condition.speed_name
+    speed = estimates[0].condition.speed_name
     for name, files in export.files(campaign, estimates).items():
         for path, content in files.items():
             write_atomically(folder / name / speed / path, content)

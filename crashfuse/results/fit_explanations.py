@@ -43,15 +43,24 @@ _FIT = (
 )
 
 
+_LENGTHS = (  # of the bias model, by part: of what, in which unit, and in which readers have it
+    ("by speed", "v0", "m/s", "mph"),
+    ("by weight", "front weight", "kg", "lb"),
+    ("by weight", "rear weight", "kg", "lb"),
+    ("stop by speed", "v0", "m/s", "mph"),
+)
+_WITH_UNIT = {f"{part}, length in {of} in {si}": (f"{part}, length in {of}", unit) for part, of, si, unit in _LENGTHS}
+
+
 def fit_table(approach: str, state: Mapping[str, Any]) -> Table:
     """Hyperparameters of a bias model and their uncertainty; empty for an approach without any."""
     spread, touched, rows = state.get("spread_factors", {}), state.get("touched_bounds", []), []
     for name, value in state.get("hyperparameters", {}).items():
-        quantity, _, si = name.rpartition(" in ")
-        unit = {"m/s": "mph", "kg": "lb"}.get(si, "")
-        row = {"name": name, "value": value, "spread": spread.get(name), "touched": name in touched, "unit": unit}
-        if unit:
-            row |= {"name": Sentence("{} in {}", quantity, Quantity((), unit)), "value": value / IN_SI[unit]}
+        row = {"name": name, "value": value, "spread": spread.get(name), "touched": name in touched, "unit": ""}
+        if name in _WITH_UNIT:
+            quantity, unit = _WITH_UNIT[name]
+            shown = Sentence("{} in {}", quantity, Quantity((), unit))
+            row |= {"name": shown, "value": value / IN_SI[unit], "unit": unit}
         rows.append(row)
     return Table(f"fit of {approach}", frame_of(rows), _FIT)
 
@@ -104,7 +113,7 @@ def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
     """Each note once, with the labels of the approaches it applies to."""
     makers: dict[str, list[str]] = {}
     for estimate in estimates:
-        for note in estimate.prediction.notes:
+        for note in estimate.notes:
             makers.setdefault(note, []).append(LABELS[estimate.approach])
     return makers
 

@@ -1,15 +1,17 @@
 """Reports on untested conditions: a prediction, a sweep over speed, a ranking of the tests to run next."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.errors import one_of, require_a
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.predicted import PredictedPulse, by_one, cautions, side_by_side
+from crashfuse.results.predicted import cautions, side_by_side
 from crashfuse.results.provenance import prediction_command
 from crashfuse.results.render.figure_files import Report
 from crashfuse.results.render.html import ReportForm, details, render
+from crashfuse.study.prediction import PredictedPulse, by_one
 
 _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
@@ -30,6 +32,7 @@ def prediction_report(
     commands = [
         prediction_command(own.campaign, own.condition, own.config, display.system) for own in (prediction, *beside)
     ]
+    learned: dict[str, Any] = {"bias": campaign.draw("bias", display=display)} if whole else {}
     return render(
         "prediction" if whole else "short_prediction",
         f"prediction at {display.condition(condition)}",
@@ -40,11 +43,11 @@ def prediction_report(
         condition=condition,
         verdict=advice.sentences,
         nearest=nearest_sentences(campaign, condition),
-        motion=prediction.plot(display=display),
-        over_displacement=prediction.plot("displacement", display=display),
+        motion=prediction.draw(display=display),
+        over_displacement=prediction.draw("displacement", display=display),
         beside=beside and _beside([prediction, *beside], advice.approach, display),
         about=details(campaign, prediction.estimates, said=advice.sentences),
-        **({"bias": campaign.plot("bias", display=display)} if whole else {}),
+        **learned,
     )
 
 
@@ -52,7 +55,7 @@ def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Displ
     first, *others = by_one(approach, predictions)
     return {
         "approach": LABELS[approach],
-        "motion": first.plot(also=others, display=display),  # in the colours of the page
+        "motion": first.draw(also=others, display=display),  # in the colours of the page
         "metrics": [
             side_by_side([first, *others[start : start + _ABREAST]], display)
             for start in range(0, len(others), _ABREAST)

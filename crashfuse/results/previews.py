@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack, get_args
 
-import plotly.graph_objects as go
-
+from crashfuse import views
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem, as_path, one_of, require_a
 from crashfuse.importing import ColumnChoice, Reading, Settled, read_records, settle_each
@@ -14,6 +13,7 @@ from crashfuse.importing.detection import Choices
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import Travel
 from crashfuse.results.display import Display, DisplayOptions
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.pulses import imported_pulse
 from crashfuse.results.render.notebook import card
 from crashfuse.results.table import Column, Table
@@ -29,12 +29,15 @@ class Preview:
     settled: Settled | None  # with every step from the record to it; None if there are problems
     problems: tuple[Problem, ...] = ()  # what has to be given or corrected first
 
-    def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
+    def draw(self, **display: Unpack[DisplayOptions]) -> Drawing:
         """The pulse over its channels; with problems the channels alone, as they are in the file."""
         known = {channel.name: channel for channel in self.record.channels}
         names = self.settled.channels if self.settled is not None else self.choices.channels or self.record.proposed
         channels = [known[name] for name in names if name in known] or self.record.channels
         return imported_pulse(channels, self.settled, Display.of(**display))
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def __repr__(self) -> str:
         n = len(self.problems)

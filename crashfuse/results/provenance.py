@@ -13,12 +13,12 @@ from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.forecasts import SEEDS
 from crashfuse.condition import Condition
-from crashfuse.results.predicted import PredictedPulse
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without, study_facts
 from crashfuse.study.study import Study
 from crashfuse.units import MASS, MPH_LB, SPEED, SYSTEMS, UnitSystem, read_out
@@ -239,6 +239,6 @@ def _fit_record(estimate: Estimate) -> dict[str, object]:
     return {
         "approach": estimate.approach,
         "seconds": round(estimate.seconds, 3),
-        "notes": list(estimate.prediction.notes),
+        "notes": list(estimate.notes),
         "state": estimate.state,
     }

@@ -10,7 +10,7 @@ from typing import Generic, NamedTuple, Self, TypeVar
 from crashfuse import views
 from crashfuse.campaign import Campaign
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import DrawnFigure
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.table import Table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import Fact, campaign_facts
@@ -43,7 +43,7 @@ class Figure(NamedTuple):
     """A drawing under its title."""
 
     title: str
-    draw: Callable[[Display], DrawnFigure]
+    draw: Callable[[Display], Drawing]
     is_answer: bool = False  # what was asked, so the first of the slides
 
 

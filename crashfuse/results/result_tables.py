@@ -70,7 +70,7 @@ def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
 
 def pulses_table(estimates: Iterable[Estimate]) -> pd.DataFrame:
     """Predicted pulses at a new condition in ms and g, with both bands, empty where an approach has none."""
-    return _pulses(("", estimate.approach, estimate.prediction) for estimate in estimates)
+    return _pulses(("", estimate.approach, estimate) for estimate in estimates)
 
 
 def study_pulses(study: Study) -> pd.DataFrame:
@@ -78,7 +78,7 @@ def study_pulses(study: Study) -> pd.DataFrame:
     rows = []
     for fold in study.folds:
         rows.append((fold.held_out, "test", Prediction(fold.test.condition, fold.test.pulse.accel_mps2)))
-        rows += [(fold.held_out, estimate.approach, estimate.prediction) for estimate in fold.estimates]
+        rows += [(fold.held_out, estimate.approach, estimate) for estimate in fold.estimates]
     return _pulses(rows)
 
 

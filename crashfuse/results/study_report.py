@@ -87,14 +87,14 @@ def _whole(study: Study, display: Display) -> dict[str, object]:
         "paper_tables": [
             (caption, rating_tables.ratings_shown(table, "number")) for caption, table in tables if len(table)
         ],
-        "spread": study.plot(figure="draws", display=display) if study.coverage else None,
+        "spread": study.draw(figure="draws", display=display) if study.coverage else None,
         "band": study.coverage
         and {
             "tests": len(study.folds),
             "coverage": coverage_table(study.coverage),
-            "curves": study.plot(figure="calibration", display=display),
+            "curves": study.draw(figure="calibration", display=display),
         },
-        "bias": study.campaign.plot("bias", display=display),
+        "bias": study.campaign.draw("bias", display=display),
         "events": events
         and {
             "sentences": events_sentences(events),
@@ -105,7 +105,7 @@ def _whole(study: Study, display: Display) -> dict[str, object]:
 
 
 def _result(study: Study, display: Display) -> dict[str, object]:
-    heatmap = study.plot(display=display) if len(study.folds) > 1 else None
+    heatmap = study.draw(display=display) if len(study.folds) > 1 else None
     return {"means": rating_tables.ratings_shown(rating_tables.mean_values(study), "number"), "heatmap": heatmap}
 
 
@@ -120,7 +120,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         "outcome": rating,
         "beyond": [fact.sentence for fact in window_facts(test, window)],
         "repeat": repeat and repeat.sentence(rating.overall, LABELS[advice.approach]),
-        "motion": study.plot(test.id, notes=notes, display=display),
+        "motion": study.draw(test.id, notes=notes, display=display),
         "details": details(study.campaign, fold.estimates, test, said=advice.sentences),
     }
     if options.form == "short":
@@ -134,7 +134,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         "notes": [(note.when, note.text) for note in notes],
         "ratings": rating_tables.ratings_shown(pd.DataFrame.from_dict(overall, orient="index"), "number"),
         "further": rating_tables.further_table(study, fold, window),
-        "over_displacement": study.plot(test.id, "displacement", display=display),
+        "over_displacement": study.draw(test.id, "displacement", display=display),
         "why": _why(study, fold, advice, display),
     }
 
@@ -149,7 +149,7 @@ def _why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> 
         "outcome": expected.outcome(rating) if expected is not None and len(study.folds) > 1 else None,
         "overall": rating_headline(explanation),  # its reason is among the parts
         "parts": parts,
-        "curves": study.plot(fold.held_out, "rating", approaches=[advice.approach], display=display) if drawn else None,
+        "curves": study.draw(fold.held_out, "rating", approaches=[advice.approach], display=display) if drawn else None,
     }
 
 

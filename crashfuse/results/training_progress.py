@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from threading import Event
 from typing import Any
 
-import plotly.graph_objects as go
-
+from crashfuse import views
 from crashfuse.errors import UsageError, one_of
 from crashfuse.execution.progress import Progress, ProgressBar, Watch
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.learning import learning_curves
 
 _CURVE_POINTS = 1000
@@ -36,13 +36,16 @@ class Step:
         """True if it has reported enough values for a figure."""
         return any(len(points) > 1 for points in list(self.curves.values()))
 
-    def plot(self) -> go.Figure:
+    def draw(self) -> Drawing:
         """The values reported so far over the step's progress; a UsageError if there are none."""
         if not self.learns:
             raise UsageError(f"The step {self.progress.step} has reported no values to draw.")
         curves = {name.replace("_", " "): list(points) for name, points in list(self.curves.items())}
         value = "Loss" if all(name.endswith("loss") for name in curves) else "Error"
         return learning_curves(curves, value=value, total=self.progress.total)
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def _take(self, progress: Progress) -> None:
         self.progress, self.updated = progress, time.monotonic()
@@ -74,12 +77,15 @@ class Watched(Watch):
         super().__init__(take, cancel, on_part)
         self.steps: dict[str, Step] = {}
 
-    def plot(self, step: str = "") -> go.Figure:
-        """What a step has reported so far, by default the last that reported values, see :meth:`Step.plot`."""
+    def draw(self, step: str = "") -> Drawing:
+        """What a step has reported so far, by default the last that reported values, see :meth:`Step.draw`."""
         learning = [name for name, own in self.steps.items() if own.learns]
         if not (step or learning):
             raise UsageError("No step has reported values to draw.")
-        return one_of("step", step or learning[-1], self.steps).plot()
+        return one_of("step", step or learning[-1], self.steps).draw()
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
 
 @contextmanager

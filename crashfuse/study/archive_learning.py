@@ -287,7 +287,7 @@ def learn_archive(
     A UsageError if there are fewer, one has fewer than four tests, or two share a name, tests or CAE runs.
     """
     campaigns = [replace(campaign, prior=None) for campaign in _checked(campaigns)]
-    with running(campaigns[0], cache, watch, workers) as run:
+    with running(campaigns[0], cache=cache, watch=watch, workers=workers) as run:
         return _learned(campaigns, _Computation(seed, run))
 
 

@@ -42,42 +42,41 @@ _JUDGED, _KIND = "metric errors", "predictions"  # of cache entries
 _LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of a metric, in the names of arrays there
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate(Prediction):
     """An approach's prediction at one condition, with its fit results and the duration of both."""
 
     approach: str
-    prediction: Prediction
-    state: dict[str, object]  # fit results as plain JSON values
-    seconds: float
+    state: dict[str, object] = field(default_factory=dict)  # fit results as plain JSON values
+    seconds: float = 0.0
     left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)  # for each test learned from, left out
     agreements: Mapping[str, float] = field(default_factory=dict)  # of the draws of each of these with it
     metric_errors: Errors = field(default_factory=dict)  # of these predictions
     occupant: OccupantModel = USUAL_OCCUPANT
 
     def __repr__(self) -> str:
-        return f"<Estimate by {self.approach}: {self.prediction!r}>"
+        return f"<Estimate by {self.approach}: {super().__repr__()}>"
 
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
         """Pulse metrics of the prediction, with intervals, calibrated on left-out tests, if it has draws."""
-        return calibrated_metrics(self.prediction, self.drawn, self.metric_errors, self.occupant)
+        return calibrated_metrics(self, self.drawn, self.metric_errors, self.occupant)
 
     @cached_property
     def drawn(self) -> dict[str, FloatArray]:
         """Metrics of each draw, or of the pulse itself if there are none."""
-        return drawn_metrics(self.prediction, self.occupant)
+        return drawn_metrics(self, self.occupant)
 
     @cached_property
     def representative(self) -> dict[str, Prediction]:
         """A pulse that looks like a test, under its name in figures; none without draws."""
-        if self.prediction.draws_mps2 is None:
+        if self.draws_mps2 is None:
             return {}
-        return {"Representative pulse": Prediction(self.prediction.condition, self.representative_pulses()[0])}
+        return {"Representative pulse": Prediction(self.condition, self.representative_pulses()[0])}
 
     def representative_pulses(self, draws: Sequence[int] = ()) -> FloatArray:
         """A pulse that looks like a test, then draws as single tests, shape (1 + n, 1250)."""
-        return representative_pulses(self.prediction, self.drawn, self.metric_errors, draws, self.occupant)
+        return representative_pulses(self, self.drawn, self.metric_errors, draws, self.occupant)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,8 +222,8 @@ def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool 
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
         estimate = Estimate(
+            **vars(prediction),
             approach=fit.approach.name,
-            prediction=prediction,
             state=fit.state if with_state else {},
             seconds=fit.seconds + seconds,
             left_out_mps2={test: pulse.accel_mps2 for test, pulse in fit.left_out.items()},
@@ -234,7 +233,7 @@ def estimates_at(fits: Sequence[Fit], condition: Condition, *, with_state: bool 
         )
         if prediction.apart is not None:
             note = folds_sentence(departures_near(fit.campaign, condition)[0], estimate.metrics)
-            estimate = replace(estimate, prediction=replace(prediction, notes=(*prediction.notes, note)))
+            estimate = replace(estimate, notes=(*estimate.notes, note))
         estimates.append(estimate)
     return estimates
 
@@ -272,20 +271,19 @@ def is_estimate_cached(campaign: Campaign, condition: Condition, approach: str, 
 
 def store_estimate(estimate: Estimate, campaign: Campaign, config: StudyConfig, cache: Cache) -> None:
     """Store an estimate from this campaign, for :func:`find_estimate`."""
-    cache.put(_KIND, _cache_key(campaign, estimate.prediction.condition, estimate.approach, config), _entry(estimate))
+    cache.put(_KIND, _cache_key(campaign, estimate.condition, estimate.approach, config), _entry(estimate))
 
 
 def _entry(estimate: Estimate) -> Entry:
-    prediction = estimate.prediction
-    values = {"notes": [packed(note) for note in prediction.notes], "agreements": dict(estimate.agreements)}
+    values = {"notes": [packed(note) for note in estimate.notes], "agreements": dict(estimate.agreements)}
     text = json.dumps({**values, "state": estimate.state, "seconds": estimate.seconds})
-    entry = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
+    entry = {"accel_mps2": estimate.accel_mps2, "text": np.array(text)}
     entry |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
     entry |= {f"{_ERRORS}{metric}": errors for metric, errors in estimate.metric_errors.items()}
-    if prediction.draws_mps2 is not None:
-        entry["draws_mps2"] = prediction.draws_mps2
-    if prediction.apart is not None:
-        entry |= {"apart": prediction.apart, "apart_as": np.array(prediction.apart_as)}
+    if estimate.draws_mps2 is not None:
+        entry["draws_mps2"] = estimate.draws_mps2
+    if estimate.apart is not None:
+        entry |= {"apart": estimate.apart, "apart_as": np.array(estimate.apart_as)}
     return entry
 
 
@@ -294,7 +292,6 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
     draws = finite(entry, "draws_mps2", None, N_SAMPLES) if "draws_mps2" in entry else None
     notes = tuple(map(unpacked, text["notes"]))
     apart, apart_as = (entry["apart"].astype(bool), str(entry["apart_as"])) if "apart" in entry else (None, "")
-    prediction = Prediction(condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes, apart, apart_as)
     left_out, errors = (
         {name.removeprefix(prefix): check(entry, name, length) for name in entry if name.startswith(prefix)}
         for prefix, check, length in ((_LEFT_OUT, finite, N_SAMPLES), (_ERRORS, numbers, None))
@@ -302,8 +299,13 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
     if not isinstance(text["state"], dict) or errors.keys() != METRIC_LABELS.keys():
         raise ValueError("no estimate")
     return Estimate(
+        condition,
+        finite(entry, "accel_mps2", N_SAMPLES),
+        draws,
+        notes,
+        apart,
+        apart_as,
         approach=approach,
-        prediction=prediction,
         state=text["state"],
         seconds=float(text["seconds"]),
         left_out_mps2=left_out,

@@ -153,7 +153,7 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     Near are those within 5 mph, at least three. The campaign is the one that the approach learned from.
     """
     require_number("window_ms", window_ms)
-    speed_mps, left_out = estimate.prediction.condition.speed_mps, estimate.left_out_mps2
+    speed_mps, left_out = estimate.condition.speed_mps, estimate.left_out_mps2
     speeds = np.array([test.condition.speed_mps for test in campaign.tests])
     tests = [test for test in campaign.tests if test.id in left_out]
     if not tests:
@@ -164,7 +164,7 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     near = tests[: int((away <= reach).sum())]
     ratings = [_overall(test.pulse, left_out[test.id], window_ms) for test in tests]
     agreements = np.array([estimate.agreements.get(test.id, np.nan) for test in tests])
-    single = RatingDistribution.learned(np.array(ratings), away, agreements, estimate.prediction.agreement)
+    single = RatingDistribution.learned(np.array(ratings), away, agreements, estimate.agreement)
     median, lower, upper, least, most = map(single.quantile, _SHARES)
     below, above = speeds.min() - speed_mps, speed_mps - speeds.max()
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test

@@ -72,7 +72,7 @@ class PastResult:
     @classmethod
     def of_prediction(cls, campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> Self:
         """The record of a prediction by several approaches at one condition."""
-        condition = estimates[0].prediction.condition
+        condition = estimates[0].condition
         advice = recommend_for(estimates, campaign, condition)
         return cls(
             campaign=campaign.name,

@@ -15,7 +15,7 @@ from dataclasses import astuple, dataclass, replace
 from functools import partial
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Unpack, cast
+from typing import Any, Literal, NamedTuple, Unpack, cast
 
 import numpy as np
 import pandas as pd
@@ -28,8 +28,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, require_a
 from crashfuse.execution.cache import Cache, Code
-from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.run import Run, one_thread_throughout
+from crashfuse.execution.run import Run, RunOptions, one_thread_throughout
 from crashfuse.execution.workers import running
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
@@ -37,10 +36,6 @@ from crashfuse.study.config import StudyConfig, StudyPlan, require_rated
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.running import prepare
 from crashfuse.units import G
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
 
 Choice = Literal["even", "random"]
 
@@ -134,10 +129,13 @@ class LearningCurve:
         rows = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
-    def plot(self, **display: Unpack[views.DisplayOptions]) -> go.Figure:
+    def draw(self, **display: Unpack[views.DisplayOptions]) -> views.Drawing:
         """Rating and width of the band over the number of tests, as the page Study shows them."""
         shown = views.Display.of(self.campaign.units, self.window_ms, **display)
         return views.over_number_of_tests(self.over(shown.window_ms), shown)
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(self, folder: str | Path, *, cost: str | None = None, **display: Unpack[views.DisplayOptions]) -> None:
         """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""
@@ -157,15 +155,12 @@ def learning_curve(
     config: StudyConfig = CURVE_CONFIG,
     *,
     repeats: int = REPEATS,
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
-    workers: int | None = None,
-    scheduler: str | None = None,
+    **run: Unpack[RunOptions],
 ) -> LearningCurve:
     """Predict and rate tests from 1, 2, 3, 4, 6, 8, 10 … and all but one of the others.
 
     Of each number of tests ``repeats`` choices are random, beside the even ones. The config gives approaches, windows
-    and seed; all else is as in :func:`crashfuse.study.running.run_study`.
+    and seed; ``run`` is :class:`crashfuse.execution.run.RunOptions`.
     """
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     if isinstance(repeats, bool) or not (isinstance(repeats, Integral) and repeats >= 0):
@@ -174,9 +169,10 @@ def learning_curve(
     config = replace(config, leave_out="test")
     StudyPlan(campaign, config)  # checks tests, windows and settings
     parts = subsets(campaign, repeats, config.seed)
-    with running(campaign, cache, watch, workers, scheduler) as run:
-        campaign = run.bind(campaign)
-        table, forecasts = _table(parts, _known(campaign, config, dict.fromkeys(part.chosen for part in parts), run))
+    with running(campaign, **run) as started:
+        campaign = started.bind(campaign)
+        distinct = dict.fromkeys(part.chosen for part in parts)
+        table, forecasts = _table(parts, _known(campaign, config, distinct, started))
     table["basis"] = campaign.rating_basis
     return LearningCurve(campaign, config, repeats, table, forecasts, time.perf_counter() - start)
 
@@ -238,10 +234,10 @@ def _measured(estimate: Estimate, test: CrashTest, windows_ms: Sequence[float]) 
 
 def measure(estimate: Estimate, test: CrashTest, window_ms: float) -> _Row:
     """What a prediction is worth, by column of the table, against a test that it did not learn from."""
-    prediction, n = estimate.prediction, round(window_ms / 1e3 / DT_S)
-    rating = rate_windows(test.pulse, Pulse(GRID_S, prediction.accel_mps2), [window_ms])[float(window_ms)]
+    n = round(window_ms / 1e3 / DT_S)
+    rating = rate_windows(test.pulse, Pulse(GRID_S, estimate.accel_mps2), [window_ms])[float(window_ms)]
     inside = half_width_g = None
-    if (band := prediction.band()) is not None:
+    if (band := estimate.band()) is not None:
         lower, upper = (end[:n] for end in band)
         measured = test.pulse.accel_mps2[:n]
         inside = float(((measured >= lower) & (measured <= upper)).mean())

@@ -13,7 +13,6 @@ from typing import Self, Unpack, cast
 
 import numpy as np
 import pandas as pd
-import plotly.graph_objects as go
 
 from crashfuse import views
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
@@ -69,10 +68,13 @@ class SpeedSweep:
                 missing.append((Sentence(where, LABELS[approach], speed(low, high, between=" to ")), [first]))
         return missing_sentences(missing)
 
-    def plot(self, metric: str = MAIN_METRICS[0], **display: Unpack[views.DisplayOptions]) -> go.Figure:
+    def draw(self, metric: str = MAIN_METRICS[0], **display: Unpack[views.DisplayOptions]) -> "views.Drawing":
         """A metric over impact speed, every approach with its band, the tests as points."""
         one_of("metric", metric, METRIC_LABELS)
         return views.sweep_figure(self, metric, views.Display.of(self.campaign.units, **display))
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(self, folder: str | Path, **display: Unpack[views.DisplayOptions]) -> None:
         """Write ``sweep.csv`` and ``report.html``."""
@@ -96,7 +98,7 @@ def sweep(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> SpeedSweep:
-    """Predict the pulse metrics over impact speed; otherwise as :func:`crashfuse.results.predicted.predict`.
+    """Predict the pulse metrics over impact speed; otherwise as :func:`crashfuse.study.prediction.predict`.
 
     Parameters
     ----------
@@ -261,9 +263,12 @@ class NextTests:
         """One row a candidate, the best first, as ``next_tests.csv``."""
         return views.next_tests_file(self)
 
-    def plot(self, **display: Unpack[views.DisplayOptions]) -> go.Figure:
+    def draw(self, **display: Unpack[views.DisplayOptions]) -> "views.Drawing":
         """How much each candidate would narrow the band over its speed, as the page Predict shows it."""
         return views.next_tests_figure(self, views.Display.of(self.campaign.units, **display))
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(self, folder: str | Path, **display: Unpack[views.DisplayOptions]) -> None:
         """Write ``next_tests.csv`` and ``report.html``."""

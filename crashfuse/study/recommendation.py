@@ -118,14 +118,14 @@ def account(
     approach = approach or recommend_for(fold.estimates, others, test.condition, window_ms).approach
     estimate = fold.estimate(approach)
     neighbours = tuple(other for other in campaign.speed_group(test.id) if other != test.id)
-    draws = estimate.prediction.draws_mps2
+    draws = estimate.draws_mps2
     with_group = config.leave_out == "speed group"
     if not neighbours or with_group:
         without_neighbours = None
     elif without_neighbours is None:
         rest = campaign.without(campaign.speed_group(test.id))
         if (alone := find_estimate(rest, test.condition, approach, config, run.cache)) is not None:
-            pulse = Pulse(GRID_S, alone.prediction.accel_mps2)
+            pulse = Pulse(GRID_S, alone.accel_mps2)
             without_neighbours = rate_windows(test.pulse, pulse, [window_ms])[float(window_ms)].overall
     apart = None
     if len(neighbours) >= LEAST:
@@ -226,7 +226,7 @@ def recommend_for(
         if best.mean <= raw:
             facts.append(Fact("recommendation.no_better"))
     if CLASSES[name].made_of:
-        facts.append(Fact("recommendation.mixture", {"sentence": by_name[name].prediction.notes[0]}))
+        facts.append(Fact("recommendation.mixture", {"sentence": by_name[name].notes[0]}))
     if best.median <= _GOOD:
         facts.append(Fact("recommendation.poor", {"likely": "to be expected" if best.upper <= _GOOD else "likely"}))
     return Recommendation(name, (*facts, *extrapolation_facts(campaign, condition)), best, ties)
@@ -323,7 +323,7 @@ def crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:
     rated = slice(0, round(window_ms / 1e3 / DT_S), STRIDE)
     scores = []
     for fold in study.folds:
-        prediction = fold.estimate(approach).prediction
+        prediction = fold.estimate(approach)
         draws = prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
         scores.append(Scores.of(fold.test.pulse.accel_mps2[rated], [draws[:, rated]]).crps(np.ones(1)))
     return np.array(scores) / G

@@ -13,14 +13,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Unpack
 
 from crashfuse.approaches.base import FITS
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.errors import several
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.run import Run, give_back, one_thread_throughout
+from crashfuse.execution.run import Run, RunOptions, give_back, one_thread_throughout
 from crashfuse.execution.workers import running
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
@@ -88,7 +88,7 @@ class Computation:
         late = [one for one in missing if CLASSES[one.approach].trains_networks]
         early = [one for one in missing if not CLASSES[one.approach].trains_networks]
         tasks = _tasks(early)
-        shared = self._prepared(missing, trained=False)
+        shared = self._prepared(missing, self.run, trained=False)
         elsewhere = self.run.workers.are_elsewhere(tasks)
         if elsewhere:  # what is not known of repeatability in the end is computed there
             tasks.append(Task(repeated=repeated))
@@ -98,14 +98,15 @@ class Computation:
         else:  # here, one after the other: what can be shown first is not delayed by training
             self._compute(tasks, shared, _EARLY, early)
             if late:
-                self._compute(_tasks(late), self._prepared(late), _LATE, late)
+                self._compute(_tasks(late), self._prepared(late, self.run), _LATE, late)
         self.seconds["held_out_tests"] = time.perf_counter() - start
 
     def _train_beside(self, tasks: Sequence[Task], late: Sequence[Wanted], shared: Run, early: Sequence[Wanted]) -> Run:
         stop = threading.Event()
         with ThreadPoolExecutor(1, "training") as thread:
             try:
-                training = thread.submit(self._prepared, late, watch=self.run.watch.also_cancelled_by(stop))
+                run = replace(self.run, watch=self.run.watch.also_cancelled_by(stop))
+                training = thread.submit(self._prepared, late, run)
                 self._compute(tasks, shared, _EARLY, early)
                 trained = training.result()
             finally:
@@ -113,10 +114,10 @@ class Computation:
         trained.cache.used |= {name for name in shared.cache.used if name.startswith(FITS)}  # mixtures are made of them
         return trained
 
-    def _prepared(self, wanted: Sequence[Wanted], *, trained: bool = True, watch: Watch | None = None) -> Run:
+    def _prepared(self, wanted: Sequence[Wanted], run: Run, *, trained: bool = True) -> Run:
         start = time.perf_counter()
         names = {one.approach for one in wanted if trained or not CLASSES[one.approach].trains_networks}
-        shared = prepare(self.campaign, names, self.config, replace(self.run, watch=watch or self.run.watch))
+        shared = prepare(self.campaign, names, self.config, run)
         self.seconds["prepare"] = time.perf_counter() - start
         return replace(shared, watch=self.run.watch)
 
@@ -169,11 +170,8 @@ def run_study(
     *,
     held_out: Sequence[str] = (),
     approaches: Sequence[str] = (),
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
-    workers: int | None = None,
-    scheduler: str | None = None,
     folds: MutableMapping[Hashable, Fold] | None = None,
+    **run: Unpack[RunOptions],
 ) -> Study:
     """Leave out each test in turn, predict it with every approach from all the others, and rate the predictions.
 
@@ -181,16 +179,10 @@ def run_study(
     ----------
     held_out, approaches : sequence of str, or str
         Ids of the tests to leave out in turn, and names of the approaches; empty for all, and for those of the config.
-    cache : Cache, optional
-        Keeps finished predictions: an interrupted study continues where it stopped.
-    watch : Watch, optional
-        It is shown a study of what is known each time that more is, without repeatability.
-    workers : int, optional
-        Number of processes for the folds; default one per core. The results do not depend on it.
-    scheduler : str, optional
-        Address of a Dask scheduler (``tcp://host:port``), whose workers then compute the folds.
     folds : mutable mapping, optional
         Finished folds by their :func:`fold_key`, which are not computed or rated again; new ones are added.
+    **run
+        See :class:`crashfuse.execution.run.RunOptions`; a watch is shown parts without repeatability.
 
     Raises
     ------
@@ -200,8 +192,8 @@ def run_study(
     if approaches:
         config = replace(config, approaches=several(approaches))
     plan = StudyPlan(campaign, config, several(held_out))
-    with running(campaign, cache, watch, workers, scheduler) as run:
-        return _study(plan, run, {} if folds is None else folds)
+    with running(campaign, **run) as started:
+        return _study(plan, started, {} if folds is None else folds)
 
 
 def _study(plan: StudyPlan, run: Run, folds: MutableMapping[Hashable, Fold]) -> Study:

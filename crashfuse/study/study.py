@@ -30,7 +30,6 @@ _RATED_DRAWS = 100
 
 if TYPE_CHECKING:
     import pandas as pd
-    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +46,7 @@ class Fold:
     def of(cls, test: CrashTest, estimates: Sequence[Estimate], windows_ms: Sequence[float]) -> Self:
         """Rate the predictions for a test, whose pulse is first used here."""
         ratings = {
-            estimate.approach: rate_windows(test.pulse, Pulse(GRID_S, estimate.prediction.accel_mps2), windows_ms)
+            estimate.approach: rate_windows(test.pulse, Pulse(GRID_S, estimate.accel_mps2), windows_ms)
             for estimate in estimates
         }
         return cls(test, tuple(estimates), ratings)
@@ -78,18 +77,18 @@ class Fold:
 
     def further(self, approach: str, window_ms: float, names: Sequence[str]) -> dict[str, float]:
         """Measures of an approach's prediction beside its rating over [0, window_ms), by column."""
-        predicted = Pulse(GRID_S, self.estimate(approach).prediction.accel_mps2)
+        predicted = Pulse(GRID_S, self.estimate(approach).accel_mps2)
         return further_metrics(rated_curves(self.test.pulse, predicted, window_ms), names) if names else {}
 
     @property
     def with_band(self) -> tuple[str, ...]:
         """Names of the approaches whose predictions have a band."""
-        return tuple(e.approach for e in self.estimates if e.prediction.draws_mps2 is not None)
+        return tuple(e.approach for e in self.estimates if e.draws_mps2 is not None)
 
     def coverage(self, approach: str) -> Coverage | None:
         """Whether the test lies inside an approach's band, crush and peak in calibrated intervals; None without one."""
         estimate = self.estimate(approach)
-        draws, speed_mps = estimate.prediction.draws_mps2, self.test.condition.speed_mps
+        draws, speed_mps = estimate.draws_mps2, self.test.condition.speed_mps
         if draws is None:
             return None
         band, intervals = Coverage.of(self.test, draws), {metric.name: metric for metric in estimate.metrics}
@@ -104,14 +103,14 @@ class Fold:
     def explained(self, approach: str, window_ms: float) -> RatingExplanation:
         """What the rating of an approach's prediction over [0, window_ms) is made of."""
         if (key := (approach, window_ms)) not in self._explained:
-            predicted = Pulse(GRID_S, self.estimate(approach).prediction.accel_mps2)
+            predicted = Pulse(GRID_S, self.estimate(approach).accel_mps2)
             self._explained[key] = explain_rating(self.test.pulse, predicted, window_ms)
         return self._explained[key]
 
     def rating_draws(self, approach: str, window_ms: float) -> FloatArray:
         """Overall ratings of pulses drawn from an approach's band, shape (n_draws,): a repeat's, if it is right."""
         if (key := (approach, window_ms)) not in self._drawn:  # a hundred ratings: computed on request, and once
-            draws = self.estimate(approach).prediction.draws_mps2
+            draws = self.estimate(approach).draws_mps2
             if draws is None:
                 raise UsageError(f"{approach} has no band to draw pulses from.")
             n = round(window_ms / 1e3 / DT_S)
@@ -165,7 +164,7 @@ class Study:
         """What a repeat of each held-out test would rate, one row a test and window, as in ``study.json``."""
         return views.repeat_scores(self)
 
-    def plot(
+    def draw(
         self,
         held_out: str = "",
         figure: str = "",
@@ -177,7 +176,7 @@ class Study:
         corridors: bool = False,
         notes: Sequence[Note] = (),
         **display: Unpack[views.DisplayOptions],
-    ) -> go.Figure:
+    ) -> views.Drawing:
         """A figure of the page Compare, of one held-out test, or of the page Study, of all of them.
 
         Parameters
@@ -215,6 +214,9 @@ class Study:
             notes=notes,
             **display,
         )
+
+    plot = views.as_plotly(draw)
+    """The same as a Plotly figure."""
 
     def write(
         self,
@@ -277,6 +279,6 @@ class Study:
         shares = defaultdict[str, list[FloatArray]](list)
         for fold in self.folds:
             for estimate in fold.estimates:
-                if (draws := estimate.prediction.draws_mps2) is not None:
+                if (draws := estimate.draws_mps2) is not None:
                     shares[estimate.approach].append(shares_inside(fold.test, draws))
         return {name: np.mean(rows, axis=0) for name, rows in shares.items()}

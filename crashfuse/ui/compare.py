@@ -4,11 +4,11 @@ from collections.abc import Hashable, Mapping
 from functools import partial
 from typing import NamedTuple
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import whole_sentences
 from crashfuse.results.plots.curves import TEST
 from crashfuse.results.rating_tables import REPEAT, excursions_table, humps_table
@@ -149,12 +149,12 @@ def _show_pulses(comparison: _Comparison) -> None:
     notes_here = tuple(note for note in notes if note.test == test.id)
     name = "pulses with corridors" if corridors else "pulses" if shown == _MOTION else shown.lower()
 
-    def draw() -> go.Figure:
-        drawn = comparison.study.plot(
+    def draw() -> Drawing:
+        drawing = comparison.study.draw(
             test.id, figure, approaches=curves.approaches, also=curves.also, band=curves.approach,
             measured=TEST in curves.others, corridors=corridors, notes=notes_here, display=comparison.view.display,
         )  # fmt: skip
-        return without_clicks(drawn)
+        return without_clicks(drawing)
 
     of = f"test {test.id}{' and its' if TEST in curves.others else ','} prediction by {curves.by}"
     key = shown, corridors, notes_here, comparison.key, curves.key
@@ -169,7 +169,7 @@ def _show_why(comparison: _Comparison) -> None:
     explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = rating_sentences(explanation)
     st.markdown(f"**{LABELS[approach]} {plain(rating_headline(explanation))}**")
-    draw = partial(comparison.study.plot, test.id, display=display)
+    draw = partial(comparison.study.draw, test.id, display=display)
     bars, words = st.columns(2, gap="medium")
     with bars:
         alt = f"The four scores of every prediction of test {test.id}, as bars"

@@ -123,7 +123,7 @@ def _show_tests(view: View) -> None:
     editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
     alt = f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed"
-    draw, key = partial(campaign.plot, held_out=test.id, cfc=cfc, display=display), (test.id, cfc, display)
+    draw, key = partial(campaign.draw, held_out=test.id, cfc=cfc, display=display), (test.id, cfc, display)
     show_cached_figure(draw, alt, "tests", campaign.fingerprint, key, name=f"tests {choice}")
     reading = "as they are in the files"
     if campaign.channel_filter_class is not None:
@@ -140,7 +140,7 @@ def _show_tests(view: View) -> None:
 
 def _show_conditions(view: View) -> None:
     campaign = view.campaign
-    draw = partial(campaign.plot, "conditions", held_out=view.held_out.id, display=view.display)
+    draw = partial(campaign.draw, "conditions", held_out=view.held_out.id, display=view.display)
     alt, key = "Speed against front and rear weight of CAE runs and tests", (view.held_out.id, view.display.system)
     show_cached_figure(draw, alt, "conditions", campaign.fingerprint, key, name="conditions")
     st.markdown(f"**The tests, and the ratings of their paired CAE runs** ({campaign.rating_basis})")
@@ -150,7 +150,7 @@ def _show_conditions(view: View) -> None:
         show_table(about, "about")
     if not (walls := wall_table(campaign)).empty:
         st.markdown("**The force of the barrier beside mass and pulse**")
-        draw = partial(campaign.plot, "wall", display=view.display)
+        draw = partial(campaign.draw, "wall", display=view.display)
         alt = "Force of the barrier, and mass times deceleration (dotted)"
         show_cached_figure(draw, alt, "wall", campaign.fingerprint, view.display, name="wall")
         show_table(walls, "walls")
@@ -159,7 +159,7 @@ def _show_conditions(view: View) -> None:
 def _show_library(view: View) -> None:
     campaign = view.campaign
     alt = "Pulses of the CAE model over time: the middle 90 % of all runs, and paired runs"
-    draw = partial(campaign.plot, "cae", display=view.display)
+    draw = partial(campaign.draw, "cae", display=view.display)
     show_cached_figure(draw, alt, "library", campaign.fingerprint, view.display, name="CAE runs")
     lines = "Lines are the runs" if _paired(campaign) else "No run was"
     st.caption(f"Band: the middle 90 % of all CAE runs. {lines} made at a test's own condition.")

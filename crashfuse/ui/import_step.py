@@ -204,7 +204,7 @@ def show_import(source: Source, view: View | None) -> None:
         display = DEFAULT if view is None else view.display
         shown = next((one for one in settled if one.id == first.id), None)
         alt = f"The pulse that comes of {first.id}, over its channels as recorded"
-        show_figure(Preview(first, choices, shown).plot(display=display), alt=alt)
+        show_figure(Preview(first, choices, shown).draw(display=display), alt=alt)
         if shown is not None:
             st.markdown(f"**{plain(shown.id)}**: {plain(shown.condition.in_units(units))}")
             st.caption("  \n".join(plain(without_options(said(step, units))) for step in shown.steps))

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -22,16 +21,10 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.results.certification_tables import csv_as_given
 from crashfuse.results.display import Display
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import whole_sentences
 from crashfuse.results.planning import MEANING, next_tests_result, sweep_result
-from crashfuse.results.predicted import (
-    PredictedPulse,
-    by_one,
-    cautions,
-    column_names,
-    predictions_table,
-    side_by_side,
-)
+from crashfuse.results.predicted import cautions, column_names, predictions_table, side_by_side
 from crashfuse.results.prediction_report import prediction_report
 from crashfuse.results.render.text import parquet_bytes
 from crashfuse.signals.metrics import METRIC_LABELS
@@ -39,6 +32,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.planning import BEST, ConditionRange, NextTests, rank_next_tests, weights_sentence
+from crashfuse.study.prediction import PredictedPulse, by_one
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pinned
@@ -230,12 +224,12 @@ def _show_pulses(
         shown = choose("Figure", list(_FIGURES), key="predicted")
         curves = choose_curves(view, condition, approach, fitted.approaches)
 
-    def draw() -> go.Figure:
-        drawn = prediction.plot(
+    def draw() -> Drawing:
+        drawing = prediction.draw(
             _FIGURES[shown], approaches=curves.approaches, also=curves.also, band=curves.approach,
             representative=REPRESENTATIVE in curves.others, display=view.display,
         )  # fmt: skip
-        return without_clicks(drawn)
+        return without_clicks(drawing)
 
     alt = f"Prediction by {curves.by} at {view.display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
@@ -279,7 +273,7 @@ def _show_over_speed(view: View, fitted: Fitted, condition: Condition, approach:
     shown = replace(sweep, metrics={name: own for name, own in sweep.metrics.items() if name in (approach, BASELINE)})
     alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[approach]}, tests as points"
     name = f"{metric} over speed {condition.text.partition(' ')[2]}"
-    show_figure(shown.plot(metric, display=view.display), alt, name=name)
+    show_figure(shown.draw(metric, display=view.display), alt, name=name)
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
     for sentence in shown.missing(metric):
         st.caption(plain(sentence))
@@ -306,7 +300,7 @@ def _show_next_test(view: View, fitted: Fitted, condition: Condition, approach: 
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     alt, name = "How much each candidate would narrow the band", f"next test {over.low.text} to {over.high.text}"
-    show_figure(ranking.plot(display=display), alt, name=name)
+    show_figure(ranking.draw(display=display), alt, name=name)
     st.caption(MEANING)
     if approach != DisplacementDomain.name:
         st.caption(f"By the displacement domain: {LABELS[approach]} cannot rank tests.")

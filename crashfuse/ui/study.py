@@ -128,7 +128,7 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
         if approach:
             st.session_state["explained"] = approach
 
-    left_out, draw = how_left_out(leave_out), partial(study.plot, display=outcome.view.display)
+    left_out, draw = how_left_out(leave_out), partial(study.draw, display=outcome.view.display)
     st.markdown(f"**Each test, {left_out}, {results.window_label(outcome.view.display.window_ms)}**")
     alt = f"Ratings of each test, {left_out}, by approach, with their mean"
     clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=f"ratings {left_out}")
@@ -149,7 +149,7 @@ def _show_bands(outcome: _Outcome) -> None:
     if not study.coverage:
         st.info("None of these approaches has a band.", icon=":material/info:")
         return
-    left_out, draw = how_left_out(leave_out), partial(study.plot, display=outcome.view.display)
+    left_out, draw = how_left_out(leave_out), partial(study.draw, display=outcome.view.display)
 
     def show(figure: str, alt: str, name: str) -> None:
         show_cached_figure(partial(draw, figure=figure), alt, figure, leave_out, outcome.key, name=f"{name} {left_out}")
@@ -208,7 +208,7 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     result = learning_curve_result(curve, cost)
     st.info("  \n".join(map(plain, result.answer)), icon=":material/science:")
     alt = "Mean rating, width of the band, decided verdicts over the number of tests"
-    show_figure(whole.plot(display=view.display), alt, name="learning curve")
+    show_figure(whole.draw(display=view.display), alt, name="learning curve")
     st.caption(f"{MEANING} Points: means ± standard error; shaded: 80 %. {campaign.rating_basis}.")
     if result.shown:
         with st.expander("What further tests gained", icon=":material/table:"):

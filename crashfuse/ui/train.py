@@ -198,7 +198,7 @@ def _show_diagnostics(view: View) -> None:
     if figure == "bias parts" and config.preset == "paper":
         st.info(ONE_PROCESS)
         return
-    plot = campaign.plot if figure == "bias" else study.plot
+    plot = campaign.draw if figure == "bias" else study.draw
     draw = partial(plot, figure=figure, held_out=test, display=view.display)
     show(draw, choice.lower(), alt.format(test=test), meaning.format(test=plain(test), n=len(others.tests)))
 
@@ -224,7 +224,7 @@ def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str
     if not states:
         st.info("No approach with a network is known here yet.", icon=":material/info:")
         return
-    plot, last = partial(study.plot, fold.held_out, display=view.display), [*states][-1]
+    plot, last = partial(study.draw, fold.held_out, display=view.display), [*states][-1]
     shown = [name for name in (BASELINE, *states) if name in fold.ratings]
     alt = f"Acceleration over time: test {fold.held_out}, the CAE model and networks"
     show(partial(plot, "acceleration", approaches=shown, band=last), "networks", alt, f"{LF} {TIME_DOMAIN}")

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note
@@ -31,9 +30,11 @@ def sample_study() -> Study:
     folds = []
     for test in campaign.tests:
         accel = 0.95 * test.pulse.accel_mps2
-        with_draws = Prediction(test.condition, accel, accel * np.linspace(0.9, 1.1, 50)[:, None])
-        predictions = {name: with_draws if name in BANDED else Prediction(test.condition, accel) for name in APPROACHES}
-        estimates = [Estimate(name, own, {}, 0.1, {test.id: accel}) for name, own in predictions.items()]
+        draws, left_out = accel * np.linspace(0.9, 1.1, 50)[:, None], {test.id: accel}
+        estimates = [
+            Estimate(test.condition, accel, draws if name in BANDED else None, approach=name, left_out_mps2=left_out)
+            for name in APPROACHES
+        ]
         folds.append(Fold.of(test, estimates, config.windows_ms))
     return Study(campaign, config, tuple(folds))
 

@@ -89,7 +89,7 @@ def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> Non
             held_out = campaign.speed_group(test.id) if trial.left_out == "speed group" else [test.id]
             paired = campaign.cae.paired_ids(campaign.test(own).condition for own in held_out)
             others = replace(campaign.without(held_out), cae=campaign.cae.without(paired))
-            said = [estimate.prediction for estimate in estimates(others, trial.verdict)]
+            said = estimates(others, trial.verdict)
             rated = [rate_windows(test.pulse, Pulse(GRID_S, own.accel_mps2), [60.0])[60.0].overall for own in said]
             assert len(paired) == len(held_out)
             assert trial.measured == pytest.approx(np.mean(rated))

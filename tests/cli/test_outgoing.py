@@ -90,7 +90,7 @@ def test_draws_of_a_sweep_need_a_format(campaign_on_disk: Path, tmp_path: Path, 
 @pytest.fixture
 def report(tmp_path: Path) -> Path:
     """A report with one figure."""
-    figure = figure_files.ReportFigure("Result", json.loads(go.Figure(go.Scatter(x=[0, 1], y=[0, 1])).to_json()))
+    figure = figure_files.ReportFigure("Result", json.loads(go.Figure(go.Scatter(x=[0, 1], y=[0, 1])).to_json()), "")
     path = tmp_path / "report.html"
     path.write_text(figure_files.embedded(figure_files.FiguresOfReport("Tiny", (), (), (figure,))), encoding="utf-8")
     return path

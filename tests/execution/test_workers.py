@@ -220,7 +220,7 @@ def test_a_cluster_gives_what_one_process_gives(campaign: Campaign, dask: Dask, 
     for a, b in zip(here.folds, there.folds, strict=True):
         assert a.ratings == b.ratings
         for x, y in zip(a.estimates, b.estimates, strict=True):
-            assert x.prediction.accel_mps2.tobytes() == y.prediction.accel_mps2.tobytes()
+            assert x.accel_mps2.tobytes() == y.accel_mps2.tobytes()
             assert x.left_out_mps2.keys() == y.left_out_mps2.keys()
             assert {**x.state, "seconds": 0} == {**y.state, "seconds": 0}
     files = {path.relative_to(tmp_path / "here") for path in (tmp_path / "here").rglob("*.bin")}

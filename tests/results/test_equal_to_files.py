@@ -9,6 +9,8 @@ import pytest
 import crashfuse
 from crashfuse import Condition, StudyConfig, cli
 from crashfuse.files.csv_text import csv_bytes
+from crashfuse.importing.ratings import explain_files
+from crashfuse.results.rating_tables import excursions_table, humps_table
 from tests.conftest import Capture
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -126,8 +128,8 @@ def test_those_of_a_rating(campaign_on_disk: Path, capsys: Capture) -> None:
     assert capsys.readouterr().out.encode() == csv_bytes(crashfuse.rate_files(one, other))
     assert cli.main(["rate", *files, "--json", "--explain", "--windows-ms", "60"]) == cli.DONE
     (told,) = json.loads(capsys.readouterr().out)
-    (explanation,) = crashfuse.explain_files(one, other, [60.0])
-    assert len(crashfuse.humps_table(explanation)) == len(told["explanation"]["humps"])
+    (explanation,) = explain_files(one, other, [60.0])
+    assert len(humps_table(explanation)) == len(told["explanation"]["humps"])
     outside = told["explanation"]["outside_inner_corridor"]
-    ends = crashfuse.excursions_table(explanation).frame[["begin_ms", "end_ms"]].to_numpy().tolist()
+    ends = excursions_table(explanation).frame[["begin_ms", "end_ms"]].to_numpy().tolist()
     assert ends == [[own["begin_ms"], own["end_ms"]] for own in outside]

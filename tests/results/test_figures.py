@@ -8,11 +8,12 @@ import plotly.graph_objects as go
 import pytest
 
 import crashfuse
-from crashfuse import Campaign, Display, Note, PredictedPulse, Study, StudyConfig, UsageError, figure_table
+from crashfuse import Campaign, Display, Note, PredictedPulse, Study, StudyConfig, UsageError
 from crashfuse.condition import Condition
 from crashfuse.results.figures import EarlierPrediction
 from crashfuse.results.plots import pulses as plots
 from crashfuse.results.plots.curves import POINTWISE, WHOLE
+from crashfuse.results.render.figure_data import figure_table
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold
 from crashfuse.units import G
@@ -32,7 +33,7 @@ def study(campaign: Campaign) -> Study:
     for test_id in ("T2", "T3"):
         test = campaign.test(test_id)
         predictions = with_and_without_band(campaign, test, "fused")
-        own = [Estimate(name, prediction, network, 0.0) for name, prediction in predictions.items()]
+        own = [Estimate(**vars(prediction), approach=name, state=network) for name, prediction in predictions.items()]
         folds.append(Fold.of(test, own, CONFIG.windows_ms))
     return Study(campaign, CONFIG, tuple(folds))
 
@@ -40,8 +41,8 @@ def study(campaign: Campaign) -> Study:
 @pytest.fixture(scope="module")
 def elsewhere(study: Study) -> PredictedPulse:
     """A prediction at 30 mph."""
-    prediction = replace(study.folds[0].estimates[1].prediction, condition=HERE)
-    return PredictedPulse(study.campaign, (Estimate("fused", prediction, {}, 0.0),))
+    estimate = replace(study.folds[0].estimates[1], approach="fused", condition=HERE, state={})
+    return PredictedPulse(study.campaign, (estimate,))
 
 
 def names(figure: go.Figure) -> list[str]:
@@ -81,8 +82,8 @@ def test_every_figure_of_a_prediction_is_one_call(elsewhere: PredictedPulse, nam
 
 def test_the_options_are_those_of_the_pages(study: Study, elsewhere: PredictedPulse) -> None:
     fold = study.fold("T2")
-    predictions = {each.approach: each.prediction for each in fold.estimates}
-    drawn = plots.overlay(fold.test.pulse, predictions, Display(40.0, "m/s²", deceleration=True)).figure()
+    predictions = {each.approach: each for each in fold.estimates}
+    drawn = plots.overlay(fold.test, predictions, Display(40.0, "m/s²", deceleration=True)).figure()
     assert study.plot("T2", "acceleration", window_ms=40, unit="m/s2", deceleration=True) == drawn
     assert study.plot("T2", "acceleration", display=Display(40.0, "m/s²", deceleration=True)) == drawn
     assert study.plot("T2", "acceleration").layout.annotations[0].text == "rated: 0–40 ms"
@@ -113,8 +114,8 @@ def test_a_prediction_with_other_settings_is_named_by_what_differs_and_drawn_as_
 ) -> None:
     """Seen from the other side, by what it has instead; half the CAE run beside the whole one."""
     fold = study.fold("T2")
-    accel = fold.estimates[0].prediction.accel_mps2
-    half = replace(fold.estimates[1], prediction=replace(fold.estimates[0].prediction, accel_mps2=accel / 2))
+    accel = fold.estimates[0].accel_mps2
+    half = replace(fold.estimates[0], approach=fold.estimates[1].approach, accel_mps2=accel / 2)
     earlier = EarlierPrediction(half, replace(CONFIG, **own), replace(CONFIG, **shown))
     assert earlier.text == text
     drawn = study.plot("T2", "acceleration", approaches=["fused"], also=[earlier])

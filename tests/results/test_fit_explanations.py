@@ -5,13 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.calibration import Calibration, Coverage
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.campaign import Campaign
+from crashfuse.results.display import Display
 from crashfuse.results.fit_explanations import coverage_table, fit_sentences, fit_table, whole_sentences
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
+from crashfuse.units import KPH_KG
 from tests.golden import assert_golden
 
 INSIDE = Coverage(1.0, 0.9, 0.8, crush=True, peak=True)
@@ -34,8 +36,8 @@ def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -
     folds = []
     for test, factor in zip(campaign.tests[:2], (1.0, 1.5), strict=True):
         draws = factor * np.linspace(0.95, 1.05, 100)[:, None] * test.pulse.accel_mps2
-        with_band = Estimate("displacement_domain", Prediction(test.condition, draws[50], draws), {}, 0.0)
-        without = Estimate("cae", Prediction(test.condition, draws[50]), {}, 0.0)
+        with_band = Estimate(test.condition, draws[50], draws, approach="displacement_domain")
+        without = Estimate(test.condition, draws[50], approach="cae")
         folds.append(Fold(test, (without, with_band), {}))
     config = StudyConfig(approaches=("cae", "displacement_domain"))
     found = Study(campaign, config, tuple(folds)).coverage
@@ -62,6 +64,15 @@ def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
     assert table.loc["shared, standard deviation"].tolist() == ["0.712", "1.50", "no"]
     assert table.loc["noise, standard deviation", "At its bound"] == "yes"
     assert fit_table("cae", {}).empty
+
+
+def test_hyperparameters_of_a_fit_are_in_the_units_of_the_reader(campaign: Campaign) -> None:
+    """Speeds and weights of every name that the bias model gives."""
+    state = DisplacementDomain().fit(campaign).state
+    for display, units in ((Display(), "mph lb"), (Display(system=KPH_KG), "km/h kg")):
+        shown = fit_table("displacement_domain", state).texts(display)["Hyperparameter"]
+        endings = {name.rpartition(" in ")[2] for name in shown if " in " in name}
+        assert endings == {*units.split(), "m", "v/v0"}
 
 
 def test_what_is_said_of_fits() -> None:

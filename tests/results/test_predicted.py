@@ -9,16 +9,16 @@ import pandas as pd
 import pytest
 
 import crashfuse
-from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.results.display import Display
-from crashfuse.results.predicted import PredictedPulse, cautions, predict, predictions_table, side_by_side
+from crashfuse.results.predicted import cautions, predictions_table, side_by_side
 from crashfuse.results.result_tables import pulses_table
 from crashfuse.signals.metrics import Metric
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
+from crashfuse.study.prediction import PredictedPulse, predict
 from crashfuse.units import KPH, LB, MPH, G
 
 AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="FWD")
@@ -121,7 +121,7 @@ def moved(campaign: Campaign, speed_mph: float, seed: int = 0, **changed: float 
     condition = replace(campaign.tests[0].condition, speed_mps=speed_mph * MPH)
     own = campaign.metrics_of(campaign.tests[0])
     metrics = tuple(Metric(m.name, changed.get(m.name, m.value), None, None, m.unit) for m in own)
-    found = Estimate("cae", Prediction(condition, campaign.tests[0].pulse.accel_mps2), {}, 0.0)
+    found = Estimate(condition, campaign.tests[0].pulse.accel_mps2, approach="cae")
     vars(found)["metrics"] = metrics
     return PredictedPulse(campaign, (found,), StudyConfig(seed=seed))
 

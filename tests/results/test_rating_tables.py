@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.results import rating_tables as tables
@@ -67,7 +66,7 @@ def study(campaign: Campaign) -> Study:
     folds = []
     for test in campaign.tests[:2]:
         own = [
-            Estimate(name, Prediction(test.condition, scale * test.pulse.accel_mps2), {}, 0.0)
+            Estimate(test.condition, scale * test.pulse.accel_mps2, approach=name)
             for name, scale in (("cae", 0.7), ("displacement_domain", 1.0))
         ]
         folds.append(Fold.of(test, own, config.windows_ms))
@@ -84,7 +83,7 @@ def test_ratings_to_zero_velocity_end_where_the_test_stops_and_advise_nothing(ca
         assert stop_ms == pytest.approx(
             float(fold.test.pulse.kinematics(fold.test.condition.speed_mps).t0_s) * 1e3, abs=0.1
         )
-        whole = rate_windows(fold.test.pulse, Pulse(GRID_S, fold.estimate("cae").prediction.accel_mps2), [stop_ms])
+        whole = rate_windows(fold.test.pulse, Pulse(GRID_S, fold.estimate("cae").accel_mps2), [stop_ms])
         assert fold.overall_to_ttzv("cae") == whole[stop_ms].overall
     rows = tables.mean_values(asked)
     assert rows.drop(columns=tables.TTZV_COLUMN).equals(tables.mean_values(usual))
@@ -126,7 +125,7 @@ def test_a_prediction_learns_nothing_of_the_time_at_which_its_test_stops(
     assert advice == recommend(usual)
     assert record["recommendation"] == study_record(usual)["recommendation"]
     for one, other in zip(asked.folds[0].estimates, usual.folds[0].estimates, strict=True):
-        np.testing.assert_array_equal(one.prediction.accel_mps2, other.prediction.accel_mps2)
+        np.testing.assert_array_equal(one.accel_mps2, other.accel_mps2)
         assert one.metrics == other.metrics
 
 

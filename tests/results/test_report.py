@@ -14,13 +14,13 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.results.display import Display
-from crashfuse.results.predicted import PredictedPulse
 from crashfuse.results.prediction_report import prediction_report
 from crashfuse.results.render.figure_files import Report
 from crashfuse.results.render.html import ReportOptions
 from crashfuse.results.study_report import study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.study.recommendation import worst_test
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
@@ -32,7 +32,7 @@ def estimate(test: CrashTest) -> Estimate:
     """The test itself, with 100 draws around it."""
     accel = test.pulse.accel_mps2
     prediction = Prediction(test.condition, accel, np.linspace(0.9, 1.1, 100)[:, None] * accel)
-    return Estimate("cae", prediction, {}, 0.1, {test.id: accel})
+    return Estimate(**vars(prediction), approach="cae", seconds=0.1, left_out_mps2={test.id: accel})
 
 
 def predicted(campaign: Campaign, test: CrashTest) -> PredictedPulse:
@@ -107,7 +107,7 @@ def test_the_best_rating_of_each_window_is_bold(study: Study) -> None:
     folds = []
     for test in study.campaign.tests[:2]:
         exact = estimate(test)
-        weaker = replace(exact, prediction=Prediction(test.condition, 0.9 * test.pulse.accel_mps2))
+        weaker = replace(exact, accel_mps2=0.9 * test.pulse.accel_mps2)
         folds.append(Fold.of(test, [weaker, replace(exact, approach="fused")], config.windows_ms))
     text = study_report(Study(study.campaign, config, tuple(folds)))
     ratings = folds[0].ratings["cae"]
@@ -171,8 +171,8 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
 
 def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campaign) -> None:
     first = estimate(campaign.tests[0])
-    speeds = [replace(first.prediction.condition, speed_mps=speed_mps) for speed_mps in (8.0, 9.0, 10.0, 11.0)]
-    moved = (replace(first, prediction=replace(first.prediction, condition=at)) for at in speeds)
+    speeds = [replace(first.condition, speed_mps=speed_mps) for speed_mps in (8.0, 9.0, 10.0, 11.0)]
+    moved = (replace(first, condition=at) for at in speeds)
     pinned = [PredictedPulse(campaign, (each,), CONFIG) for each in moved]
     text = prediction_report(predicted(campaign, campaign.tests[0]), beside=pinned, form="short")
     told = text[text.index("Beside other predictions") :]
@@ -184,7 +184,7 @@ def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campai
 def test_a_short_report_has_the_result_and_the_worst_test_alone(study: Study) -> None:
     """Heat map and one test's pulses; data, method and the other tests are in the whole one."""
     test = study.campaign.tests[1]
-    weaker = replace(estimate(test), prediction=Prediction(test.condition, 0.8 * test.pulse.accel_mps2))
+    weaker = replace(estimate(test), accel_mps2=0.8 * test.pulse.accel_mps2)
     folds = (study.folds[0], Fold.of(test, [weaker], CONFIG.windows_ms))
     short = study_report(replace(study, folds=folds), options=ReportOptions("short"))
     assert len(short.contents.figures) == 2

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.cae_library import NAMED_LIMITS, RunQuality, judge_quality
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -38,7 +37,7 @@ def study(campaign: Campaign, held_out: tuple[str, ...], scale: float = 1.0) -> 
 
     def fold(test: CrashTest) -> Fold:
         pulses = {name: scale * factor * test.pulse.accel_mps2 for name, factor in SCALES.items()}
-        own = [Estimate(name, Prediction(test.condition, accel), {}, 0.0) for name, accel in pulses.items()]
+        own = [Estimate(test.condition, accel, approach=name) for name, accel in pulses.items()]
         return Fold.of(test, own, config.windows_ms)
 
     return Study(campaign, config, tuple(fold(campaign.test(test_id)) for test_id in held_out))
@@ -49,7 +48,7 @@ def test_the_band_of_normal_draws_lies_1_96_standard_deviations_around_them(camp
     centre, sd = -300 * np.sin(40 * GRID_S), 10 + 200 * GRID_S
     draws = centre + sd * norm.ppf(np.linspace(0, 1, 41).clip(1e-3, 1 - 1e-3))[:, None]  # every 2.5 % a draw
     shown = centre + 1.0  # the expected pulse need not be in the middle
-    estimate = Estimate("fused", Prediction(campaign.tests[0].condition, shown, draws), {}, 0.0)
+    estimate = Estimate(campaign.tests[0].condition, shown, draws, approach="fused")
     table = tables.pulses_table([estimate])
     bands = ["lower_g", "upper_g", "whole_lower_g", "whole_upper_g"]
     assert table.columns.tolist() == ["held_out", "approach", "time_ms", "acceleration_g", *bands]
@@ -63,8 +62,8 @@ def test_the_band_of_normal_draws_lies_1_96_standard_deviations_around_them(camp
 def test_a_pulse_without_draws_has_empty_ends(campaign: Campaign) -> None:
     """Each estimate has its own 1250 rows, in the order given; no band is no number."""
     test = campaign.tests[0]
-    bare = Estimate("cae", Prediction(test.condition, test.pulse.accel_mps2), {}, 0.0)
-    banded = replace(bare, approach="fused", prediction=replace(bare.prediction, draws_mps2=np.zeros((2, 1250))))
+    bare = Estimate(test.condition, test.pulse.accel_mps2, approach="cae")
+    banded = replace(bare, approach="fused", draws_mps2=np.zeros((2, 1250)))
     table = tables.pulses_table([bare, banded])
     assert table["approach"].tolist() == ["cae"] * 1250 + ["fused"] * 1250
     assert table.groupby("approach")[["lower_g", "upper_g"]].count().to_numpy().tolist() == [[0, 0], [1250, 1250]]

@@ -25,7 +25,6 @@ from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion
-from crashfuse.results.predicted import PredictedPulse
 from crashfuse.results.prediction_report import prediction_report
 from crashfuse.results.render.html import report
 from crashfuse.results.study_report import study_report
@@ -34,6 +33,7 @@ from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.planning import ConditionRange, NextTests, SpeedSweep
+from crashfuse.study.prediction import PredictedPulse
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, Sentence, UnitSystem, speed
 
@@ -57,10 +57,10 @@ def estimate(test: CrashTest) -> Estimate:
     notes = (Sentence("Nearest test {} away.", speed(1.0)),)
     prediction = Prediction(test.condition, accel, np.linspace(0.9, 1.1, 100)[:, None] * accel, notes)
     state = {
-        "hyperparameters": {"by weight, length in speed in m/s": 12.0, "length in front weight in kg": 300.0},
+        "hyperparameters": {"by speed, length in v0 in m/s": 12.0, "by weight, length in front weight in kg": 300.0},
         **{"points": 9, "bias_rms_g": 3.2, "log_marginal_likelihood": 1.0, "retries": 0, "dead": False},
     }
-    return Estimate("cae", prediction, state, 0.1, {test.id: accel})
+    return Estimate(**vars(prediction), approach="cae", state=state, seconds=0.1, left_out_mps2={test.id: accel})
 
 
 def sweep(campaign: Campaign) -> SpeedSweep:
@@ -108,9 +108,7 @@ REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
     "certification": lambda campaign, display: certification_report(certification(campaign), display),
 }
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
-    "motion": lambda campaign, display: motion(
-        campaign.tests[0].pulse, {}, campaign.tests[0].condition.speed_mps, display
-    ).figure(),
+    "motion": lambda campaign, display: motion(campaign.tests[0], {}, display).figure(),
     "tests": lambda campaign, display: measured_pulses(campaign.tests, display=display).figure(),
     "runs": lambda campaign, display: library_band(campaign.cae, campaign.tests, display=display).figure(),
     "conditions": lambda campaign, display: condition_space(campaign.cae, campaign.tests, display=display).figure(),

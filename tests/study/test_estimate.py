@@ -48,7 +48,7 @@ def test_far_beyond_the_library_the_vehicle_still_stops(campaign: Campaign, appr
     condition = replace(
         base, front_weight_kg=factor * base.front_weight_kg, rear_weight_kg=factor * base.rear_weight_kg
     )
-    prediction = estimate_at(campaign, condition, approach).prediction
+    prediction = estimate_at(campaign, condition, approach)
     velocity = kinematics(prediction.accel_mps2, condition.speed_mps, DT_S).velocity_mps
     assert 0.7 < (condition.speed_mps - velocity.min()) / condition.speed_mps < 1.6
     assert any("Extrapolation" in note for note in prediction.notes)
@@ -60,7 +60,7 @@ def test_a_prediction_says_whose_sensor_failed(campaign: Campaign) -> None:
     condition = first.condition
     for approach, notes in (("displacement_domain", 1), ("cae", 0)):
         for tests in ((failed, *others), campaign.tests, (failed, *others)):
-            prediction = estimate_at(replace(campaign, tests=tests), condition, approach).prediction
+            prediction = estimate_at(replace(campaign, tests=tests), condition, approach)
             named = [note for note in prediction.notes if "its signal is lost from 30.0 to 35.0 ms" in note]
             assert len(named) == (notes if failed in tests else 0)
 
@@ -74,7 +74,7 @@ def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
     first = Fit.of(campaign, "displacement_domain", config, Run(cache)).estimate(condition)
     fitting_is_an_error()
     again = Fit.of(campaign, "displacement_domain", config, Run(cache)).estimate(condition)
-    assert again.prediction.accel_mps2.tobytes() == first.prediction.accel_mps2.tobytes()
+    assert again.accel_mps2.tobytes() == first.accel_mps2.tobytes()
     with pytest.raises(AssertionError, match="fitted again"):
         Fit.of(campaign.without(["T3"]), "displacement_domain", config, Run(cache))
     with pytest.raises(AssertionError, match="fitted again"):
@@ -103,10 +103,10 @@ def test_several_approaches_say_together_what_each_says_alone(
     assert by_networks != by_none
     assert [estimate.approach for estimate in together] == list(order)
     for one, other in zip(alone, together, strict=True):
-        assert one.prediction.accel_mps2.tobytes() == other.prediction.accel_mps2.tobytes()
-        ours, theirs = (e.prediction.draws_mps2 for e in (one, other))
+        assert one.accel_mps2.tobytes() == other.accel_mps2.tobytes()
+        ours, theirs = (e.draws_mps2 for e in (one, other))
         assert ours is theirs is None or (ours is not None and theirs is not None and np.array_equal(ours, theirs))
-        assert one.prediction.notes == other.prediction.notes
+        assert one.notes == other.notes
 
 
 @pytest.mark.slow
@@ -115,7 +115,7 @@ def test_parts_with_other_settings_are_not_shared(campaign: Campaign) -> None:
     fused = Fit.of(campaign, "fused")
     other = Fit.of(campaign, "time_domain", StudyConfig(seed=1))
     (_, together), alone = estimates_at([other, fused], condition), fused.estimate(condition)
-    assert together.prediction.accel_mps2.tobytes() == alone.prediction.accel_mps2.tobytes()
+    assert together.accel_mps2.tobytes() == alone.accel_mps2.tobytes()
 
 
 def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign) -> None:
@@ -124,9 +124,9 @@ def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign
     own = Fit.of(rest, "displacement_domain", config, Run(cache)).estimate(condition)
     store_estimate(own, rest, config, cache)
     found = not_none(find_estimate(rest, condition, "displacement_domain", config, cache))
-    assert np.array_equal(found.prediction.accel_mps2, own.prediction.accel_mps2)
-    assert np.array_equal(np.asarray(found.prediction.draws_mps2), np.asarray(own.prediction.draws_mps2))
-    assert found.prediction.notes == own.prediction.notes
+    assert np.array_equal(found.accel_mps2, own.accel_mps2)
+    assert np.array_equal(np.asarray(found.draws_mps2), np.asarray(own.draws_mps2))
+    assert found.notes == own.notes
     assert found.metrics == own.metrics
     assert found.agreements == own.agreements
     assert expected_rating(found, rest) == expected_rating(own, rest)
@@ -139,5 +139,5 @@ def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: 
     estimate_at(campaign, condition, "displacement_domain")
     few = replace(DisplacementConfig.fast(), n_draws=20)
     monkeypatch.setattr(DisplacementConfig, "fast", lambda: few)
-    draws = not_none(estimate_at(campaign, condition, "displacement_domain").prediction.draws_mps2)
+    draws = not_none(estimate_at(campaign, condition, "displacement_domain").draws_mps2)
     assert len(draws) == 20

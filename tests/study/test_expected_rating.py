@@ -29,7 +29,12 @@ def at(
     condition, pulse = replace(campaign.tests[0].condition, speed_mps=mph * MPH), campaign.tests[0].pulse.accel_mps2
     agreements = {test: Prediction(condition, accel, drawn(accel, there)).agreement for test, accel in left_out.items()}
     return Estimate(
-        "displacement_domain", Prediction(condition, pulse, drawn(pulse, spread)), {}, 0.0, left_out, agreements
+        condition,
+        pulse,
+        drawn(pulse, spread),
+        approach="displacement_domain",
+        left_out_mps2=left_out,
+        agreements=agreements,
     )
 
 
@@ -77,7 +82,7 @@ def test_the_range_rests_on_all_tests_by_distance_and_on_the_bands(campaign: Cam
         for test in campaign.tests
     ]
     away = np.abs([test.condition.speed_mps - 30.4 * MPH for test in campaign.tests])
-    known, here = at(campaign, 30.4, softer, 0.3).agreements, at(campaign, 30.4, softer, 0.3).prediction.agreement
+    known, here = at(campaign, 30.4, softer, 0.3).agreements, at(campaign, 30.4, softer, 0.3).agreement
     own = RatingDistribution.learned(np.array(ratings), away, np.array(list(known.values())), here)
     assert (wider.lower, wider.median, wider.upper) == pytest.approx([own.quantile(share) for share in (0.1, 0.5, 0.9)])
     assert wider.median < alike.median

@@ -10,14 +10,13 @@ import pytest
 
 from crashfuse.cae_library import QualityLimits, RunQuality
 from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import certify
 from crashfuse.results.export.outgoing_pulses import PulseExport
-from crashfuse.results.predicted import predict
 from crashfuse.results.provenance import provenance
-from crashfuse.results.render.notebook import campaign_html
-from crashfuse.results.verdicts import certify
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import by_importance, campaign_facts, condition_facts, distinct, window_facts
+from crashfuse.study.prediction import predict
 from crashfuse.study.running import run_study
 from crashfuse.units import MPH, G
 from tests.conftest import not_none
@@ -110,11 +109,11 @@ def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -
     (note,) = (note for note in folds.notes if "in two ways" in note)
     for way in ("others", "apart"):
         assert f"peak {peak[f'{way}_value']:.1f} g" in note
-    drawn = folds.preferred.prediction
+    drawn = folds.preferred
     of_apart = not_none(drawn.draws_mps2)[not_none(drawn.apart)].mean(axis=0)
     np.testing.assert_allclose(folds.pulses["apart_g"], of_apart / G, rtol=1e-4)
     assert "S4 stands apart" in (tmp_path / "Certification" / "certification.csv").read_text(encoding="utf-8")
-    assert sentence in campaign_html(apart)
+    assert sentence in apart._repr_html_()
     prediction = predict(apart, apart.test("S1").condition, "cae", config)
     files = PulseExport(("isomme",)).files(apart, prediction.estimates)["isomme"]
     assert any(sentence.encode("ascii", "ignore")[:40] in content for content in files.values())

@@ -109,8 +109,8 @@ def test_a_row_is_the_prediction_of_a_fit_to_its_part(curve: LearningCurve) -> N
     estimate = Fit.of(training, row.approach, CONFIG).estimate(test.condition)
     expected = measure(estimate, test, row.window_ms)
     assert {name: getattr(row, name) for name in expected} == pytest.approx(expected)
-    assert estimate.prediction.draws_mps2 is not None
-    draws = estimate.prediction.draws_mps2[:, : round(row.window_ms / 0.08)]
+    assert estimate.draws_mps2 is not None
+    draws = estimate.draws_mps2[:, : round(row.window_ms / 0.08)]
     lower, upper = np.quantile(draws, [0.025, 0.975], axis=0)
     measured = test.pulse.accel_mps2[: draws.shape[1]]
     assert row.inside == pytest.approx(np.mean((lower <= measured) & (measured <= upper)), abs=2 / draws.shape[1])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution import cache
@@ -31,7 +30,7 @@ def estimate(approach: str, campaign: Campaign, test: CrashTest, scale: float, s
     draws = None if spread == 0 else accel * (1 + spread * np.linspace(-1, 1, 41)[:, None])
     left_out: dict[str, FloatArray] = {other.id: scale * other.pulse.accel_mps2 for other in campaign.tests}
     notes = ("Made of 60 % time domain, 40 % raw CAE.",) if approach == "fused" else ()
-    return Estimate(approach, Prediction(test.condition, accel, draws, notes), {}, 0.0, left_out)
+    return Estimate(test.condition, accel, draws, notes, approach=approach, left_out_mps2=left_out)
 
 
 def study(campaign: Campaign, scales: dict[str, float]) -> Study:
@@ -108,7 +107,7 @@ def test_of_a_single_test_no_rating_is_expected(campaign: Campaign) -> None:
 
 def off_by(approach: str, test: CrashTest, offset_g: float) -> Estimate:
     """A pulse without a band that is everywhere this far from the test, so its CRPS is just that."""
-    return Estimate(approach, Prediction(test.condition, test.pulse.accel_mps2 + offset_g * G), {}, 0.0)
+    return Estimate(test.condition, test.pulse.accel_mps2 + offset_g * G, approach=approach)
 
 
 def values(found: Recommendation, code: str) -> Mapping[str, object]:
@@ -145,9 +144,9 @@ def test_the_end_of_the_longest_window_counts(campaign: Campaign) -> None:
     study = offsets_study(campaign, {"time_domain": [0.5] * 4, "displacement_domain": [6.0] * 4})
     folds = []
     for fold in study.folds:
-        late = fold.estimates[1].prediction
+        late = fold.estimates[1]
         accel = np.where((late.time_s >= 0.05) & (late.time_s < 0.06), late.accel_mps2, late.accel_mps2 - 6 * G)
-        wrong = replace(fold.estimates[1], prediction=replace(late, accel_mps2=accel))
+        wrong = replace(late, accel_mps2=accel)
         folds.append(replace(fold, estimates=(fold.estimates[0], wrong)))
     found = recommend(replace(study, folds=tuple(folds)))
     crps_g = {"time_domain": pytest.approx(0.5), "displacement_domain": pytest.approx(0.96)}
@@ -356,7 +355,7 @@ def test_a_prediction_without_the_neighbours_that_was_made_before_is_found(campa
     assert account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97)).without_neighbours is None
     own = estimate("displacement_domain", rest, test, 1.0)
     errors = {name: np.zeros(0) for name in METRIC_LABELS}
-    perfect = replace(own, prediction=Prediction(test.condition, test.pulse.accel_mps2), metric_errors=errors)
+    perfect = replace(own, accel_mps2=test.pulse.accel_mps2, draws_mps2=None, metric_errors=errors)
     store_estimate(perfect, rest, CONFIG, Cache())
     found = account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97))
     assert found.without_neighbours == pytest.approx(1.0)

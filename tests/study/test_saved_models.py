@@ -58,11 +58,11 @@ def test_a_saved_model_predicts_the_same_bits_without_learning_again(
     loaded = load_model(path, campaign)
     one, other = fits[name].estimate(NEW), loaded.estimate(NEW)
     assert loaded.config == StudyConfig()
-    assert other.prediction.accel_mps2.tobytes() == one.prediction.accel_mps2.tobytes()
-    assert other.prediction.notes == one.prediction.notes
-    assert (other.prediction.draws_mps2 is None) == (one.prediction.draws_mps2 is None)
-    if one.prediction.draws_mps2 is not None and other.prediction.draws_mps2 is not None:
-        assert other.prediction.draws_mps2.tobytes() == one.prediction.draws_mps2.tobytes()
+    assert other.accel_mps2.tobytes() == one.accel_mps2.tobytes()
+    assert other.notes == one.notes
+    assert (other.draws_mps2 is None) == (one.draws_mps2 is None)
+    if one.draws_mps2 is not None and other.draws_mps2 is not None:
+        assert other.draws_mps2.tobytes() == one.draws_mps2.tobytes()
     assert json.dumps(other.state) == json.dumps(one.state)
 
 
@@ -79,7 +79,7 @@ def test_the_papers_models_can_be_kept_too(
     fitting_is_an_error()
     loaded = load_model(tmp_path / "model", campaign)
     assert loaded.config == config
-    one, other = fit.estimate(NEW).prediction, loaded.estimate(NEW).prediction
+    one, other = fit.estimate(NEW), loaded.estimate(NEW)
     assert other.accel_mps2.tobytes() == one.accel_mps2.tobytes()
 
 

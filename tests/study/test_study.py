@@ -48,7 +48,7 @@ def test_drawn_pulses_are_rated_as_any_pulse_is(campaign: Campaign) -> None:
     test = campaign.tests[1]
     softer = 0.8 * test.pulse.accel_mps2
     prediction = Prediction(test.condition, softer, np.array([test.pulse.accel_mps2, softer]))
-    fold = Fold.of(test, [Estimate("fused", prediction, {}, 0.0)], [40.0, 60.0])
+    fold = Fold.of(test, [Estimate(**vars(prediction), approach="fused")], [40.0, 60.0])
     for window in (40.0, 60.0):
         expected = rate_windows(test.pulse, Pulse(test.pulse.time_s, softer), [window])[window].overall
         np.testing.assert_allclose(fold.rating_draws("fused", window), [1.0, expected], atol=1e-3)
@@ -60,7 +60,7 @@ def test_the_interval_of_ratings_leaves_a_fortieth_out_at_either_end(campaign: C
     """Of 100 ever softer draws its ends lie between the third and the fourth, from below and from above."""
     test = campaign.tests[1]
     draws = np.linspace(1.0, 0.6, 100)[:, None] * test.pulse.accel_mps2
-    fold = Fold.of(test, [Estimate("fused", Prediction(test.condition, draws[40], draws), {}, 0.0)], [60.0])
+    fold = Fold.of(test, [Estimate(test.condition, draws[40], draws, approach="fused")], [60.0])
     lower, upper = fold.rating_interval("fused", 60.0)
 
     def rating(number: int) -> float:
@@ -74,12 +74,12 @@ def test_a_hundred_draws_are_rated_evenly_over_all(campaign: Campaign, n_draws: 
     """Each as it would be alone."""
     test = campaign.tests[1]
     draws = np.linspace(0.5, 1.0, n_draws)[:, None] * test.pulse.accel_mps2
-    fold = Fold.of(test, [Estimate("fused", Prediction(test.condition, draws[0], draws), {}, 0.0)], [20.0])
+    fold = Fold.of(test, [Estimate(test.condition, draws[0], draws, approach="fused")], [20.0])
     found = fold.rating_draws("fused", 20.0)
     assert found.shape == (n_rated,)
     alone = rate_windows(test.pulse, Pulse(test.pulse.time_s, draws[second]), [20.0])[20.0].overall
     assert found[1] == pytest.approx(alone, abs=1e-3)
-    assert fold.estimate("fused").prediction.draws_mps2 is draws
+    assert fold.estimate("fused").draws_mps2 is draws
     assert fold.with_band == ("fused",)
 
 
@@ -94,7 +94,7 @@ def test_crush_and_peak_lie_inside_the_intervals_that_are_told(campaign: Campaig
     def inside(draws: FloatArray, lower: float | None, upper: float | None) -> bool:
         interval = Metric(name, value, lower, upper, "mm", drawn=True)
         others = tuple(own for own in checked_metrics(draws[0], test.condition.speed_mps) if own.name != name)
-        estimate = Estimate("fused", Prediction(test.condition, draws[0], draws), {}, 0.0)
+        estimate = Estimate(test.condition, draws[0], draws, approach="fused")
         vars(estimate)["metrics"] = (interval, *others)  # instead of those that it would compute
         found = Fold.of(test, [estimate], [60.0]).coverage("fused")
         return bool(getattr(found, field))
@@ -109,7 +109,7 @@ def test_crush_and_peak_lie_inside_the_intervals_that_are_told(campaign: Campaig
 def test_an_approach_without_a_band_has_no_spread(campaign: Campaign) -> None:
     """There is one pulse and one rating; who asks for a spread is told that there is none."""
     test = campaign.tests[1]
-    fold = Fold.of(test, [Estimate("cae", Prediction(test.condition, test.pulse.accel_mps2), {}, 0.0)], [60.0])
+    fold = Fold.of(test, [Estimate(test.condition, test.pulse.accel_mps2, approach="cae")], [60.0])
     assert fold.with_band == ()
     with pytest.raises(UsageError, match="cae has no band"):
         fold.rating_draws("cae", 60.0)
@@ -123,7 +123,7 @@ def test_what_folds_say_together_is_their_mean(campaign: Campaign) -> None:
     folds = []
     for test, ends in zip(campaign.tests[:2], ((0.5, 1.5), (2.0, 3.0)), strict=True):
         draws = np.linspace(*ends, 101)[:, None] * test.pulse.accel_mps2
-        folds.append(Fold.of(test, [Estimate("fused", Prediction(test.condition, draws[50], draws), {}, 0.0)], [60.0]))
+        folds.append(Fold.of(test, [Estimate(test.condition, draws[50], draws, approach="fused")], [60.0]))
     known = {"T1": {60.0: Repeatability(0.9, 0.8, 1.0)}, "T2": {w: Repeatability(0.7, 0.6, 0.8) for w in (20.0, 60.0)}}
     study = Study(campaign, CONFIG, tuple(folds), repeatability=known)
     np.testing.assert_allclose(study.reliability["fused"], np.full(19, 0.5), atol=0.01)
@@ -151,7 +151,7 @@ def test_the_rating_is_that_of_prediction_against_test(finished: Study) -> None:
     fold = finished.fold("T4")
     at = np.arange(600) * 1e-4
     test = finished.campaign.test("T4").pulse
-    predicted = fold.estimate("cae").prediction
+    predicted = fold.estimate("cae")
     pair = [np.interp(at, test.time_s, accel) for accel in (test.accel_mps2, predicted.accel_mps2)]
     assert fold.ratings["cae"][60.0] == rate_iso18571(pair[0], pair[1], dt_s=1e-4)
     assert finished.mean_rating("cae", 60.0) == pytest.approx(
@@ -171,7 +171,7 @@ def test_the_held_out_pulse_does_not_reach_its_own_prediction(
     config = replace(CONFIG, approaches=(approach,))
     study = run_study(changed, config, held_out=["T2"], cache=cache, workers=1)
     before, after = finished.fold("T2").estimate(approach), study.fold("T2").estimate(approach)
-    assert bits(after.prediction) == bits(before.prediction)
+    assert bits(after) == bits(before)
     assert study.fold("T2").ratings[approach][60.0] != finished.fold("T2").ratings[approach][60.0]
 
 
@@ -181,8 +181,8 @@ def test_another_training_pulse_does_reach_the_prediction(campaign: Campaign, fi
     changed = with_pulse(campaign, "T3", 0.8 * campaign.test("T3").pulse.accel_mps2).without(["T2"])
     for approach in ("time_domain", "displacement_domain"):
         estimate = estimate_at(changed, campaign.test("T2").condition, approach, CONFIG)
-        before = finished.fold("T2").estimate(approach).prediction
-        assert np.abs(estimate.prediction.accel_mps2 - before.accel_mps2).max() > 1.0
+        before = finished.fold("T2").estimate(approach)
+        assert np.abs(estimate.accel_mps2 - before.accel_mps2).max() > 1.0
 
 
 @pytest.mark.slow
@@ -193,7 +193,7 @@ def test_leaving_a_speed_group_out_learns_from_other_speeds_only(campaign: Campa
     for held_out, left_out in (("T2", ["T2", "T3"]), ("T4", ["T4"])):
         alone = estimate_at(campaign.without(left_out), campaign.test(held_out).condition, "displacement_domain")
         found = study.fold(held_out).estimate("displacement_domain")
-        assert bits(found.prediction) == bits(alone.prediction)
+        assert bits(found) == bits(alone)
 
 
 @pytest.mark.slow
@@ -205,7 +205,7 @@ def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
     for a, b in zip(one.folds, two.folds, strict=True):
         assert a.ratings == b.ratings
         for x, y in zip(a.estimates, b.estimates, strict=True):
-            assert bits(x.prediction) == bits(y.prediction)
+            assert bits(x) == bits(y)
 
 
 def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
@@ -265,7 +265,7 @@ def test_a_damaged_cache_is_computed_again(campaign: Campaign, tmp_path: Path) -
     for path, content in entries.items():
         path.write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
     second = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)
-    a, b = (study.fold("T3").estimate("displacement_domain").prediction for study in (first, second))
+    a, b = (study.fold("T3").estimate("displacement_domain") for study in (first, second))
     assert bits(a) == bits(b)
     for path in entries:
         checksum, _, payload = path.read_bytes().partition(b"\n")
@@ -282,7 +282,7 @@ def test_two_studies_on_one_cache_learn_once(campaign: Campaign, monkeypatch: py
         studies = list(pool.map(lambda _: run_study(campaign, config, held_out=["T1", "T2"], workers=1), range(2)))
     assert len(fits) == 2
     for test_id in ("T1", "T2"):
-        one, other = (study.fold(test_id).estimate("displacement_domain").prediction for study in studies)
+        one, other = (study.fold(test_id).estimate("displacement_domain") for study in studies)
         assert bits(one) == bits(other)
 
 

@@ -13,7 +13,6 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.study.estimate import Estimate
@@ -155,8 +154,8 @@ def page() -> None:
 def estimates(campaign: Campaign) -> list[Estimate]:
     """The first test's pulse twice."""
     condition, accel = campaign.tests[0].condition, campaign.tests[0].pulse.accel_mps2
-    with_draws = Prediction(condition, accel, accel * np.linspace(0.9, 1.1, 7)[:, None])
-    return [Estimate("cae", replace(with_draws, draws_mps2=None), {}, 0.1), Estimate("fused", with_draws, {}, 0.1)]
+    draws = accel * np.linspace(0.9, 1.1, 7)[:, None]
+    return [Estimate(condition, accel, approach="cae"), Estimate(condition, accel, draws, approach="fused")]
 
 
 @pytest.fixture

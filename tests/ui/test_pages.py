@@ -74,7 +74,10 @@ def quick_study(
     for test_id in held_out:
         test = campaign.test(test_id)
         prediction = predict(campaign, test.condition, scale)
-        estimates = tuple(Estimate(name, prediction, FITS.get(name, {}), 0.1) for name in config.approaches)
+        estimates = tuple(
+            Estimate(**vars(prediction), approach=name, state=FITS.get(name, {}), seconds=0.1)
+            for name in config.approaches
+        )
         folds.append(Fold.of(test, estimates, config.windows_ms))
         watch.report("Held-out predictions", len(folds), len(held_out), loss=0.1)
     study = Study(campaign, config, tuple(folds), {"held_out_tests": 1.0})

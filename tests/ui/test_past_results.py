@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.certification.certify import certify
 from crashfuse.certification.file_store import keep_certification
 from crashfuse.condition import Condition
 from crashfuse.results.certification_record import certification_json
-from crashfuse.results.verdicts import certify
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import PastResult, annotate, keep, past_results
 from crashfuse.units import KPH

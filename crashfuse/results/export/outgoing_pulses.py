@@ -134,14 +134,13 @@ class OutgoingPulse:
 
 def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[OutgoingPulse]:
     """The expected pulse of each approach, a representative one, and this many draws, chosen at random by the seed."""
-    if draws and all(estimate.prediction.draws_mps2 is None for estimate in estimates):
+    if draws and all(estimate.draws_mps2 is None for estimate in estimates):
         names = ", ".join(estimate.approach for estimate in estimates)
         raise UsageError(f"There are no draws of {names}: no band.")
     for estimate in estimates:
-        prediction = estimate.prediction
-        pulses = {"expected": ("expected pulse", prediction.accel_mps2, "An average: softer than any test.")}
-        if prediction.draws_mps2 is not None:
-            n = len(prediction.draws_mps2)
+        pulses = {"expected": ("expected pulse", estimate.accel_mps2, "An average: softer than any test.")}
+        if estimate.draws_mps2 is not None:
+            n = len(estimate.draws_mps2)
             if draws > n:
                 raise UsageError(f"The approach {estimate.approach} has {n} draws; ask for at most these.")
             chosen = np.sort(np.random.default_rng(seed).choice(n, draws, replace=False))
@@ -155,16 +154,16 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
                 remark = f"One of {n} equally likely pulses."
                 pulses[f"draw_{number + 1:03d}"] = f"draw {number + 1}", pulse, remark
         for which, (label, accel, remark) in pulses.items():
-            remarks = (remark, *_unfinished(accel, prediction.condition), *prediction.notes)
-            yield OutgoingPulse(estimate.approach, which, label, prediction.condition, accel, remarks)
+            remarks = (remark, *_unfinished(accel, estimate.condition), *estimate.notes)
+            yield OutgoingPulse(estimate.approach, which, label, estimate.condition, accel, remarks)
 
 
 def corridors(estimates: Iterable[Estimate]) -> Iterator[OutgoingPulse]:
     """Both edges of the band of whole pulses of each approach that has one, up to 60 ms."""
     for estimate in estimates:
-        condition, band = estimate.prediction.condition, estimate.prediction.whole_band()
+        condition, band = estimate.condition, estimate.whole_band()
         for edge, accel in zip(("lower", "upper"), band or (), strict=False):
-            remarks = ("An edge, no pulse.", *whole_sentences([estimate]), *estimate.prediction.notes)
+            remarks = ("An edge, no pulse.", *whole_sentences([estimate]), *estimate.notes)
             until, label = accel[: round(WHOLE_S / DT_S)], f"{edge} edge of the corridor"
             yield OutgoingPulse(estimate.approach, f"corridor_{edge}", label, condition, until, remarks, edge=True)
 

@@ -1,9 +1,9 @@
 """Common style of all drawings: axes, rows, words and the rated window, independent of their content."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 
-from crashfuse.results.drawing import Drawing, Look, Sheer
+from crashfuse.results.drawing import Drawing, Look, Sheer, Values
 from crashfuse.results.plots.palette import AXIS, COLOURS, CURSOR, GRID, INK, PAPER, WINDOW, WINDOW_INK
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
@@ -86,22 +86,43 @@ def marks_of_runs(count: int) -> Look:
     return {"color": COLOURS["cae"], "size": 6 if few else 4, "opacity": 0.7 if few else 0.35}
 
 
-def make_clickable(
-    drawing: Drawing, columns: Sequence[str], rows: Sequence[str], values: Sequence[str], size: int, **look: object
+def marker(colour: object, symbol: object, size: object, width: float = 0, line: str | None = None) -> Look:
+    """A mark, and the width and colour of its edge; of open ones the line is the mark."""
+    return {"marker": {"color": colour, "symbol": symbol, "size": size, "line": {"width": width, "color": line}}}
+
+
+def telling(texts: Sequence[object]) -> Look:
+    """Let each point, or cell, show a text under the mouse."""
+    return {"hovertext": texts, "hovertemplate": "%{hovertext}<extra></extra>"}
+
+
+def draw_cells(
+    drawing: Drawing,
+    columns: Sequence[str],
+    rows: Sequence[str],
+    look: Look,
+    numbers: Mapping[str, Values],
+    told: Sequence[Sequence[str]],
+    *,
+    clicked: Sequence[str] = (),
+    **marks: object,
 ) -> None:
-    """Put invisible marks on the cells of a heat map, row by row: cells can't be clicked."""
-    x, y = [*columns] * len(rows), [row for row in rows for _ in columns]
-    invisible = Look(marker_size=size, marker_opacity=0, showlegend=False)
-    drawing.add(Look(x=x, y=y, customdata=values) | invisible | look)
+    """Draw a heat map with names above that stays where it is.
 
-
-def fix_cells(drawing: Drawing, columns: int, rows: int) -> None:
-    """Let a heat map with names above stay where it is, and the mark of a cell be the nearest anywhere in it."""
+    Cells can't be clicked: invisible marks on them, row by row, carry what is ``clicked``, and what is told; the mark
+    of a cell is the nearest anywhere in it. Without marks the cells tell it.
+    """
+    over = Look(hoverinfo="skip") if clicked else telling(told)
+    drawing.add(Look(type="heatmap", x=columns, y=rows, showscale=False, xgap=2, ygap=2) | over | look, numbers)
+    if clicked:
+        x, y = [*columns] * len(rows), [row for row in rows for _ in columns]
+        invisible = Look(x=x, y=y, customdata=clicked, marker_opacity=0, showlegend=False)
+        drawing.add(invisible | telling([text for row in told for text in row]) | marks)
     tools = [*_UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]
     drawing.update(hoverdistance=-1, dragmode=False, modebar_remove=tools)
     plain = Look(type="category", ticks="", showline=False, zeroline=False, showgrid=False)
-    drawing.axis("x", **plain, side="top", tickangle=0, range=[-0.5, columns - 0.5])
-    drawing.axis("y", **plain, range=[rows - 0.5, -0.5])  # the marks would widen it
+    drawing.axis("x", **plain, side="top", tickangle=0, range=[-0.5, len(columns) - 0.5])
+    drawing.axis("y", **plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
 
 
 def height_under_names(count: int) -> int:
@@ -137,13 +158,5 @@ def shade_window(drawing: Drawing, window_ms: float, *, rows: int = 1) -> None:
     """Shade the rated window [0, window_ms) in every row, and label it."""
     for row in range(1, rows + 1):
         drawing.shade(0, window_ms, f"y{row if row > 1 else ''}", fillcolor=WINDOW, opacity=0.55)
-    drawing.note(
-        f"rated: 0–{window_ms:g} ms",
-        window_ms,
-        1,
-        "y domain",
-        xanchor="right",
-        yanchor="top",
-        font_size=12,
-        font_color=WINDOW_INK,
-    )
+    words, place = f"rated: 0–{window_ms:g} ms", Look(xanchor="right", yanchor="top")
+    drawing.note(words, window_ms, 1, "y domain", font_size=12, font_color=WINDOW_INK, **place)

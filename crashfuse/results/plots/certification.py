@@ -13,15 +13,16 @@ from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.results.certification_tables import ANSWER, answer_texts
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look, Sheer
+from crashfuse.results.drawing import Drawing, Look, Sheer
 from crashfuse.results.figures import WITH_GROUP, how_left_out
 from crashfuse.results.plots.canvas import (
     PROMISED,
+    draw_cells,
     drawing_of_points,
-    fix_cells,
-    make_clickable,
+    marker,
     marks_of_runs,
     stack,
+    telling,
     tick_name,
 )
 from crashfuse.results.plots.palette import CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
@@ -45,7 +46,7 @@ _NONE = "No test was left out: nothing to compare with."
 
 def verdict_matrix(
     certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, words: bool = True
-) -> DrawnFigure:
+) -> Drawing:
     """Draw verdicts as a table of conditions, sorted by speed, by criteria, with the answer beside each row.
 
     A mark carries ``"<condition> | <criterion>"``. ``part`` takes some of the sorted conditions.
@@ -68,21 +69,18 @@ def verdict_matrix(
     texts, cells = ([[_cell(own, confidence, between) for own in row] for row in rows] for between in ("<br>", " "))
     heads = (" ".join(f"{own.name} {display.words(own.limits)}".split()) for own in criteria)
     table = {"Row": labels, **dict(zip(heads, zip(*cells, strict=True), strict=True)), ANSWER: answers}
-    size = min(12, max(_LETTERS // len(names), 6))
-    heat = Look(type="heatmap", z=codes, x=names, y=labels, colorscale=scale, zmin=-0.5, zmax=len(WORDS) - 0.5)
-    heat |= Look(showscale=False, xgap=2, ygap=2 if with_words else 0)
+    look, clicked = Look(z=codes, colorscale=scale, zmin=-0.5, zmax=len(WORDS) - 0.5), list[str]()
     if with_words:
-        heat |= Look(text=texts, texttemplate="%{text}", textfont={"color": MEASURED_COLOUR, "size": size})
-    drawing.add(heat | ({"hoverinfo": "skip"} if with_words else _over(hover)), table)
-    if with_words:
+        size = min(12, max(_LETTERS // len(names), 6))
+        look |= Look(text=texts, texttemplate="%{text}", textfont={"color": MEASURED_COLOUR, "size": size})
         clicked = [f"{i} | {verdict.criterion.name}" for i, row in zip(ids, rows, strict=True) for verdict in row]
-        over = _over([text for row in hover for text in row])
-        make_clickable(drawing, names, labels, clicked, 20, yaxis="y2", **over)
+    else:
+        look["ygap"] = 0
+    draw_cells(drawing, names, labels, look, table, hover, clicked=clicked, marker_size=20, yaxis="y2")
     told = [verdict.word for row in rows for verdict in row]
     for word in WORDS:
-        marker = _marker(VERDICT_COLOURS[word], "square", 13, 1, None)
-        drawing.entry(f"{word} ({told.count(word)})", marker=marker, hoverinfo="skip")
-    fix_cells(drawing, len(names), len(rows))
+        look = marker(VERDICT_COLOURS[word], "square", 13, 1)
+        drawing.entry(f"{word} ({told.count(word)})", **look, hoverinfo="skip")
     left = max(map(len, short), default=0) * _LETTER_PX + 6
     drawing.update(hoverlabel_align="left", margin_l=left, margin_t=above, margin_b=_BELOW_PX)
     drawing.update(legend_y=0, legend_yanchor="bottom")
@@ -92,7 +90,7 @@ def verdict_matrix(
         drawing.axis("y2", overlaying="y", side="right", categoryarray=labels, ticktext=answers, ticklabelstandoff=4)
         drawing.update(margin_r=max(map(len, [*answers, ANSWER])) * _LETTER_PX + 10)
         drawing.note(f"<b>{ANSWER}</b>", 1, 1, xanchor="left", yanchor="bottom", xshift=3)
-    return drawing.figure()
+    return drawing
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
@@ -117,7 +115,7 @@ def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
     return "<br>".join(lines)
 
 
-def validated_domain(certification: Certification, display: Display = DEFAULT) -> DrawnFigure:
+def validated_domain(certification: Certification, display: Display = DEFAULT) -> Drawing:
     """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
     domain, campaign = certification.domain, certification.campaign
     drawing = drawing_of_points(480, *display.axis("Impact speed", "mph"))
@@ -134,11 +132,11 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
     name = f"{len(campaign.cae):,} CAE runs"
     drawing.points(speeds, weights, name=name, hoverinfo="skip", marker=marks_of_runs(len(runs)))
 
-    def draw(name: str, some: Sequence[tuple[str, Condition, str]], marker: Look) -> None:
+    def draw(name: str, some: Sequence[tuple[str, Condition, str]], look: Look) -> None:
         speeds = [display.speeds(condition.speed_mps) for _, condition, _ in some]
         weights = [display.weights(condition.mass_kg) for _, condition, _ in some]
-        over = _over([f"<b>{i}</b><br>{display.condition(at)}{more}" for i, at, more in some])
-        drawing.points(speeds, weights, name=name, marker=marker, **over)
+        over = telling([f"<b>{i}</b><br>{display.condition(at)}{more}" for i, at, more in some])
+        drawing.points(speeds, weights, name=name, **look, **over)
 
     rows = certification.rows.items()
     for word in _WORST_FIRST:
@@ -148,12 +146,12 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
             if worst(row) == word
         ]
         if some:
-            marker = _marker(VERDICT_COLOURS[word], _SYMBOLS[word], 13, 1.5, INK)
-            draw(f"Worst verdict: {word} ({len(some)})", some, marker)
+            look = marker(VERDICT_COLOURS[word], _SYMBOLS[word], 13, 1.5, INK)
+            draw(f"Worst verdict: {word} ({len(some)})", some, look)
     tests = [(f"Test {test.id}", test.condition, "") for test in campaign.tests]
-    draw(f"{len(tests)} tests", tests, _marker(None, "cross-thin", 11, 2, MEASURED_COLOUR))
+    draw(f"{len(tests)} tests", tests, marker(None, "cross-thin", 11, 2, MEASURED_COLOUR))
     drawing.axis("y", *display.axis("Front and rear weight together", "lb"))
-    return drawing.figure()
+    return drawing
 
 
 def worst(verdicts: Sequence[Verdict]) -> Word:
@@ -161,7 +159,7 @@ def worst(verdicts: Sequence[Verdict]) -> Word:
     return min((verdict.word for verdict in verdicts), key=_WORST_FIRST.index)
 
 
-def reliability(record: TrackRecord) -> DrawnFigure:
+def reliability(record: TrackRecord) -> Drawing:
     """Draw the share of left-out tests that met a criterion over the probability given, open if bounds exclude it."""
     axis = Look(range=[-0.09, 1.09], tickvals=[0, 0.2, 0.4, 0.6, 0.8, 1], zeroline=False)
     drawing = drawing_of_points(440, "Probability given in advance", **axis)
@@ -183,14 +181,14 @@ def reliability(record: TrackRecord) -> DrawnFigure:
                 probability, met, name=name, mode="markers+text", cliponaxis=False, ends=(lower, upper),
                 error_y_thickness=1.5, error_y_width=4, text=[f"n = {each.n}" for each in bins],
                 textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins],
-                marker=_marker(colour, symbol, 11, 2, colour), **_over(texts),
+                **marker(colour, symbol, 11, 2, colour), **telling(texts),
             )  # fmt: skip
     drawing.update(showlegend=True)
     drawing.axis("y", "Share of tests that met it", **axis)
-    return drawing.figure()
+    return drawing
 
 
-def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: Display = DEFAULT) -> DrawnFigure:
+def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: Display = DEFAULT) -> Drawing:
     """Draw by criterion what left-out tests were predicted to show and showed, in order of speed, and the limits."""
     criteria = [criterion for criterion in criteria if record.of(criterion)]
     trials = [trial for trial in record.counted if trial.verdict.criterion in criteria]
@@ -206,18 +204,16 @@ def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: D
         number = "" if row == 1 else f"{row}"
         drawing.axis(f"x{number}", "Left-out test, in order of speed", title=None if row == len(criteria) else "")
         _draw_trials(drawing, own, criterion, tests, number, display)
-    for word in WORDS:
-        marker = _marker(VERDICT_COLOURS[word], "square", 10, 1, INK)
-        drawing.entry(f"predicted, {word}", marker=marker, hoverinfo="skip")
-    marker = _marker(Sheer(MEASURED_COLOUR, 0), "diamond", 10, 1, INK)
-    drawing.entry(WITH_GROUP, marker=marker, hoverinfo="skip")
-    marker = _marker(MEASURED_COLOUR, "circle", 10, 1, MEASURED_COLOUR)
-    drawing.entry("measured", marker=marker, hoverinfo="skip")
-    if wrong := any(trial.wrong for trial in trials):
-        marker = _marker(_DISAGREES, "circle-open", 10, 1, _DISAGREES)
-        drawing.entry("wrong verdict", marker=marker, hoverinfo="skip")
+    wrong = any(trial.wrong for trial in trials)
+    for name, colour, symbol, line in (
+        *((f"predicted, {word}", VERDICT_COLOURS[word], "square", INK) for word in WORDS),
+        (WITH_GROUP, Sheer(MEASURED_COLOUR, 0), "diamond", INK),
+        ("measured", MEASURED_COLOUR, "circle", MEASURED_COLOUR),
+        *([("wrong verdict", _DISAGREES, "circle-open", _DISAGREES)] if wrong else []),
+    ):
+        drawing.entry(name, **marker(colour, symbol, 10, 1, line), hoverinfo="skip")
     drawing.update(hoverlabel_align="left", margin_l=72, margin_t=96 if wrong else 72)
-    return drawing.figure()
+    return drawing
 
 
 def _draw_trials(
@@ -227,7 +223,7 @@ def _draw_trials(
 
     def draw(some: Sequence[Trial], values: FloatArray, **look: Any) -> None:  # noqa: ANN401 - as Plotly takes it
         at = [tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14) for trial in some]
-        over = _over([_told(trial, display) for trial in some])
+        over = telling([_told(trial, display) for trial in some])
         places = {"x": [trial.held_out for trial in some]}
         drawing.points(at, values, numbers=places, showlegend=False, xaxis=x, yaxis=y, **look, **over)
 
@@ -236,13 +232,13 @@ def _draw_trials(
         ends = [(trial.verdict.value, trial.verdict.lower, trial.verdict.upper) for trial in own]
         value, lower, upper = factor * np.array(ends, dtype=np.float64).reshape(-1, 3).T
         colours = [VERDICT_COLOURS[trial.verdict.word] for trial in own]
-        marker = _marker(colours, symbol, 10, 1, INK)
-        draw(own, value, ends=(lower, upper), error_y_width=0, error_y_color=_INTERVAL, marker=marker)
-    for name, some, marker in (
-        ("measured", trials, _marker(MEASURED_COLOUR, "circle", 7, 1, PAPER)),
-        ("wrong", [t for t in trials if t.wrong], _marker(_DISAGREES, "circle-open", 20, 2.5, None)),
+        look = marker(colours, symbol, 10, 1, INK)
+        draw(own, value, ends=(lower, upper), error_y_width=0, error_y_color=_INTERVAL, **look)
+    for name, some, look in (
+        ("measured", trials, marker(MEASURED_COLOUR, "circle", 7, 1, PAPER)),
+        ("wrong", [t for t in trials if t.wrong], marker(_DISAGREES, "circle-open", 20, 2.5)),
     ):
-        draw(some, factor * np.array([trial.measured for trial in some], dtype=np.float64), name=name, marker=marker)
+        draw(some, factor * np.array([trial.measured for trial in some], dtype=np.float64), name=name, **look)
     for limit in (criterion.at_least, criterion.at_most):
         if limit is not None:
             drawing.rule(y, factor * limit, colour=CURSOR, width=1.5, dash="dash")
@@ -267,17 +263,9 @@ def _told(trial: Trial, display: Display) -> str:
     )
 
 
-def _marker(color: object, symbol: str, size: int, width: float, line: str | None) -> Look:
-    return {"color": color, "symbol": symbol, "size": size, "line": {"width": width, "color": line}}
-
-
-def _over(texts: Sequence[object]) -> Look:
-    return {"hovertext": texts, "hovertemplate": "%{hovertext}<extra></extra>"}
-
-
-def _said(drawing: Drawing, words: str) -> DrawnFigure:
+def _said(drawing: Drawing, words: str) -> Drawing:
     drawing.note(words, 0.5, 0.5)
     drawing.update(showlegend=False)
     for axis in "xy":
         drawing.axis(axis, visible=False)
-    return drawing.figure()
+    return drawing

@@ -9,8 +9,8 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look
-from crashfuse.results.plots.canvas import drawing_of_points, marks_of_runs, stack
+from crashfuse.results.drawing import Drawing, Look
+from crashfuse.results.plots.canvas import drawing_of_points, marker, marks_of_runs, stack, telling
 from crashfuse.results.plots.curves import Curve, draw_curves
 from crashfuse.results.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
 from crashfuse.signals.metrics import METRIC_UNITS, Metric
@@ -31,7 +31,7 @@ _WEIGHTS = ("front weight", "rear weight")
 
 def condition_space(
     library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None, display: Display = DEFAULT
-) -> DrawnFigure:
+) -> Drawing:
     """Draw front and rear weight over speed: CAE runs, their range, and the tests, open where that is extrapolation."""
     drawing = drawing_of_points(640)
     stack(drawing, 2, 0.06)
@@ -63,6 +63,7 @@ def condition_space(
         notes = [library.extrapolation(test.condition) for test in tests]
         elsewhere = _WEIGHTS[2 - row]  # an axis of the other plot
         outside = [any(elsewhere not in note for note in own) for own in notes]
+        words = [[*map(display.words, (test.condition, *own))] for test, own in zip(tests, notes, strict=True)]
         for name, symbol, chosen in (
             ("Tests", "circle", [i for i, is_out in enumerate(outside) if not is_out]),
             ("Tests outside it: extrapolation", "circle-open", [i for i, is_out in enumerate(outside) if is_out]),
@@ -71,20 +72,18 @@ def condition_space(
                 drawing.points(
                     points[chosen, 0], points[chosen, row], name=name, mode="markers+text", cliponaxis=False,
                     text=[tests[i].id for i in chosen], textposition=[sides[i] for i in chosen],
-                    marker_color=MEASURED_COLOUR, marker_symbol=symbol, marker_size=10, marker_line_width=2,
-                    customdata=[["<br>".join(map(display.words, (tests[i].condition, *notes[i])))] for i in chosen],
-                    hovertemplate="<b>Test %{text}</b><br>%{customdata[0]}<extra></extra>", legendgroup=name,
+                    legendgroup=name, **marker(MEASURED_COLOUR, symbol, 10, 2),
+                    **telling(["<br>".join([f"<b>Test {tests[i].id}</b>", *words[i]]) for i in chosen]),
                     **{**place, "showlegend": name not in listed},
                 )  # fmt: skip
                 listed.add(name)
         for i in [i for i, test in enumerate(tests) if test.id == held_out]:
             drawing.points(
                 points[[i], 0], points[[i], row], name=f"{held_out}: held out", legendgroup="held out",
-                hoverinfo="skip", marker_color=MEASURED_COLOUR, marker_symbol="circle-open", marker_size=17,
-                marker_line_width=1.5, **place,
+                hoverinfo="skip", **marker(MEASURED_COLOUR, "circle-open", 17, 1.5), **place,
             )  # fmt: skip
     drawing.update(margin_l=72)
-    return drawing.figure()
+    return drawing
 
 
 def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
@@ -100,7 +99,7 @@ def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
     return chosen
 
 
-def sweep_figure(sweep: SpeedSweep, metric: str, display: Display = DEFAULT) -> DrawnFigure:
+def sweep_figure(sweep: SpeedSweep, metric: str, display: Display = DEFAULT) -> Drawing:
     """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points."""
     campaign, speeds = sweep.campaign, sweep.speeds_mps
     drawing = drawing_of_points(460, *display.axis("Impact speed", "mph"))
@@ -109,9 +108,8 @@ def sweep_figure(sweep: SpeedSweep, metric: str, display: Display = DEFAULT) -> 
     draw_curves(drawing, curves, mode="lines+markers", marker_size=4, connectgaps=False)
     for look in [mark.look for mark in drawing.marks if mark.look["mode"] == "lines+markers"]:
         name = look["legendgroup"]
-        texts = zip(speeds.tolist(), readings[name], strict=True)
-        look["customdata"] = [[display.speed(v0), own.text_with_unit] for v0, own in texts]
-        look["hovertemplate"] = f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>"
+        read = zip(speeds.tolist(), readings[name], strict=True)
+        look |= telling([f"<b>{LABELS[name]}</b><br>{display.speed(v0)}<br>{m.text_with_unit}" for v0, m in read])
     _points(drawing, campaign, metric, display)
     speeds = np.concatenate([speeds, [test.condition.speed_mps for test in campaign.tests]])
     margin = 0.02 * np.ptp(speeds) + 0.1 * MPH
@@ -120,7 +118,7 @@ def sweep_figure(sweep: SpeedSweep, metric: str, display: Display = DEFAULT) -> 
     drawing.axis("x", range=[display.speeds(low), display.speeds(high)])
     unit, label = METRIC_UNITS[metric], campaign.metric_headings[metric]
     drawing.axis("y", *(display.axis(label, unit) if unit else (label,)))
-    return drawing.figure()
+    return drawing
 
 
 def _curve(speeds: FloatArray, metrics: Sequence[Metric]) -> Curve:
@@ -130,16 +128,11 @@ def _curve(speeds: FloatArray, metrics: Sequence[Metric]) -> Curve:
 
 def _points(drawing: Drawing, campaign: Campaign, metric: str, display: Display) -> None:
     measured = ((test, own) for test in campaign.tests for own in campaign.metrics_of(test) if own.name == metric)
-    found = [(test, display.metric(own)) for test, own in measured]
-    drawing.points(
-        [display.speeds(test.condition.speed_mps) for test, _ in found],
-        [own.value for _, own in found],
-        name="Tests (each with its own weights)",
-        marker_color=MEASURED_COLOUR,
-        marker_size=9,
-        customdata=[[test.id, display.condition(test.condition), own.text_with_unit] for test, own in found],
-        hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}<br>%{customdata[2]}<extra></extra>",
-    )
+    tests = [(test, test.condition, display.metric(own)) for test, own in measured]
+    speeds, values = [display.speeds(at.speed_mps) for _, at, _ in tests], [own.value for *_, own in tests]
+    over = telling([f"<b>Test {t.id}</b><br>{display.condition(at)}<br>{m.text_with_unit}" for t, at, m in tests])
+    look = Look(name="Tests (each with its own weights)", marker_color=MEASURED_COLOUR, marker_size=9)
+    drawing.points(speeds, values, **look, **over)
 
 
 def _mark_speeds(drawing: Drawing, campaign: Campaign, low_mps: float, high_mps: float, display: Display) -> None:
@@ -153,7 +146,7 @@ def _mark_speeds(drawing: Drawing, campaign: Campaign, low_mps: float, high_mps:
         drawing.shade(v0, v0, type="line", y1=0.03, layer=None, line_color=MEASURED_COLOUR, line_width=1.5)
 
 
-def next_tests_figure(ranking: NextTests, display: Display = DEFAULT) -> DrawnFigure:
+def next_tests_figure(ranking: NextTests, display: Display = DEFAULT) -> Drawing:
     """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run."""
     drawing = drawing_of_points(420, *display.axis("Impact speed", "mph"))
     vectors = np.array([condition.vector for condition in ranking.conditions])
@@ -169,9 +162,10 @@ def next_tests_figure(ranking: NextTests, display: Display = DEFAULT) -> DrawnFi
         name="Candidates, the best numbered", line_color=colour, line_width=2,
         mode="lines+markers+text" if all(own == weights[0] for own in weights) else "markers+text",
         textposition="top center", cliponaxis=False, textfont_size=14,
-        marker_color=colour, marker_size=[11 if place < BEST else 7 for place in places],
-        marker_symbol=["circle-open" if ranking.extrapolated[place] else "circle" for place in places],
-        marker_line_width=1.5,
+        **marker(
+            colour, ["circle-open" if ranking.extrapolated[place] else "circle" for place in places],
+            [11 if place < BEST else 7 for place in places], 1.5,
+        ),
         hovertemplate=f"%{{x:.1f}} {units.speed}, front %{{customdata[0]:.0f}} {units.weight}, "
         f"rear %{{customdata[1]:.0f}} {units.weight}<br>band ± %{{customdata[2]:.2f}} {units.acceleration} now, "
         f"± %{{customdata[3]:.2f}} {units.acceleration} with this test (− %{{y:.1f}} %)<extra></extra>",
@@ -179,13 +173,10 @@ def next_tests_figure(ranking: NextTests, display: Display = DEFAULT) -> DrawnFi
     drawing.points(
         [display.speeds(test.condition.speed_mps) for test in tests], [0.0] * len(tests),
         text=[test.id for test in tests], name="Tests that were run",
-        marker_color=MEASURED_COLOUR, marker_symbol="line-ns-open", marker_size=16, marker_line_width=2,
+        **marker(MEASURED_COLOUR, "line-ns-open", 16, 2),
         hovertemplate=f"%{{text}}, %{{x:.1f}} {units.speed}<extra></extra>",
     )  # fmt: skip
     if any(ranking.extrapolated):
-        drawing.entry(
-            "Outside the CAE runs", marker_color=colour, marker_symbol="circle-open", marker_size=9,
-            marker_line_width=1.5,
-        )  # fmt: skip
+        drawing.entry("Outside the CAE runs", **marker(colour, "circle-open", 9, 1.5))
     drawing.axis("y", "Band shrinks by", "%", rangemode="tozero")
-    return drawing.figure()
+    return drawing

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import CLASSES, by_preference, label_of
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look, Sheer, drawing_of
+from crashfuse.results.drawing import Drawing, Look, Sheer
 from crashfuse.results.plots.palette import COLOURS, CURSOR, DASHES, MEASURED_COLOUR, PAPER, further_line, speed_lines
 from crashfuse.signals.pulse import FloatArray
 
@@ -20,6 +21,7 @@ TEST = "test"  # key of the measured curve among those of the approaches
 POINTWISE, WHOLE = "95 of 100 tests inside at each point", "9 of 10 tests inside as a whole, 0–60 ms"
 
 Band = tuple[FloatArray, FloatArray, FloatArray]
+Predictions = Mapping[str, Prediction]  # by approach, or another name in the legend
 
 
 class LegendName(str):
@@ -131,13 +133,12 @@ _STEPS, _STEP_PX = 3, 32  # texts of marks near each other stand at different he
 _BEHIND = Sheer(PAPER, 0.7)
 
 
-def add_marks(figure: DrawnFigure, notes: Sequence[Note]) -> DrawnFigure:
-    """The figure over time with the notes that have a time in every row."""
-    drawing = drawing_of(figure)
+def add_marks(drawing: Drawing, notes: Sequence[Note]) -> None:
+    """Mark the notes that have a time in every row of a drawing over time."""
     marks = sorted((note for note in notes if note.start_ms is not None), key=lambda note: note.start_ms or 0.0)
     rows = sorted({mark.look.get("yaxis", "y") for mark in drawing.marks})
     if not (marks and rows):
-        return figure
+        return
     middle = sum(drawing.axes["x"].look["range"]) / 2  # beyond it a text stands before its mark, inside the figure
     last = np.concatenate([mark.look["y"] for mark in drawing.marks if mark.look.get("yaxis", "y") == rows[-1]])
     zero_is_below = bool(np.nanmax(last) > -np.nanmin(last))
@@ -158,4 +159,3 @@ def add_marks(figure: DrawnFigure, notes: Sequence[Note]) -> DrawnFigure:
             yanchor="top" if on_top else "bottom", align="left", font_size=12, font_color=CURSOR, bgcolor=_BEHIND,
             borderpad=1,
         )  # fmt: skip
-    return drawing.figure()

@@ -10,13 +10,22 @@ from crashfuse.approaches.displacement_domain.dynamics import replay
 from crashfuse.approaches.displacement_domain.events import CaeEvents
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look
+from crashfuse.results.drawing import Drawing, Look
 from crashfuse.results.plots.canvas import height_under_names, new_drawing, room_for_names, rows_of_plots
-from crashfuse.results.plots.curves import TEST, Curve, by_speed, curve_line, curve_lines, draw_curves, label
+from crashfuse.results.plots.curves import (
+    TEST,
+    Curve,
+    Predictions,
+    by_speed,
+    curve_line,
+    curve_lines,
+    draw_curves,
+    label,
+)
 from crashfuse.results.plots.palette import COLOURS
 from crashfuse.signals.loading_phase import LoadingPhase, energy_crush, loading_phase
 from crashfuse.signals.metrics import Metric
-from crashfuse.signals.pulse import FloatArray, Pulse
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
 _MM, _KJ, _KN = 1e-3, 1e3, 1e3
@@ -26,21 +35,20 @@ _MARK_S = 0.004  # between marks of the integrated motion
 
 
 def over_displacement(
-    measured: Pulse | None,
-    predictions: Mapping[str, Prediction],
-    speed_mps: float,
+    test: CrashTest | None,
+    predictions: Predictions,
     display: Display = DEFAULT,
     *,
     filled: str | None = None,
     crush: Mapping[str, Metric] = {},
-) -> DrawnFigure:
+) -> Drawing:
     """Draw acceleration over displacement, up to maximum crush with its interval in ``crush`` (Fig. 7).
 
     A band covers the draws that get so far, and ends where half of them have stopped.
     """
     drawing = _over_displacement(height=460 + room_for_names(predictions))
     scale = display.accel_scale
-    phases = _loading_phases(measured, predictions, speed_mps)
+    phases = _loading_phases(test, predictions)
     curves: dict[str, Curve] = {}
     for name, phase in phases.items():
         band = None
@@ -60,10 +68,10 @@ def over_displacement(
     return _fitted(drawing)
 
 
-def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> DrawnFigure:
+def integration_check(test: CrashTest | None, predictions: Predictions) -> Drawing:
     """Compare each pulse's s(t) with that integrated over displacement by Eq. 29, which is drawn as marks (Fig. 15)."""
     drawing = new_drawing(height=520)
-    phases = _loading_phases(measured, predictions, speed_mps)
+    phases = _loading_phases(test, predictions)
     again = {name: replay(phase) for name, phase in phases.items()}
     travelled = {name: Curve(phase.time_s / MS, phase.displacement_m / _MM) for name, phase in phases.items()}
     missed = {
@@ -86,31 +94,19 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
     drawing.axis("x", anchor="y2", range=[0, 5 * np.ceil(end_ms / 5 + 0.2)])
     drawing.axis("y", "Displacement", "mm", domain=[0.38, 1.0])
     drawing.axis("y2", "Difference", "mm", domain=[0.0, 0.3])
-    return drawing.figure()
+    return drawing
 
 
-def energy_over_crush(
-    measured: Pulse | None,
-    predictions: Mapping[str, Prediction],
-    speed_mps: float,
-    mass_kg: float,
-    *,
-    filled: str | None = None,
-) -> DrawnFigure:
-    """Draw the energy absorbed by the vehicle over its crush: the test, of this speed and mass, and predictions."""
+def energy_over_crush(test: CrashTest | None, predictions: Predictions, *, filled: str | None = None) -> Drawing:
+    """Draw the energy absorbed by the vehicle over its crush, in the test and by predictions."""
     drawing = _over_displacement(height=460 + room_for_names(predictions))
-    pulses = {
-        name: (energy_crush(own.accel_mps2, own.condition.speed_mps, own.draws_mps2), own.condition.mass_kg)
-        for name, own in predictions.items()
-    }
-    if measured is not None:
-        pulses[TEST] = energy_crush(measured.accel_mps2, speed_mps), mass_kg
     curves = {}
-    for name, (found, own_mass_kg) in pulses.items():
-        band, scale = None, own_mass_kg / _KJ
-        if found.lower_jpkg is not None and found.upper_jpkg is not None:
-            band = found.crush_m / _MM, found.lower_jpkg * scale, found.upper_jpkg * scale
-        curves[name] = Curve(found.crush_m / _MM, found.energy_jpkg * scale, band)
+    for name, pulse in _with_test(test, predictions).items():
+        absorbed = energy_crush(pulse.accel_mps2, pulse.condition.speed_mps, pulse.draws_mps2)
+        band, scale = None, pulse.condition.mass_kg / _KJ
+        if absorbed.lower_jpkg is not None and absorbed.upper_jpkg is not None:
+            band = absorbed.crush_m / _MM, absorbed.lower_jpkg * scale, absorbed.upper_jpkg * scale
+        curves[name] = Curve(absorbed.crush_m / _MM, absorbed.energy_jpkg * scale, band)
     draw_curves(drawing, curves, filled=filled)
     drawing.axis("y", "Absorbed energy", "kJ", rangemode="tozero")
     return _fitted(drawing)
@@ -120,21 +116,21 @@ def _over_displacement(height: int) -> Drawing:
     return new_drawing(height, "Displacement", "mm", unifiedhovertitle_text="%{x:.0f} mm")
 
 
-def _fitted(drawing: Drawing) -> DrawnFigure:
+def _fitted(drawing: Drawing) -> Drawing:
     ends = (end for mark in drawing.marks for end in (*mark.look["x"], *mark.numbers.get("x_upper", ())))
     longest = max(float(end) for end in ends if end is not None and np.isfinite(end))
     for axis in [name for name in drawing.axes if name.startswith("x")]:
         drawing.axis(axis, range=[0, 1.02 * longest])
-    return drawing.figure()
+    return drawing
 
 
-def _loading_phases(
-    measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float
-) -> dict[str, LoadingPhase]:
-    pulses = {name: (own.accel_mps2, own.condition.speed_mps) for name, own in predictions.items()}
-    if measured is not None:
-        pulses[TEST] = measured.accel_mps2, speed_mps
-    return {name: loading_phase(*pulse) for name, pulse in pulses.items()}
+def _with_test(test: CrashTest | None, predictions: Predictions) -> Predictions:
+    return predictions if test is None else {**predictions, TEST: Prediction(test.condition, test.pulse.accel_mps2)}
+
+
+def _loading_phases(test: CrashTest | None, predictions: Predictions) -> dict[str, LoadingPhase]:
+    pulses = _with_test(test, predictions).items()
+    return {name: loading_phase(pulse.accel_mps2, pulse.condition.speed_mps) for name, pulse in pulses}
 
 
 def _mark_crush(drawing: Drawing, name: str, curve: Curve, colour: str, crush: Metric | None) -> None:
@@ -169,7 +165,7 @@ def bias_by_speed(
     speeds_mps: Mapping[str, float] | None = None,
     highlight: str | None = None,
     display: Display = DEFAULT,
-) -> DrawnFigure:
+) -> Drawing:
     """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16)."""
     drawing = _over_displacement(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
@@ -180,7 +176,7 @@ def bias_by_speed(
     return _fitted(drawing)
 
 
-def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str | None = None) -> DrawnFigure:
+def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str | None = None) -> Drawing:
     """Draw the force that the CAE model lacks in each test, coloured by speed, and its events with their ranks."""
     drawing, colour = _over_displacement(height_under_names(len(found.tests))), COLOURS["displacement_domain"]
     for rank, event in enumerate(found.events, start=1):
@@ -202,7 +198,7 @@ def bias_parts(
     displacement_m: FloatArray,
     measured: BiasPoints | None = None,
     display: Display = DEFAULT,
-) -> DrawnFigure:
+) -> Drawing:
     """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band."""
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)

@@ -7,7 +7,7 @@ import pandas as pd
 
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look
+from crashfuse.results.drawing import Drawing, Look
 from crashfuse.results.plots.canvas import drawing_of_points, new_drawing
 from crashfuse.results.plots.palette import COLOURS, CURSOR, DASHES
 from crashfuse.study.learning_curve import LearningCurve
@@ -21,7 +21,7 @@ _NAMES = {"train loss": "Training error", "validation loss": "Error on held-back
 
 def learning_curves(
     curves: Mapping[str, Sequence[tuple[int, float]]], *, value: str, step: str = "Step", total: int
-) -> DrawnFigure:
+) -> Drawing:
     """Draw values over steps reported during training, ``total`` in the end; logarithmic if all are positive."""
     drawing = new_drawing(height=260)
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
@@ -35,10 +35,10 @@ def learning_curves(
         # the range is given: Plotly keeps that of the figure before where this one takes its place
         ends = [np.log10(min(known)) - _SPARE, np.log10(max(known)) + _SPARE]
         drawing.axis("y", type="log", tickformat="~g", dtick="D2", range=ends)
-    return drawing.figure()
+    return drawing
 
 
-def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], chosen: str) -> DrawnFigure:
+def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], chosen: str) -> Drawing:
     """Draw the RMS error for each strength of fine-tuning: on tests used for it, and on tests left out in turn."""
     drawing = new_drawing(height=260)
     for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):
@@ -51,14 +51,14 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
     title = "How far a test may differ from the others (shared part: 1)"
     drawing.axis("x", title, type="category", range=None, unifiedhovertitle=None)
     drawing.axis("y", "Error", "CAE RMS = 1", rangemode="tozero")
-    return drawing.figure()
+    return drawing
 
 
 _SHIFT = 0.06  # tests, between points of even and of random choices
 _RATING = "%{x:.0f} tests: %{y:.3f} ± %{error_y.array:.3f}"
 
 
-def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> DrawnFigure:
+def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> Drawing:
     """Draw the mean rating, and below it the band's width, over the number of tests learned from.
 
     Behind the judged approach: the central 80 % of single ratings. Open diamond: expected with one test more.
@@ -91,7 +91,7 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> Dr
     _expect(drawing, curve)
     drawing.rule("x", n, colour=CURSOR, dash="dot")
     drawing.note(f"all {n} tests", n, 1, "y domain", xanchor="left", yanchor="top")
-    return drawing.figure()
+    return drawing
 
 
 def _ratings(drawing: Drawing, rows: pd.DataFrame, name: str, colour: str, symbol: str, shift: float) -> None:

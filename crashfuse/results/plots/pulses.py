@@ -12,9 +12,18 @@ from crashfuse.importing.pulse_conversion import Settled
 from crashfuse.readers.record import RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look, Sheer, Values, drawing_of
+from crashfuse.results.drawing import Drawing, Look, Sheer, Values
 from crashfuse.results.plots import canvas
-from crashfuse.results.plots.curves import TEST, Band, Curve, by_speed, curve_line, draw_curves, with_filled_band
+from crashfuse.results.plots.curves import (
+    TEST,
+    Band,
+    Curve,
+    Predictions,
+    by_speed,
+    curve_line,
+    draw_curves,
+    with_filled_band,
+)
 from crashfuse.results.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, kinematics
@@ -27,32 +36,23 @@ _MAX_RUNS = 2000  # more runs do not change the quantiles visibly
 
 
 def overlay(
-    measured: Pulse | None,
-    predictions: Mapping[str, Prediction],
-    display: Display = DEFAULT,
-    *,
-    filled: str | None = None,
-) -> DrawnFigure:
+    test: CrashTest | None, predictions: Predictions, display: Display = DEFAULT, *, filled: str | None = None
+) -> Drawing:
     """Overlay the measured pulse, if there is one, and predictions by approach or other names, with their bands."""
     drawing = canvas.new_drawing(height=460 + canvas.room_for_names(predictions))
-    draw_curves(drawing, _accelerations(measured, predictions, display, filled), filled=filled)
+    draw_curves(drawing, _accelerations(test, predictions, display, filled), filled=filled)
     drawing.axis("y", *display.accel_axis)
-    if measured is not None:
+    if test is not None:
         canvas.shade_window(drawing, display.window_ms)
-    return drawing.figure()
+    return drawing
 
 
 def motion(
-    measured: Pulse | None,
-    predictions: Mapping[str, Prediction],
-    speed_mps: float,
-    display: Display = DEFAULT,
-    *,
-    filled: str | None = None,
-) -> DrawnFigure:
+    test: CrashTest | None, predictions: Predictions, display: Display = DEFAULT, *, filled: str | None = None
+) -> Drawing:
     """Stack acceleration, velocity and displacement over one time axis, with one cursor; see :func:`overlay`."""
     drawing = canvas.new_drawing(height=490 + canvas.room_for_names(predictions))
-    accelerations = _accelerations(measured, predictions, display, filled)
+    accelerations = _accelerations(test, predictions, display, filled)
     draw_curves(drawing, accelerations, filled=filled)
     velocities, displacements = {}, {}
     for name, prediction in predictions.items():
@@ -62,13 +62,13 @@ def motion(
             drawn = kinematics(prediction.draws_mps2.astype(np.float64), speed, DT_S)
             v_band = _GRID_MS, *central_interval(display.speeds(drawn.velocity_mps))
             s_band = _GRID_MS, *central_interval(drawn.displacement_m / _MM)
-        own = kinematics(prediction.accel_mps2, speed, DT_S)
-        velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
-        displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
-    if measured is not None:
-        own = measured.kinematics(speed_mps)
-        velocities[TEST] = Curve(measured.time_s / MS, display.speeds(own.velocity_mps))
-        displacements[TEST] = Curve(measured.time_s / MS, own.displacement_m / _MM)
+        moved = kinematics(prediction.accel_mps2, speed, DT_S)
+        velocities[name] = Curve(_GRID_MS, display.speeds(moved.velocity_mps), v_band)
+        displacements[name] = Curve(_GRID_MS, moved.displacement_m / _MM, s_band)
+    if test is not None:
+        moved = test.pulse.kinematics(test.condition.speed_mps)
+        velocities[TEST] = Curve(test.pulse.time_s / MS, display.speeds(moved.velocity_mps))
+        displacements[TEST] = Curve(test.pulse.time_s / MS, moved.displacement_m / _MM)
     for yaxis, curves in (("y2", velocities), ("y3", displacements)):
         draw_curves(drawing, curves, yaxis, filled, showlegend=False, hovertemplate=None, hoverinfo="none")
     lead = with_filled_band(accelerations, filled)
@@ -80,30 +80,25 @@ def motion(
     drawing.axis("y3", "Displacement", "mm", domain=[0.0, 0.24])
     for axis in ("y2", "y3"):
         drawing.axis(axis, title_font_size=12)  # else the titles would touch
-    if measured is not None:
+    if test is not None:
         canvas.shade_window(drawing, display.window_ms, rows=3)
-    return drawing.figure()
+    return drawing
 
 
 def residuals(
-    measured: Pulse, predictions: Mapping[str, Prediction], display: Display = DEFAULT, *, filled: str | None = None
-) -> DrawnFigure:
+    test: CrashTest, predictions: Predictions, display: Display = DEFAULT, *, filled: str | None = None
+) -> Drawing:
     """Draw prediction minus test, with its 95 % band; the root mean square in the legend is over the rated window."""
     drawing = canvas.new_drawing(height=460 + canvas.room_for_names(predictions))
-    draw_curves(drawing, _accelerations(None, predictions, display, filled, minus=measured), filled=filled)
+    draw_curves(drawing, _accelerations(None, predictions, display, filled, minus=test.pulse), filled=filled)
     drawing.rule("y", 0, colour=CURSOR)
     drawing.axis("y", "Prediction − test", display.unit)
     canvas.shade_window(drawing, display.window_ms)
-    return drawing.figure()
+    return drawing
 
 
-def add_corridors(figure: DrawnFigure, measured: Pulse, display: Display = DEFAULT) -> DrawnFigure:
-    """A figure whose first row is acceleration over time, with both corridors shaded over the rated window."""
-    return draw_corridors(drawing_of(figure), measured, display).figure()
-
-
-def draw_corridors(drawing: Drawing, measured: Pulse, display: Display) -> Drawing:
-    """Shade both corridors over the rated window of a drawing; returns it."""
+def add_corridors(drawing: Drawing, measured: Pulse, display: Display = DEFAULT) -> None:
+    """Shade both corridors over the rated window of a drawing whose first row is acceleration over time."""
     inside = measured.time_s < display.window_ms * MS
     time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale
     largest = np.abs(accel).max()
@@ -113,7 +108,6 @@ def draw_corridors(drawing: Drawing, measured: Pulse, display: Display) -> Drawi
         # below the curves, which were drawn before
         sheer = Sheer(CORRIDOR, alpha)
         drawing.band(time, accel - half, accel + half, colour=CORRIDOR, name=name, fillcolor=sheer, zorder=-1)
-    return drawing
 
 
 def measured_pulses(
@@ -124,7 +118,7 @@ def measured_pulses(
     cfc: float | None = None,
     display: Display = DEFAULT,
     further: Mapping[str, Prediction] = {},
-) -> DrawnFigure:
+) -> Drawing:
     """Draw tests, coloured by their speeds among all; with a filter class the curves as read are thin behind."""
     drawing = canvas.new_drawing(canvas.height_under_names(len(tests) + len(further)))
     for test, style in by_speed(tests, highlight, display, speeds_mps):
@@ -140,7 +134,7 @@ def measured_pulses(
 
 def wall_forces(
     tests: Sequence[CrashTest], *, speeds_mps: Mapping[str, float] | None = None, display: Display = DEFAULT
-) -> DrawnFigure:
+) -> Drawing:
     """Draw the barrier's force on tests that have it, and dotted their mass times deceleration."""
     drawing = canvas.new_drawing(canvas.height_under_names(2 * len(tests)))
     for test, style in by_speed(tests, None, display, speeds_mps):
@@ -151,7 +145,7 @@ def wall_forces(
             dotted = {**style, "line": {**style["line"], "dash": "dot"}, "name": f"{style['name']}: {legend}"}
             drawing.line(test.pulse.time_s / MS, force, legend=legend, **dotted)
     drawing.axis("y", "Force", "kN")
-    return drawing.figure()
+    return drawing
 
 
 def library_band(
@@ -161,7 +155,7 @@ def library_band(
     speeds_mps: Mapping[str, float] | None = None,
     display: Display = DEFAULT,
     further: Mapping[str, Prediction] = {},
-) -> DrawnFigure:
+) -> Drawing:
     """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top."""
     drawing = canvas.new_drawing(canvas.height_under_names(len(tests) + len(further)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
@@ -175,19 +169,18 @@ def library_band(
     return _with_further(drawing, further, display)
 
 
-def _with_further(drawing: Drawing, further: Mapping[str, Prediction], display: Display) -> DrawnFigure:
+def _with_further(drawing: Drawing, further: Predictions, display: Display) -> Drawing:
     draw_curves(drawing, _accelerations(None, further, display))
     drawing.axis("y", *display.accel_axis)
     canvas.shade_window(drawing, display.window_ms)
-    return drawing.figure()
+    return drawing
 
 
 def _accelerations(
-    measured: Pulse | None,
-    predictions: Mapping[str, Prediction],
+    test: CrashTest | None,
+    predictions: Predictions,
     display: Display,
     filled: str | None = None,
-    *,
     minus: Pulse | None = None,
 ) -> dict[str, Curve]:
     curves = {}
@@ -206,8 +199,8 @@ def _accelerations(
         curves[name] = Curve(_GRID_MS, accel, ends(prediction.band()), remark)
     if (first := with_filled_band(curves, filled)) is not None:
         curves[first] = replace(curves[first], whole=ends(predictions[first].whole_band(), round(WHOLE_S / DT_S)))
-    if measured is not None:
-        curves[TEST] = Curve(measured.time_s / MS, measured.accel_mps2 * scale)
+    if test is not None:
+        curves[TEST] = Curve(test.pulse.time_s / MS, test.pulse.accel_mps2 * scale)
     return curves
 
 
@@ -236,9 +229,7 @@ _FROM_S, _TO_S = -0.02, 0.15
 _MOST_CHANNELS, _MOST_POINTS = 8, 4000
 
 
-def imported_pulse(
-    channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT
-) -> DrawnFigure:
+def imported_pulse(channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT) -> Drawing:
     """Draw a record's pulse over its channels, contact at 0; without one the channels alone."""
     drawing = canvas.new_drawing(height=420)
     scale = display.accel_scale
@@ -256,10 +247,10 @@ def imported_pulse(
     if settled is None:
         drawing.axis("x", "Time in the file", "ms", autorange=True, range=None)
         drawing.axis("y", "As in the file")
-        return drawing.figure()
+        return drawing
     pulse = settled.pulse
     inside = (pulse.time_s >= _FROM_S) & (pulse.time_s <= _TO_S)
     drawing.line(pulse.time_s[inside] / MS, pulse.accel_mps2[inside] * scale, line=curve_line(TEST), name=settled.id)
     drawing.axis("x", range=[_FROM_S / MS, _TO_S / MS])
     drawing.axis("y", *display.accel_axis)
-    return drawing.figure()
+    return drawing

@@ -7,12 +7,12 @@ import numpy as np
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS, label_of
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.drawing import Drawing, DrawnFigure, Look
+from crashfuse.results.drawing import Drawing, Look
 from crashfuse.results.plots import canvas
 from crashfuse.results.plots.canvas import drawing_of_points, drawing_over_tests, new_drawing, tick_name
 from crashfuse.results.plots.curves import TEST, curve_line, curve_lines, label
 from crashfuse.results.plots.palette import AXIS, COLOURS, GRADE_COLOURS, INK, MEASURED_COLOUR
-from crashfuse.results.plots.pulses import draw_corridors
+from crashfuse.results.plots.pulses import add_corridors
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import GRADES, WEIGHTS, Rating, graded
 from crashfuse.signals.rating_explanation import RatingExplanation
@@ -26,7 +26,7 @@ _ROW_PX, _NAMES_PX, _BELOW_PX = 29, 52, 8  # of a heat map: a row, the names of 
 
 def rating_heatmap(
     scores: Mapping[str, Mapping[str, float]], repeats: Mapping[str, Repeatability] | None = None
-) -> DrawnFigure:
+) -> Drawing:
     """Draw overall ratings by test and approach, coloured by grade, with their mean and a repeat's."""
     tests = list(scores)
     approaches = max((list(own) for own in scores.values()), key=len)
@@ -47,24 +47,21 @@ def rating_heatmap(
     scale = [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]
     drawing = drawing_of_points(_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     table = {"Row": [*(f"Test {test}" for test in tests), *mean], **dict(zip(heads, z.T, strict=True))}
-    heat = Look(type="heatmap", z=z, x=names, y=rows, colorscale=scale, zmin=0, zmax=1, xgap=2, ygap=2, showscale=False)
-    heat |= Look(text=text, texttemplate="%{text}", textfont={"color": MEASURED_COLOUR, "size": 12}, hoverinfo="skip")
-    drawing.add(heat, table)  # without a size, words would shrink with their cells
+    look = Look(z=z, colorscale=scale, zmin=0, zmax=1, text=text, texttemplate="%{text}")
+    look["textfont"] = {"color": MEASURED_COLOUR, "size": 12}  # without a size, words would shrink with their cells
     columns = [*(f":{name}" for name in approaches), ""][: len(names)]  # a repeat is by no approach
     clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
-    told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(shown)]
-    hover = "%{hovertext}<extra></extra>"
-    canvas.make_clickable(drawing, names, rows, clicked, 26, hovertext=told, hovertemplate=hover)
-    canvas.fix_cells(drawing, len(names), len(rows))
+    told = [[f"{row}, {head}: {text[i][j]}" for j, head in enumerate(shown)] for i, row in enumerate(rows)]
+    canvas.draw_cells(drawing, names, rows, look, table, told, clicked=clicked, marker_size=26)
     drawing.update(margin_t=_NAMES_PX, margin_b=_BELOW_PX)
     drawing.axis("x", tickfont_size=12)
     drawing.axis("y", tickvals=rows, ticktext=ticks)
-    return drawing.figure()
+    return drawing
 
 
 def rating_spread(
     ratings: Mapping[str, Mapping[str, tuple[float, float, float]]], repeats: Mapping[str, Repeatability] | None = None
-) -> DrawnFigure:
+) -> Drawing:
     """Draw each test's rating by approach, with the interval of those of single draws, before that of a repeat."""
     tests = list(ratings)
     drawing = drawing_over_tests(420, [*map(tick_name, tests)])
@@ -89,10 +86,10 @@ def rating_spread(
     for limit, _ in GRADES:
         drawing.rule("y", limit, colour=AXIS, dash="dot")
     drawing.axis("y", "Overall rating", "dotted: limits of the grades", range=[0, 1.01])
-    return drawing.figure()
+    return drawing
 
 
-def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -> DrawnFigure:
+def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -> Drawing:
     """Draw the coverage of left-out tests by approach at each nominal level; on the diagonal a band is calibrated."""
     drawing = new_drawing(height=440)
     drawing.points([0, 100], [0, 100], **canvas.PROMISED)
@@ -103,7 +100,7 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
         )  # fmt: skip
     drawing.axis("x", "Level of the band", "%", range=[0, 100], dtick=20, unifiedhovertitle_text="%{x:.0f} % band")
     drawing.axis("y", "a(t) up to TTZV inside", "%", range=[0, 102], dtick=20)
-    return drawing.figure()
+    return drawing
 
 
 _OUTSIDE, _BEYOND = "#E69F00", "#C1121F"  # of a curve outside the inner and the outer corridor
@@ -111,7 +108,7 @@ _LAST = 2000  # in the legend, where 1000 is usual
 _DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))  # of the rows, as shares of the height
 
 
-def rating_parts(ratings: Mapping[str, Rating]) -> DrawnFigure:
+def rating_parts(ratings: Mapping[str, Rating]) -> Drawing:
     """Draw the four scores of each approach as bars, beside each other."""
     drawing = drawing_of_points(250, type="category", ticks="", showgrid=False)
     parts = [f"{part.capitalize()} ({100 * weight:.0f} %)" for part, weight in WEIGHTS.items()]
@@ -125,16 +122,16 @@ def rating_parts(ratings: Mapping[str, Rating]) -> DrawnFigure:
         )  # fmt: skip
     drawing.update(barmode="group", bargap=0.25, margin_b=36)  # without a title below
     drawing.axis("y", "Score", range=[0, 1.4], tickvals=[0, 0.2, 0.4, 0.6, 0.8, 1])
-    return drawing.figure()
+    return drawing
 
 
 def rated_curves(
     explanation: RatingExplanation, approach: str, display: Display = DEFAULT, further: Mapping[str, Prediction] = {}
-) -> DrawnFigure:
+) -> Drawing:
     """Stack what the four scores compare over one time axis, with corridors, and humps numbered."""
     drawing = new_drawing(height=555 + canvas.room_for_names([TEST, approach, *further]))
     curves, scale = explanation.compared, display.accel_scale
-    draw_corridors(drawing, Pulse(curves.time_s, curves.reference), display)
+    add_corridors(drawing, Pulse(curves.time_s, curves.reference), display)
     grid_ms = GRID_S / MS
     lines, rated = curve_lines(further), grid_ms < explanation.window_ms
     for name, pulse in further.items():  # behind what is rated
@@ -172,7 +169,7 @@ def rated_curves(
             drawing.line(drawn.time_s / MS, y, name=label(name), legendgroup=name, line=curve_line(name), **key)
     drawing.update(hoversubplots="axis", margin_t=96)
     drawing.axis("x", anchor=f"y{len(_DOMAINS)}", range=[0, explanation.window_ms])
-    return drawing.figure()
+    return drawing
 
 
 def _number_humps(drawing: Drawing, explanation: RatingExplanation, approach: str, scale: float) -> None:
@@ -194,7 +191,7 @@ _APART = 0.14  # of the distance between two tests
 _SMALL, _NONE = 0.01, 5e-4  # differences: no axis is drawn narrower, and none is shown
 
 
-def rating_differences(compared: StudyComparison, window_ms: float, left_out: str) -> DrawnFigure:
+def rating_differences(compared: StudyComparison, window_ms: float, left_out: str) -> Drawing:
     """Draw by how much the second study rates each test higher, by approach; last their mean ± 2 standard errors."""
     table = compared.over(window_ms, left_out)
     tests, means = list(table["held_out"].unique()), compared.means(window_ms, left_out).set_index("approach")
@@ -222,4 +219,4 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
     if largest < _NONE:
         words = "Every test is rated the same in both studies."
         drawing.note(words, 0.25, 0.88)
-    return drawing.figure()
+    return drawing

@@ -1,62 +1,37 @@
 """The numbers that a figure was drawn from, as a table: of its visible curves and bands, in its own units."""
 
-import base64
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from crashfuse.errors import UsageError, require_a
-from crashfuse.results.drawing import Numbers, drawing_of
+from crashfuse.results.drawing import Drawing, Numbers, drawing_of
+
+_Curve = tuple[str, Numbers, pd.DataFrame]
 
 
-def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
-    """The numbers of any figure of this library, or one read from a report, but for traces at ``hidden`` places.
+def figure_table(figure: go.Figure) -> pd.DataFrame:
+    """The numbers of any figure of this library, but for traces that are not visible.
 
     One row a position on its x axis; units are in the names of the columns. Curves over the same positions stand side
     by side, a band in two columns. Where positions differ, or points carry names, the table is long: the first column
     names the curve, the next its plot, of several. A heat map is a table of its cells.
     """
-    require_a(go.Figure | Mapping, figure, "campaign.plot(), say")
-    if isinstance(figure, Mapping):
-        numbers = _read(figure)
-    else:
-        numbers = drawing_of(figure).numbers()
-        hidden = {*hidden, *(place for place, trace in enumerate(figure.data) if trace.visible not in (None, True))}
-    shown = [own for place, own in enumerate(numbers) if own is not None and place not in hidden]
+    drawing = drawing_of(figure)
+    hidden = [place for place, trace in enumerate(figure.data) if trace.visible not in (None, True)]
+    return drawing_table(drawing, hidden)
+
+
+def drawing_table(drawing: Drawing, hidden: Collection[int] = ()) -> pd.DataFrame:
+    """The numbers of a drawing, but for marks at ``hidden`` places, see :func:`figure_table`."""
+    shown = [own for place, own in enumerate(drawing.numbers()) if own is not None and place not in hidden]
     for own in shown:
         if own.kind == "cells":
             return pd.DataFrame(own.columns).infer_objects()
     curves = _named_apart((own.name, own, _frame(own)) for own in shown)
     table = _side_by_side(curves)
     return _long(curves) if table is None else table
-
-
-_Curve = tuple[str, Numbers, pd.DataFrame]
-
-
-def _read(figure: Mapping[str, Any]) -> list[Numbers | None]:
-    """What a report says of the numbers of its figure: where a column is a name, the trace has it by that name."""
-    if not {"data", "layout"} <= {*figure}:
-        raise UsageError("A figure has data and a layout; this mapping lacks one of them.")
-    if figure["data"] and not any("meta" in trace for trace in figure["data"]):
-        raise UsageError("This figure has no numbers that can be read; write its report again.")
-    return [
-        Numbers(**{**meta, "columns": {heading: _unpacked(trace, own) for heading, own in meta["columns"].items()}})
-        if (meta := trace.get("meta"))
-        else None
-        for trace in figure["data"]
-    ]
-
-
-def _unpacked(trace: Mapping[str, Any], values: Any) -> Any:  # noqa: ANN401 - a column in any form
-    if isinstance(values, str):
-        values = trace[values]
-    if isinstance(values, Mapping):
-        return np.frombuffer(base64.b64decode(values["bdata"]), dtype=np.dtype(values["dtype"]).newbyteorder("<"))
-    return values
 
 
 def _frame(numbers: Numbers) -> pd.DataFrame:

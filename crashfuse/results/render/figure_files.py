@@ -16,8 +16,9 @@ from markupsafe import Markup
 from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.display import Display
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.canvas import without_links
-from crashfuse.results.render.figure_data import figure_table
+from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.results.result import Result
 from crashfuse.units import joined
 
@@ -36,11 +37,18 @@ _MOST_BYTES = 256 << 20
 
 
 class ReportFigure(NamedTuple):
-    """A figure of a report: its heading, and what Plotly draws."""
+    """A figure of a report: its heading, what Plotly draws, and its numbers as CSV."""
 
     title: str
     drawn: dict[str, Any]
+    table: str
     is_answer: bool = False
+
+    @classmethod
+    def of(cls, title: str, drawing: Drawing, *, is_answer: bool = False) -> Self:
+        """A drawing under its heading."""
+        drawn = json.loads(without_links(drawing.figure().to_json()))
+        return cls(title, drawn, csv_bytes(drawing_table(drawing)).decode(), is_answer)
 
 
 class FiguresOfReport(NamedTuple):
@@ -68,8 +76,8 @@ def contents_of(result: Result, display: Display) -> FiguresOfReport:
     """What a report and its slides have in common: the figures of a result, its answer, what has to be known."""
     title = joined([result.campaign.name, display.words(result.title)], ": ")
     figures = [
-        ReportFigure(display.words(own.title), json.loads(without_links(own.draw(display).to_json())), own.is_answer)
-        for own in result.all_figures()
+        ReportFigure.of(display.words(figure.title), figure.draw(display), is_answer=figure.is_answer)
+        for figure in result.all_figures()
     ]
     notices, answers = (
         [*map(display.words, texts)] for texts in ([own.sentence for own in result.facts], result.answer)
@@ -145,7 +153,7 @@ def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> di
     kinds = [kind for kind in ("svg", "png") if kind in formats or (kind == "png" and "pptx" in formats)]
     made = _images([figure.drawn for figure in report.figures], kinds) if kinds else {}
     if "csv" in formats:
-        made["csv"] = [_numbers(figure) for figure in report.figures]
+        made["csv"] = [figure.table.encode() for figure in report.figures]
     written = {
         f"{file_name(number, figure.title)}.{kind}": contents[number - 1]
         for number, figure in enumerate(report.figures, start=1)
@@ -166,14 +174,6 @@ def file_name(number: int, title: str) -> str:
 def hyphened(text: str, marks: str = "") -> str:
     """A text as a name of files, safe on any disk, of its ASCII letters, digits and such ``marks``."""
     return "-".join("".join(c if c.isascii() and (c.isalnum() or c in marks) else " " for c in text).split())
-
-
-def _numbers(figure: ReportFigure) -> bytes:
-    try:
-        return csv_bytes(figure_table(figure.drawn))
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        expected, advice = "a figure as crashfuse draws it", "write the report again"
-        raise refusal(figure.title, expected, f"one that cannot be read ({error!r})", advice) from error
 
 
 def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str, list[bytes]]:

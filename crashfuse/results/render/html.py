@@ -1,13 +1,11 @@
 """Rendering of a report's template with its own values and those common to all reports, and common sections."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, Literal, get_args
 
 import pandas as pd
-import plotly.graph_objects as go
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
@@ -20,7 +18,7 @@ from crashfuse.errors import one_of, require_a, several
 from crashfuse.results import fit_explanations
 from crashfuse.results.campaign import campaign_result
 from crashfuse.results.display import Display
-from crashfuse.results.plots.canvas import without_links
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.palette import VERDICT_COLOURS
 from crashfuse.results.provenance import provenance
 from crashfuse.results.render.figure_files import (
@@ -170,11 +168,10 @@ def render_in_frame(
     def words(heading: str | Sequence[str]) -> str:
         return display.words(heading) if isinstance(heading, str) else " ".join(map(display.words, heading))
 
-    def figure(drawn: go.Figure | Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
-        if isinstance(drawn, Figure):
-            headings, drawn = (drawn.title,), drawn.draw(display)
-        content = json.loads(without_links(drawn.to_json()))
-        figures.append(ReportFigure(": ".join(map(words, headings)) or title, content, is_answer))
+    def figure(drawing: Drawing | Figure, *headings: str | Sequence[str], is_answer: bool = False) -> Markup:
+        if isinstance(drawing, Figure):
+            headings, drawing = (drawing.title,), drawing.draw(display)
+        figures.append(ReportFigure.of(": ".join(map(words, headings)) or title, drawing, is_answer=is_answer))
         return page.numbered(len(figures))
 
     placed: dict[str, object] = {"figure": figure, "notices": notices, "answers": answers}

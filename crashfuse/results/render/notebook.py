@@ -7,11 +7,10 @@ from crashfuse.campaign import Campaign
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.rating_tables import mean_values, ratings_shown
 from crashfuse.results.result import Result
-from crashfuse.results.table import CONDITION, Cell, Column, Table, of_condition
+from crashfuse.results.table import Cell, Column, Table
 from crashfuse.study.facts import campaign_facts, distinct
 from crashfuse.study.recommendation import SPEED_GROUPS, recommend
 from crashfuse.study.study import Study
-from crashfuse.units import speed
 
 _MOST_ROWS = 30
 
@@ -41,21 +40,6 @@ def _column(heading: str, column: Column, cells: Sequence[Cell]) -> list[str]:
         f'<th style="text-align: {side}">{escape(heading)}</th>',
         *(f'<td style="text-align: {side}; white-space: nowrap">{escape(cell.text)}</td>' for cell in cells),
     ]
-
-
-def campaign_html(campaign: Campaign) -> str:
-    """What a campaign holds: the tests' conditions, how many CAE runs, what is worth knowing."""
-    display = Display(system=campaign.units)
-    speeds, *_ = zip(*campaign.cae.range, strict=True)
-    runs = f"{len(campaign.cae):,} CAE runs at {display.words(speed(*speeds))}"
-    rows = ({"Test": test.id, **of_condition(test.condition)} for test in campaign.tests)
-    factors = (Column(name.capitalize(), source=name) for name in campaign.factors)
-    return card(
-        f"{campaign.name}: {len(campaign.tests)} tests",
-        Table.of("tests", rows, *CONDITION, *factors),
-        (f"{runs}; fingerprint {campaign.fingerprint[:12]}.", *facts_words(campaign, display)),
-        display,
-    )
 
 
 def study_html(study: Study) -> str:

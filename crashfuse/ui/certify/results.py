@@ -10,7 +10,7 @@ from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification import file_store
-from crashfuse.certification.certify import APPROACH, Certification, Variant, is_computed
+from crashfuse.certification.certify import APPROACH, Certification, Variant, certify, is_computed
 from crashfuse.certification.criteria import Criteria, criteria_text, varied
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.matrix import Matrix
@@ -22,7 +22,7 @@ from crashfuse.results.certification_tables import SHOWN, changed_text, csv_as_g
 from crashfuse.results.display import Display
 from crashfuse.results.plots.certification import MOST_WORDS
 from crashfuse.results.table import Table
-from crashfuse.results.verdicts import Planned, certify, planned
+from crashfuse.results.verdicts import Planned, planned
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong
@@ -103,7 +103,7 @@ class Judgement:
 
     def show_figure(self, name: str, alt: str, file: str) -> None:
         """Show a figure of the verdicts."""
-        draw = partial(self.certification.plot, name, display=self.display)
+        draw = partial(self.certification.draw, name, display=self.display)
         show_cached_figure(draw, alt, name, self.key, self.display, name=file)
 
 
@@ -276,7 +276,7 @@ def _choose(cell: str) -> None:
 def _show_matrix(judgement: Judgement) -> None:
     n = len(judgement.certification.matrix.ids)
     with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
-        draw = partial(judgement.certification.plot, display=judgement.display)
+        draw = partial(judgement.certification.draw, display=judgement.display)
         alt = "Verdicts by planned test and criterion"
         show_clickable(draw, alt, _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts")
     told = "Probability that a test there meets the criterion. Click a cell for its reason."

@@ -11,11 +11,11 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.results import figures
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import DrawnFigure, drawing_of
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.curves import TEST
-from crashfuse.results.predicted import PredictedPulse, by_one
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.outliers import departures_near
+from crashfuse.study.prediction import PredictedPulse, by_one
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config, kept_choice, pinned
 from crashfuse.ui.kit.campaigns import HASHED, View
@@ -85,10 +85,10 @@ def choose_curves(view: View, condition: Condition, approach: str, known: Sequen
     return Shown(approach, tuple(name for name in offered if name in chosen), (*added, *at_pins))
 
 
-def without_clicks(figure: DrawnFigure) -> DrawnFigure:
+def without_clicks(drawing: Drawing) -> Drawing:
     """The same, with a legend that takes no clicks: what they hide would come back."""
-    drawing_of(figure).update(legend={"itemclick": False, "itemdoubleclick": False})
-    return figure
+    drawing.update(legend={"itemclick": False, "itemdoubleclick": False})
+    return drawing
 
 
 def _label(curve: str) -> str:

@@ -1,7 +1,6 @@
 """Figures on a page: in its theme, with alternative text, drawn once for all, saved by buttons, read by keys."""
 
 import hashlib
-import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeVar
@@ -11,10 +10,9 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.results.drawing import Drawing, DrawnFigure, drawing_of
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.canvas import room_above, without_links
-from crashfuse.results.plots.palette import in_the_dark
-from crashfuse.results.render.figure_data import figure_table
+from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.files import Caption, caption, export_button
@@ -27,16 +25,24 @@ T = TypeVar("T")
 
 
 class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
-    """A drawing for ``st.plotly_chart`` with numbers of few digits, copied once and not whenever it is shown."""
+    """A drawing for ``st.plotly_chart`` with numbers of few digits, copied once and not whenever it is shown.
+
+    ``light`` has the parts that differ on a light page, by name or place: files have its colours.
+    """
+
+    drawing: Any = None
+    light: Any = None
 
     def __init__(self, drawing: Drawing, *, dark: bool = False, **more: object) -> None:
         super().__init__()
-        traces, parts = drawing.parts(dark=dark)
-        data = [_plain(trace) for trace in traces]
-        layout = _plain({**parts, **more})
-        layout["datarevision"] = hashlib.sha256(repr(data).encode()).hexdigest()[:16]
+        self._sent, light = (
+            dict(zip(("data", "layout"), map(_plain, drawing.parts(dark=look)), strict=True)) for look in (dark, False)
+        )
+        self.drawing, self.light = drawing, _differences(self._sent, light)
+        layout = self._sent["layout"]
+        layout |= more
+        layout["datarevision"] = hashlib.sha256(repr(self._sent["data"]).encode()).hexdigest()[:16]
         layout["margin"]["t"] = max(layout["margin"]["t"], room_above(drawing))
-        self._sent = {"data": data, "layout": layout}
 
     def to_dict(self) -> dict[str, Any]:
         """What is sent."""
@@ -57,22 +63,29 @@ def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a drawing
     return without_links(part) if isinstance(part, str) else part
 
 
+def _differences(part: Any, other: Any) -> Any:  # noqa: ANN401 - parts of drawings
+    if isinstance(other, list) and isinstance(part[0], dict):
+        part, other = dict(enumerate(part)), dict(enumerate(other))
+    if isinstance(other, dict):
+        return {name: _differences(part[name], own) for name, own in other.items() if part[name] != own}
+    return other
+
+
 def _decimals(values: FloatArray) -> int:
     largest = np.nanmax(np.abs(values), initial=0.0)
     return _DIGITS - int(np.ceil(np.log10(largest))) if 0 < largest < np.inf else _DIGITS
 
 
 @st.fragment
-def offer_files(figure: DrawnFigure, caption: Caption, key: str) -> None:
+def offer_files(sent: SentFigure, caption: Caption, key: str) -> None:
     """Show the buttons of the figure just above."""
     key = f"files {key}"
     asked = st.session_state.get(key, {}).get("csv")
-    data: dict[str, object] = caption._asdict()
+    data: dict[str, object] = {**caption._asdict(), "light": sent.light}
     if asked:
-        table = figure_table(figure, [int(place) for place in asked["hidden"]])
+        table = drawing_table(sent.drawing, [int(place) for place in asked["hidden"]])
         data |= {"at": asked["at"], "csv": csv_bytes(table).decode()}
-    light = json.dumps({dark: light for light, dark in in_the_dark().items()})
-    tools = component("figure_tools", css="buttons.css", LIGHT=light)
+    tools = component("figure_tools", css="buttons.css")
     tools(data=data, key=key, on_csv_change=lambda: None)
 
 
@@ -86,22 +99,22 @@ def choose(label: str, options: Sequence[str], key: str, label_of: Callable[[str
     return choice
 
 
-def show_figure(figure: DrawnFigure, alt: str, key: str | None = None, name: str = "") -> None:
+def show_figure(drawing: Drawing, alt: str, key: str | None = None, name: str = "") -> None:
     """Show a figure; its files have the ``name``, else the alternative text."""
-    sent = SentFigure(drawing_of(figure), dark=_is_dark())
+    sent = SentFigure(drawing, dark=_is_dark())
     st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_TOOLS)
-    offer_files(figure, caption(alt, name), key or alt)
+    offer_files(sent, caption(alt, name), key or alt)
 
 
-def show_cached_figure(draw: Callable[[], DrawnFigure], alt: str, *key: Hashable, name: str = "") -> None:
+def show_cached_figure(draw: Callable[[], Drawing], alt: str, *key: Hashable, name: str = "") -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
-    figure, sent = _cached(key, _is_dark(), draw)
+    sent = _cached(key, _is_dark(), draw)
     st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS)
-    offer_files(figure, caption(alt, name), alt)
+    offer_files(sent, caption(alt, name), alt)
 
 
 def show_clickable(
-    draw: Callable[[], DrawnFigure],
+    draw: Callable[[], Drawing],
     alt: str,
     on_click: Callable[[str], None],
     widget: str,
@@ -115,11 +128,11 @@ def show_clickable(
             on_click(point)
 
     # as Streamlit would set it once the figure is drawn, to be drawn again
-    figure, sent = _cached((widget, *key), _is_dark(), draw, clickmode="event+select")
+    sent = _cached((widget, *key), _is_dark(), draw, clickmode="event+select")
     event = st.plotly_chart(
         sent, alt=alt, key=widget, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
     )
-    offer_files(figure, caption(alt, name), widget)
+    offer_files(sent, caption(alt, name), widget)
     return bool(_points(event))
 
 
@@ -133,10 +146,9 @@ def _is_dark() -> bool:
 
 @st.cache_resource(max_entries=_CACHED, show_spinner=False)
 def _cached(
-    key: Hashable, dark: bool, _draw: Callable[[], DrawnFigure], **layout: str  # noqa: ARG001 - part of the key
-) -> tuple[DrawnFigure, SentFigure]:  # fmt: skip
-    figure = _draw()
-    return figure, SentFigure(drawing_of(figure), dark=dark, **layout)
+    key: Hashable, dark: bool, _draw: Callable[[], Drawing], **layout: str  # noqa: ARG001 - part of the key
+) -> SentFigure:  # fmt: skip
+    return SentFigure(_draw(), dark=dark, **layout)
 
 
 def show_tabs(

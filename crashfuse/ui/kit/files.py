@@ -191,7 +191,7 @@ def offer_pulses(
         approach = left.selectbox("Approach", names, place, format_func=LABELS.__getitem__, key="export approach")
         estimate = estimates[names.index(approach)]
         draws = 0
-        if (drawn := estimate.prediction.draws_mps2) is not None:
+        if (drawn := estimate.draws_mps2) is not None:
             draws = right.number_input("Draws", 0, len(drawn), 0, **kept(f"export draws of {len(drawn)}"))
         try:
             location, curve = (_location(), None) if form == "isomme" else (LOCATION, _curve())
@@ -199,7 +199,7 @@ def offer_pulses(
         except UsageError as error:
             st.warning(plain(error), icon=":material/warning:")
             return
-        files = f"{approach}-{estimate.prediction.condition.speed_name}-{form}.zip"
+        files = f"{approach}-{estimate.condition.speed_name}-{form}.zip"
         offer(campaign.name, {files: lambda: zipped(export.files(campaign, [estimate], remarks)[form])})
 
 

@@ -107,7 +107,7 @@ def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> N
         for column, (name, step) in zip(st.columns(max(len(learning), 1)), learning, strict=False):
             with column:
                 st.caption(plain(name))
-                show_figure(step.plot(), alt=f"{name}, so far", key=f"{name} {id(job)}")
+                show_figure(step.draw(), alt=f"{name}, so far", key=f"{name} {id(job)}")
 
 
 def title_of(job: Job[Any]) -> str:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -36,8 +35,8 @@ def estimates() -> list[Estimate]:
     """Two approaches, one with draws: a constant deceleration that stops the vehicle at t0, and parallels of it."""
     note = "Extrapolation: the front weight 2237 lb lies outside the CAE runs' 1922–2185 lb."
     return [
-        Estimate("cae", Prediction(CONDITION, PULSE * 1.1), {}, 0.1),
-        Estimate("fused", Prediction(CONDITION, PULSE, PULSE + SHIFTS[:, None], (note,)), {}, 0.2),
+        Estimate(CONDITION, PULSE * 1.1, approach="cae", seconds=0.1),
+        Estimate(CONDITION, PULSE, PULSE + SHIFTS[:, None], (note,), approach="fused", seconds=0.2),
     ]
 
 
@@ -174,7 +173,7 @@ def test_curves_of_other_speeds_have_other_names_and_say_the_speed_as_it_was_typ
     names, titles = [], []
     for speed_kph in (56, 64):
         there = Condition.of(speed_kph=speed_kph, front_weight_kg=950, rear_weight_kg=700)
-        own = replace(estimates[0], prediction=replace(estimates[0].prediction, condition=there))
+        own = replace(estimates[0], condition=there)
         [pulse] = outgoing([own], 0, 0)
         names.append(pulse.name)
         titles.append(pulse.title)
@@ -213,7 +212,7 @@ def test_what_happens_at_the_end_of_the_record_is_said() -> None:
     stopped = 1.05 * PULSE
     said = []
     for pulse in (PULSE / 2, np.where(GRID_S > 0.09, 20.0, stopped), stopped):
-        (one,) = outgoing([Estimate("cae", Prediction(CONDITION, pulse), {}, 0.1)], 0, 0)
+        (one,) = outgoing([Estimate(CONDITION, pulse, approach="cae", seconds=0.1)], 0, 0)
         said.append(" ".join(one.comments))
     assert "ends at 100 ms, while the vehicle still moves forward at 7.5" in said[0]
     assert "ends at 100 ms with 2.0 g left" in said[1]

@@ -226,6 +226,6 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
     [(reliability, ()), (partial(record_figure, criteria=()), ()), (reliability, (trial("A", 440.0, word="outside"),))],
 )
 def test_where_there_is_nothing_to_compare_with_the_figure_says_so(draw: object, trials: tuple[Trial, ...]) -> None:
-    figure = draw(TrackRecord(trials))  # type: ignore[operator]
+    figure = draw(TrackRecord(trials)).figure()  # type: ignore[operator]
     assert len(figure.layout.annotations) == 1
     assert (figure.layout.xaxis.visible, figure.layout.yaxis.visible) == (False, False)

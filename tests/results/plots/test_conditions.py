@@ -46,7 +46,8 @@ def test_a_test_is_drawn_open_only_over_the_weight_that_lies_outside(
     (open_mark,) = traces(figure, OUTSIDE)
     assert (open_mark.yaxis, list(open_mark.text)) == (outside, ["far"])
     assert (open_mark.showlegend, open_mark.marker.symbol) == (True, "circle-open")
-    assert "Extrapolation: " in open_mark.customdata[0][0]
+    assert "<b>Test far</b><br>" in open_mark.hovertext[0]
+    assert "Extrapolation: " in open_mark.hovertext[0]
     assert {mark.yaxis: list(mark.text) for mark in traces(figure, INSIDE)} == {outside: ["T2"], inside: ["T2", "far"]}
 
 
@@ -94,8 +95,8 @@ def test_missing_numbers_leave_gaps_and_the_cursor_reads_the_interval(figure: Fi
     np.testing.assert_allclose(band.y, [8, 18, 28, 32, 22, 12])
     assert band.legendgroup == "band of fused"
     assert band.fillcolor == "rgba(0, 158, 115, 0.18)"
-    assert list(line.customdata[1]) == ["20.0 mph", "20.0 [18.0, 22.0] g"]
-    assert list(line.customdata[4]) == ["50.0 mph", "50.0 [≥ 45.0] g"]
+    assert line.hovertext[1] == "<b>Fused</b><br>20.0 mph<br>20.0 [18.0, 22.0] g"
+    assert line.hovertext[4] == "<b>Fused</b><br>50.0 mph<br>50.0 [≥ 45.0] g"
 
 
 def test_tests_are_black_points_with_their_id_and_weights(campaign: Campaign, figure: Figure) -> None:
@@ -103,8 +104,7 @@ def test_tests_are_black_points_with_their_id_and_weights(campaign: Campaign, fi
     (points,) = [trace for trace in figure.data if trace.mode == "markers"]
     np.testing.assert_allclose(points.x, [15, 25, 26, 35])
     assert points.marker.color == "#000000"
-    test_id, condition, _ = points.customdata[1]
-    assert (test_id, condition) == ("T2", "25.0 mph, front 2040 lb, rear 1500 lb")
+    assert points.hovertext[1].startswith("<b>Test T2</b><br>25.0 mph, front 2040 lb, rear 1500 lb<br>")
     assert "own weights" in points.name
     assert len(points.y) == len(campaign.tests)
     shaded = [shape for shape in figure.layout.shapes if shape.type == "rect"]

@@ -1,5 +1,7 @@
 """Curves that figures share: bands lie under all lines, names and colours are those of the approaches."""
 
+from copy import deepcopy
+
 import numpy as np
 
 from crashfuse.campaign import Campaign
@@ -69,24 +71,27 @@ MARKS = (Note("T2", "the <b>third</b> hump", 25.0, 40.0), Note("T2", "on the tes
 def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
     """A line for a moment, a stretch from its start to its end; a note without a time is not drawn."""
     test = campaign.test("T2")
-    plain = motion(test.pulse, {}, test.condition.speed_mps).figure()
-    before, written = len(plain.layout.shapes), len(plain.layout.annotations)
-    marked = add_marks(plain, MARKS)
-    drawn = marked.layout.shapes[before:]
+    drawing = motion(test, {})
+    before, written = (len(drawing.layout[kind]) for kind in ("shapes", "annotations"))
+    add_marks(drawing, MARKS)
+    layout = drawing.figure().layout
+    drawn = layout.shapes[before:]
     assert [(shape.type, shape.x0, shape.x1, shape.yref) for shape in drawn] == [
         *(("line", 12.5, 12.5, f"{row} domain") for row in ("y", "y2", "y3")),
         *(("rect", 25.0, 40.0, f"{row} domain") for row in ("y", "y2", "y3")),
     ]
-    words = marked.layout.annotations[written:]
+    words = layout.annotations[written:]
     assert [(note.x, note.text) for note in words] == [(12.5, "airbag"), (25.0, "the &lt;b&gt;third&lt;/b&gt; hump")]
     assert len({note.yshift for note in words}) == 2  # near each other, they stand at different heights
 
 
 def test_without_marks_or_curves_nothing_is_drawn(campaign: Campaign) -> None:
     """All curves of a figure can be hidden."""
-    assert not add_marks(motion(None, {}, 11.0), MARKS).layout.shapes
-    plain = motion(campaign.test("T2").pulse, {}, 11.0).figure()
-    assert add_marks(plain, []).layout == motion(campaign.test("T2").pulse, {}, 11.0).figure().layout
+    for measured, marks in ((None, MARKS), (campaign.test("T2"), [])):
+        drawing = motion(measured, {})
+        before = deepcopy(drawing.layout)
+        add_marks(drawing, marks)
+        assert drawing.layout == before
 
 
 def test_titles_of_axes_are_no_larger_than_text() -> None:

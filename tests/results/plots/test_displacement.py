@@ -58,8 +58,7 @@ def band(figure: go.Figure) -> tuple[FloatArray, FloatArray, FloatArray]:
 def test_a_half_sine_over_displacement_is_that_of_the_closed_form(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
-    speed = test.condition.speed_mps
-    curve = trace(plots.over_displacement(test.pulse, predictions, speed).figure(), "Test")
+    curve = trace(plots.over_displacement(test, predictions).figure(), "Test")
     _, displacement, accel = motion(test)
     np.testing.assert_allclose(curve.y, np.interp(curve.x / 1000, displacement, accel) / G, atol=0.05)
     assert curve.x[-1] == pytest.approx(displacement[-1] * 1000, abs=0.1)
@@ -67,7 +66,7 @@ def test_a_half_sine_over_displacement_is_that_of_the_closed_form(
 
 def test_every_curve_holds_the_same_energy(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     speed = test.condition.speed_mps
-    figure = plots.over_displacement(test.pulse, predictions, speed, Display(unit="m/s²", deceleration=True)).figure()
+    figure = plots.over_displacement(test, predictions, Display(unit="m/s²", deceleration=True)).figure()
     for name in ("Test", "CAE", "Displacement domain"):
         curve = trace(figure, name)
         x, y = curve.x.astype(float) / 1000, curve.y.astype(float)
@@ -79,7 +78,7 @@ def test_the_band_holds_95_percent_of_the_draws_that_get_so_far(
 ) -> None:
     """From 155 to 345 m/s² until the hardest have stopped, after v0² / 2a, and no further than half of them get."""
     energy = 0.5 * test.condition.speed_mps**2
-    figure = plots.over_displacement(None, predictions, test.condition.speed_mps, Display(unit="m/s²")).figure()
+    figure = plots.over_displacement(None, predictions, Display(unit="m/s²")).figure()
     x, lower, upper = band(figure)
     early = x < 1000 * energy / 350
     np.testing.assert_allclose(lower[early], -345, rtol=1e-5)
@@ -96,14 +95,14 @@ def test_the_mark_is_the_maximum_crush_with_the_interval_of_the_tables(
     low, high = crush - 30, crush + 40
     for upper, bar, told in ((high, 40, f"[{low:.1f}, {high:.1f}]"), (None, None, f"[≥ {low:.1f}]")):
         known = {"displacement_domain": Metric("max_crush", crush, low, upper, "mm")}
-        figure = plots.over_displacement(None, predictions, test.condition.speed_mps, crush=known).figure()
+        figure = plots.over_displacement(None, predictions, crush=known).figure()
         (mark,) = [t for t in figure.data if t.mode == "markers" and t.legendgroup == "displacement_domain"]
         assert mark.x[0] == pytest.approx(crush, rel=1e-4)
         assert mark.error_x.arrayminus[0] == pytest.approx(30, abs=0.1)
         assert mark.error_x.array[0] == (bar if bar is None else pytest.approx(bar, abs=0.1))
         assert mark.name == f"Maximum crush {crush:.1f} {told} mm"
     gentle = Prediction(test.condition, np.full(GRID_S.size, -10.0))
-    figure = plots.over_displacement(None, {"cae": gentle}, test.condition.speed_mps).figure()
+    figure = plots.over_displacement(None, {"cae": gentle}).figure()
     assert [t.name for t in figure.data] == ["CAE"]
 
 
@@ -119,7 +118,7 @@ def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: 
 
 def test_the_way_over_displacement_gives_the_closed_form(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Line and circles are the displacement of the closed form, and their difference is below 0.1 mm."""
-    figure = plots.integration_check(test.pulse, predictions, test.condition.speed_mps).figure()
+    figure = plots.integration_check(test, predictions).figure()
     time, displacement, _ = motion(test)
     circles = next(t for t in figure.data if t.name == "Eq. 29" and t.legendgroup == "test")
     for shown in (trace(figure, "Test"), circles):
@@ -150,7 +149,7 @@ def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
 def test_energy_over_crush_is_in_kilojoules_up_to_all(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Constant braking: m a s, a straight line to ½ m v0² at v0²/2a; the test ends at the same energy."""
     speed, mass = test.condition.speed_mps, test.condition.mass_kg
-    figure = plots.energy_over_crush(test.pulse, predictions, speed, mass).figure()
+    figure = plots.energy_over_crush(test, predictions).figure()
     cae = trace(figure, "CAE")
     np.testing.assert_allclose(cae.y, mass * 200.0 * np.asarray(cae.x, dtype=float) / 1e6, rtol=1e-3, atol=0.05)
     assert cae.x[-1] == pytest.approx(1000 * speed**2 / 400, rel=1e-3)
@@ -165,10 +164,9 @@ def test_a_further_pulse_absorbs_the_energy_of_its_own_crash(
     """½ m v0² of a faster, heavier crash, up to its own maximum crush."""
     other = campaign.test("T4")
     beside = {"T4": Prediction(other.condition, other.pulse.accel_mps2)}
-    speed, mass = test.condition.speed_mps, test.condition.mass_kg
-    figure = plots.energy_over_crush(test.pulse, {**predictions, **beside}, speed, mass).figure()
+    figure = plots.energy_over_crush(test, {**predictions, **beside}).figure()
     energy = other.condition.mass_kg * other.condition.speed_mps**2 / 2000
     assert trace(figure, "T4").y[-1] == pytest.approx(energy, rel=1e-3)
     crush = other.pulse.kinematics(other.condition.speed_mps).displacement_m.max()
-    over = plots.over_displacement(test.pulse, {**predictions, **beside}, speed).figure()
+    over = plots.over_displacement(test, {**predictions, **beside}).figure()
     assert trace(over, "T4").x[-1] == pytest.approx(1000 * crush, rel=1e-3)

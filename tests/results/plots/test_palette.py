@@ -82,8 +82,8 @@ def figures(campaign: Campaign, predictions: dict[str, Prediction]) -> list[go.F
     """Figures with all that figures have: curves, bands, points, windows, text."""
     test = campaign.test("T2")
     return [
-        overlay(test.pulse, predictions).figure(),
-        motion(test.pulse, predictions, test.condition.speed_mps).figure(),
+        overlay(test, predictions).figure(),
+        motion(test, predictions).figure(),
         measured_pulses(campaign.tests, highlight="T2", cfc=180).figure(),
         library_band(campaign.cae, campaign.tests).figure(),
         condition_space(campaign.cae, campaign.tests, held_out="T2").figure(),

@@ -12,7 +12,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.importing import settle
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import drawing_of
 from crashfuse.results.plots import pulses as plots
 from crashfuse.results.plots.canvas import new_drawing
 from crashfuse.results.plots.curves import WHOLE
@@ -38,7 +37,7 @@ def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
 
 def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """A pulse of -9.80665 m/s² is drawn at -1."""
-    measured = trace(plots.overlay(test.pulse, predictions).figure(), "Test")
+    measured = trace(plots.overlay(test, predictions).figure(), "Test")
     np.testing.assert_allclose(measured.x, GRID_S * 1000, rtol=1e-6)
     np.testing.assert_allclose(measured.y, test.pulse.accel_mps2 / G, rtol=1e-6)
     assert measured.line.color == "#000000"
@@ -48,7 +47,7 @@ def test_deceleration_in_si_is_the_negative_of_the_signed_data(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     """The sign and the unit are the plot's own; the axis says so, and the rated window is shaded and named."""
-    figure = plots.overlay(test.pulse, predictions, Display(40.0, unit="m/s²", deceleration=True)).figure()
+    figure = plots.overlay(test, predictions, Display(40.0, unit="m/s²", deceleration=True)).figure()
     np.testing.assert_allclose(trace(figure, "CAE").y, -predictions["cae"].accel_mps2, rtol=1e-6)
     assert figure.layout.yaxis.title.text == "Deceleration (m/s²)"
     (shape,) = figure.layout.shapes
@@ -58,7 +57,7 @@ def test_deceleration_in_si_is_the_negative_of_the_signed_data(
 
 def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Of 101 evenly spaced draws from -50 to +50 the interval is -47.5 to +47.5."""
-    figure = plots.overlay(test.pulse, predictions, Display(unit="m/s²")).figure()
+    figure = plots.overlay(test, predictions, Display(unit="m/s²")).figure()
     (band,) = [t for t in figure.data if t.fill == "toself"]
     half = band.x.size // 2
     lower, upper = band.y[:half], band.y[half:][::-1]
@@ -69,7 +68,7 @@ def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predic
 
 
 def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    for curve in plots.motion(test.pulse, predictions, test.condition.speed_mps).figure().data:
+    for curve in plots.motion(test, predictions).figure().data:
         assert curve.x.size == curve.y.size
         assert curve.x.size < N_SAMPLES if curve.hoverinfo == "skip" else curve.x.size == N_SAMPLES
         end = pytest.approx(60 if curve.name == WHOLE else 100, abs=0.1)
@@ -81,7 +80,7 @@ def test_velocity_and_displacement_are_those_of_the_closed_form(
 ) -> None:
     """A half sine that stops the car and throws it back at a tenth of v0: v(t) = v0 (0.45 + 0.55 cos(π t / T))."""
     v0 = test.condition.speed_mps
-    figure = plots.motion(test.pulse, predictions, v0).figure()
+    figure = plots.motion(test, predictions).figure()
     duration = 0.07 * test.condition.mass_kg / 1700
     time = np.minimum(GRID_S, duration)
     velocity = v0 * (0.45 + 0.55 * np.cos(np.pi * time / duration))
@@ -94,7 +93,7 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
     """A test at 35 mph beside one at 25: its velocity begins at 35 mph, its displacement ends where its own does."""
     test, other = campaign.test("T2"), campaign.test("T4")
     beside = {"T4 · 35 mph": Prediction(other.condition, other.pulse.accel_mps2)}
-    figure = plots.motion(test.pulse, {**predictions, **beside}, test.condition.speed_mps).figure()
+    figure = plots.motion(test, {**predictions, **beside}).figure()
     assert trace(figure, "T4 · 35 mph", 2).y[0] == pytest.approx(other.condition.speed_mps / MPH)
     own = other.pulse.kinematics(other.condition.speed_mps)
     assert trace(figure, "T4 · 35 mph", 3).y[-1] == pytest.approx(own.displacement_m[-1] * 1000)
@@ -103,17 +102,17 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
 
 def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Where the acceleration is, with the ends of the filled band; numbers have a minus sign, not a hyphen."""
-    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps).figure()
+    figure = plots.motion(test, predictions).figure()
     accel = trace(figure, "CAE")
     told = np.array([text.replace("\N{MINUS SIGN}", "-").split(" mph, ") for text in accel.customdata], float)
-    np.testing.assert_array_equal(told[:, 0], np.round(trace(figure, "CAE", 2).y, 1))
+    np.testing.assert_array_equal(told[:, 0], np.round(trace(figure, "CAE", 2).y.astype(float), 1))
     np.testing.assert_array_equal(told[:, 1], np.round(trace(figure, "CAE", 3).y))
     assert told.min() < 0
     assert accel.hovertemplate == "%{y} g, %{customdata} mm"
     assert "-" not in "".join(accel.customdata)
     assert ":" not in accel.hovertemplate  # the formats of templates know hyphens only
     assert trace(figure, "CAE", 2).hoverinfo == "none"
-    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps, filled="displacement_domain").figure()
+    figure = plots.motion(test, predictions, filled="displacement_domain").figure()
     (banded,) = [own for own in figure.data if own.hovertemplate == "%{y} [%{customdata} mm"]
     assert banded.legendgroup == "displacement_domain"
     prediction = predictions["displacement_domain"]
@@ -162,7 +161,7 @@ def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -
     test = campaign.tests[1]
     accel = test.pulse.accel_mps2 - 2 * G
     draws = accel + np.linspace(-1, 1, 401)[:, None] * G / 0.95
-    figure = plots.residuals(test.pulse, {"fused": Prediction(test.condition, accel, draws)}).figure()
+    figure = plots.residuals(test, {"fused": Prediction(test.condition, accel, draws)}).figure()
     band, _, line = figure.data
     assert line.name == "Fused, RMS 2.0 g"
     np.testing.assert_allclose(line.y, -2.0, atol=1e-4)
@@ -171,8 +170,9 @@ def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -
 
 def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaign: Campaign) -> None:
     pulse = campaign.tests[1].pulse
-    figure = plots.add_corridors(new_drawing(400).figure(), pulse, Display(window_ms=40.0))
-    outer, inner = (mark.numbers for mark in drawing_of(figure).marks)
+    drawing = new_drawing(400)
+    plots.add_corridors(drawing, pulse, Display(window_ms=40.0))
+    outer, inner = (mark.numbers for mark in drawing.marks)
     largest = np.abs(pulse.accel_mps2[GRID_S < 0.04]).max() / G
     for corridor, share in ((outer, 0.5), (inner, 0.05)):
         lower, upper = corridor["lower"], corridor["upper"]
@@ -184,8 +184,8 @@ def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaig
 def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(test: CrashTest) -> None:
     """Each draw integrated over all of its samples, then the central 95 % at each point of the band."""
     draws, speed = np.random.default_rng(0).normal(-150, 80, (40, N_SAMPLES)), test.condition.speed_mps
-    figure = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)}, speed).figure()
-    _, _, *bands = [own.numbers for own in drawing_of(figure).marks if "lower" in own.numbers]
+    drawing = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)})
+    _, _, *bands = [own.numbers for own in drawing.marks if "lower" in own.numbers]
     for band, drawn, unit in zip(bands, motion(draws, speed, DT_S), (MPH, 1e-3), strict=True):
         lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0) / unit
         np.testing.assert_allclose(band["lower"], lower)

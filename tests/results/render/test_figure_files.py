@@ -34,7 +34,7 @@ def drawn(name: str, height: int) -> go.Figure:
 
 def report_of(*figures: go.Figure, titles: Sequence[str] = ("Result", "Result: By test", "Limits")) -> FiguresOfReport:
     drawn = zip(titles, figures, strict=False)
-    content = [ReportFigure(t, json.loads(f.to_json()), t == "Limits") for t, f in drawn]
+    content = [ReportFigure(t, json.loads(f.to_json()), "Time (ms),Test\n0,1\n", t == "Limits") for t, f in drawn]
     notices, labels = ("It is odd.", "Made up & small."), ("T9 stands apart", "Made up")
     return FiguresOfReport("Tiny: a study", notices, labels, tuple(content), ("Skip one.",))
 
@@ -85,9 +85,10 @@ def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes | None
 def test_figures_become_files_in_every_format() -> None:
     import pptx
 
-    files = figure_files(REPORT, ("svg", "png", "pptx"))
+    files = figure_files(REPORT, ("svg", "png", "csv", "pptx"))
     names = ["01-result", "02-result-by-test", "03-limits"]
-    assert set(files) == {f"{name}.{kind}" for name in names for kind in ("svg", "png")} | {"figures.pptx"}
+    assert set(files) == {f"{name}.{kind}" for name in names for kind in ("svg", "png", "csv")} | {"figures.pptx"}
+    assert files["03-limits.csv"] == b"Time (ms),Test\n0,1\n"
     svg = ElementTree.fromstring(files["02-result-by-test.svg"])  # noqa: S314 - our own
     assert (svg.get("width"), svg.get("height")) == ("960", "500")
     assert "c" in [element.text for element in svg.iter("{http://www.w3.org/2000/svg}text")]

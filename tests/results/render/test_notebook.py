@@ -8,7 +8,6 @@ import pytest
 
 import crashfuse
 from crashfuse import Campaign, Condition, Study, StudyConfig
-from crashfuse.approaches.base import Prediction
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold
@@ -21,7 +20,7 @@ AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive
 @pytest.fixture(scope="module")
 def study(campaign: Campaign) -> Study:
     test = campaign.test("T3")
-    own = Estimate("cae", Prediction(test.condition, 0.9 * test.pulse.accel_mps2), {}, 0.0)
+    own = Estimate(test.condition, 0.9 * test.pulse.accel_mps2, approach="cae")
     repeats = {"T3": dict.fromkeys(CONFIG.windows_ms, Repeatability(0.97, 0.9, 0.99))}
     return Study(campaign, CONFIG, (Fold.of(test, [own], CONFIG.windows_ms),), repeatability=repeats)
 
@@ -31,7 +30,7 @@ def test_every_object_says_in_a_line_what_it_is(campaign: Campaign, study: Study
     fold = study.fold("T3")
     objects = [
         campaign, campaign.tests[0], campaign.tests[0].pulse, campaign.cae, campaign.quality, study, fold,
-        fold.ratings["cae"][60.0], fold.estimates[0], fold.estimates[0].prediction, fold.explained("cae", 60.0),
+        fold.ratings["cae"][60.0], fold.estimates[0], fold.explained("cae", 60.0),
         prediction, AT, crashfuse.sweep(campaign, AT, (30, 31), "cae"),
     ]  # fmt: skip
     for each in objects:

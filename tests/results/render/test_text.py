@@ -22,7 +22,7 @@ def test_parquet_keeps_every_digit_and_every_empty_cell() -> None:
         Prediction(condition, pulse * 1.1),
         Prediction(condition, pulse, pulse + np.linspace(-3, 3, 20)[:, None]),
     )
-    table = pulses_table(Estimate("cae", prediction, {}, 0.1) for prediction in predictions)
+    table = pulses_table(Estimate(**vars(prediction), approach="cae", seconds=0.1) for prediction in predictions)
     content = parquet_bytes(table)
     again = pd.read_parquet(io.BytesIO(content)).astype({"held_out": "str", "approach": "str"})
     pd.testing.assert_frame_equal(again, table.reset_index(drop=True), check_exact=True)

@@ -1,18 +1,13 @@
 // The camera of Plotly draws the image, with its settings when it is pressed. Its words have the room that they take in
 // the page's font, which other programs do not have: so the font goes with them, and their lengths are written down.
-const LIGHT = $LIGHT, SHARP = 3, WAIT_MS = 30000;
-const hex = numbers => "#" + numbers.map(number => (+number).toString(16).padStart(2, "0")).join("").toUpperCase();
-const lit = part => {  // the same with every colour of a dark page replaced by its light counterpart
-  if (Array.isArray(part)) return part.map(lit);
-  if (part && typeof part === "object") {
-    return Object.fromEntries(Object.entries(part).map(([name, own]) => [name, lit(own)]));
-  }
-  const sheer = typeof part === "string" && part.match(/^rgba\((\d+), (\d+), (\d+), ([\d.]+)\)$/);
-  if (!sheer) return LIGHT[part] ?? part;
-  const solid = LIGHT[hex(sheer.slice(1, 4))];
-  return solid ? solid + Math.round(255 * sheer[4]).toString(16).padStart(2, "0") : part;
+const SHARP = 3, WAIT_MS = 30000;
+const lit = (part, light) => {  // with the parts that differ on a light page
+  if (light === null || typeof light !== "object" || Array.isArray(light)) return light;
+  const copy = Array.isArray(part) ? [...part] : { ...part };
+  for (const name in light) copy[name] = lit(part[name], light[name]);
+  return copy;
 };
-const drawn = (figure, filename) => new Promise((resolve, reject) => {
+const drawn = (figure, { data, layout }, filename) => new Promise((resolve, reject) => {
   const url = URL.createObjectURL, click = HTMLAnchorElement.prototype.click;
   let taken;
   const restore = () => {
@@ -28,10 +23,10 @@ const drawn = (figure, filename) => new Promise((resolve, reject) => {
     resolve(taken.text());
   };
   Object.assign(figure._context.toImageButtonOptions, { format: "svg", filename, scale: 1 });
-  const tools = [...figure.querySelectorAll(".modebar-btn")], { data, layout } = figure;
-  Object.assign(figure, { data: lit(data), layout: lit(layout) });  // which are copied at the click
+  const tools = [...figure.querySelectorAll(".modebar-btn")], onPage = { data: figure.data, layout: figure.layout };
+  Object.assign(figure, { data, layout });  // which are copied at the click
   tools.find(tool => /download plot/i.test(tool.dataset.title ?? ""))?.click();
-  Object.assign(figure, { data, layout });
+  Object.assign(figure, onPage);
 });
 const address = blob => new Promise(resolve => {
   const reader = new FileReader();
@@ -51,18 +46,17 @@ const font = async () => {
   return `@font-face { font-family: "Source Sans"; font-weight: 200 900; src: url(${data}) }`;
 };
 const EDGE = 12, WEIGHTS = { title: 600, details: 400 }, SIZES = { title: 17, details: 13 };
-const headed = (svg, figure, said) => {  // with the lines of its caption, wrapped, in a space of their own above it
+const headed = (svg, { font, paper_bgcolor: paper }, said) => {  // its caption, wrapped, in a space above it
   const [width, height] = ["width", "height"].map(side => +svg.getAttribute(side));
   const make = (name, own) => {
     const made = document.createElementNS(svg.namespaceURI, name);
     for (const [key, value] of Object.entries(own)) made.setAttribute(key, value);
     return made;
   };
-  const { font, paper_bgcolor: paper } = figure._fullLayout;
-  const head = make("g", { "font-family": font.family, fill: lit(font.color) });
+  const head = make("g", { "font-family": font.family, fill: font.color });
   const body = make("g", {});
   body.append(...svg.childNodes);
-  svg.append(make("rect", { width: "100%", height: "100%", fill: lit(paper) }), head, body);
+  svg.append(make("rect", { width: "100%", height: "100%", fill: paper }), head, body);
   let y = EDGE;
   for (const [kind, size] of Object.entries(SIZES)) {
     let line;
@@ -83,12 +77,13 @@ const headed = (svg, figure, said) => {  // with the lines of its caption, wrapp
   svg.setAttribute("viewBox", `0 0 ${width} ${height + y}`);
 };
 const picture = async (figure, said) => {
-  const svg = new DOMParser().parseFromString(await drawn(figure, said.name), "image/svg+xml").documentElement;
+  const light = lit({ data: figure.data, layout: figure.layout }, said.light);
+  const svg = new DOMParser().parseFromString(await drawn(figure, light, said.name), "image/svg+xml").documentElement;
   const room = document.createElement("div");
   room.style.cssText = "position: absolute; visibility: hidden";
   room.append(svg);
   document.body.append(room);
-  headed(svg, figure, said);
+  headed(svg, light.layout, said);
   for (const words of svg.querySelectorAll("text, tspan")) {
     if (words.children.length || !words.textContent.trim()) continue;
     words.setAttribute("textLength", words.getComputedTextLength());
