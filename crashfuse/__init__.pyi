@@ -33,7 +33,7 @@ from .results.export.solver_curves import SolverCurve as SolverCurve
 from .results.figures import EarlierPrediction as EarlierPrediction
 from .results.previews import preview_source as preview_source
 from .results.render.html import ReportOptions as ReportOptions
-from .results.study_report import study_report as study_report
+from .results.study import study_report as study_report
 from .results.training_progress import watching as watching
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.occupant import OccupantModel as OccupantModel
@@ -56,6 +56,7 @@ from .study.recommendation import worst_test as worst_test
 from .study.running import run_study as run_study
 from .study.saved_models import load_model as load_model
 from .study.saved_models import save_model as save_model
+from .study.study import Fold as Fold
 from .study.study import Study as Study
 from .vehicle_archive import load_archive as load_archive
 from .version import __version__ as __version__

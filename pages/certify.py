@@ -1,5 +1,7 @@
 """Certify: which planned tests need not be run, and how often such an answer was wrong."""
 
+from functools import partial
+
 import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES
@@ -7,10 +9,9 @@ from crashfuse.certification.certify import APPROACH
 from crashfuse.ui.certify import results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
-from crashfuse.ui.certify.results import Judgement, judge
+from crashfuse.ui.certify.results import judge
 from crashfuse.ui.kit import address, frame
 from crashfuse.ui.kit.address import page_config
-from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.figures import show_tabs
 from crashfuse.ui.kit.navigation import end_page
 from crashfuse.ui.kit.progress import patience, result_or_none
@@ -38,7 +39,5 @@ if question != asked:  # the choices above fold away into it, or unfold
 if verdicts is None:
     end_page()
 verdicts = results.beside_earlier(verdicts, request.key)
-since = verdicts.since
-key = request.key, None if since is None else since.earlier.digest
-judgement = Judgement(verdicts, view.display, notes_of(view), key)
-show_tabs(TABS, judgement, key="certify_tab", export=results.show_files)
+tabs = {name: partial(show, view) for name, show in TABS.items()}
+show_tabs(tabs, verdicts, key="certify_tab", export=partial(results.show_files, view))

@@ -18,6 +18,7 @@ from hypothesis import settings
 
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
@@ -202,6 +203,12 @@ def fitting_is_an_error(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 def campaign() -> Campaign:
     """The small campaign."""
     return small_campaign()
+
+
+@pytest.fixture(scope="session")
+def sample() -> Campaign:
+    """The sample campaign: repeats at two speeds, with scatter and noise."""
+    return load_campaign(ROOT / "sample_data")
 
 
 @pytest.fixture

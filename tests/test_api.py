@@ -4,6 +4,7 @@ import inspect
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
 
@@ -18,7 +19,7 @@ from crashfuse.campaign import Campaign
 
 NAMES = """
 Cache Campaign Certification Choices ColumnChoice Condition CrashfuseError Criteria DataError Display EarlierPrediction
-Fit LearningCurve Matrix Note OccupantModel PartialCondition PredictedPulse Problem Pulse PulseExport QualityLimits
+Fit Fold LearningCurve Matrix Note OccupantModel PartialCondition PredictedPulse Problem Pulse PulseExport QualityLimits
 RatingChoices RatingExplanation ReportOptions Run SolverCurve Study StudyConfig UsageError Watch __version__ certify
 explain_rating import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict
 preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences read_notes recommend
@@ -27,18 +28,15 @@ run_study sample_folder save_model study_report sweep watching with_decided wors
 
 
 def test_the_public_names_are_these() -> None:
-    """A name that comes or goes is a decision, not an accident."""
     assert crashfuse.__all__ == NAMES.split()
 
 
 def test_every_public_name_can_be_imported_and_no_other() -> None:
-    """Names are found when first asked for, as in any module."""
     assert all(getattr(crashfuse, name) is not None for name in crashfuse.__all__)
     assert not hasattr(crashfuse, "magic")
 
 
 def test_all_errors_are_one_tree() -> None:
-    """Catching the base catches everything that is raised on purpose."""
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, Exception)]
     assert len(kinds) == 5
     assert all(issubclass(kind, crashfuse.CrashfuseError) for kind in kinds)
@@ -69,13 +67,14 @@ def test_types_that_public_calls_ask_for_are_public() -> None:
 
 TIME_S = np.arange(1250) * 8e-5
 BRAKING = -680.0 * np.sin(np.pi * TIME_S / 0.07) * (TIME_S < 0.07)  # takes 30.3 m/s away, so it stops a vehicle at 28
-PULSE = crashfuse.Pulse(TIME_S, BRAKING)
+PULSE, TWO = crashfuse.Pulse(TIME_S, BRAKING), np.ones((600, 2))
+AT = partial(crashfuse.Condition.of, front_weight_kg=950.0, rear_weight_kg=700.0)
+BARE = partial(crashfuse.Condition, front_weight_kg=950.0, rear_weight_kg=700.0)
 
 
 def prediction() -> Prediction:
     """A prediction with two draws."""
-    condition = crashfuse.Condition(speed_mps=28.0, front_weight_kg=950.0, rear_weight_kg=700.0)
-    return Prediction(condition, BRAKING, np.array([BRAKING, 0.9 * BRAKING]))
+    return Prediction(BARE(speed_mps=28.0), BRAKING, np.array([BRAKING, 0.9 * BRAKING]))
 
 
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
@@ -90,22 +89,13 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "mm for m": (lambda: crashfuse.Choices(gap_m=390), "from 0 to 10 m, not 390"),
     "no condition": (lambda: crashfuse.Choices(condition="35 mph"), "takes a PartialCondition"),  # type: ignore[arg-type]
     "role": (lambda: crashfuse.ColumnChoice("Zeit", "zeit"), "There is no role of a column"),  # type: ignore[arg-type]
-    "two units": (
-        lambda: crashfuse.Condition.of(speed_mph=35, speed_kmh=56, front_weight_kg=950, rear_weight_kg=700),
-        "speed_kmh does not end in one of these units",
-    ),
-    "text for a speed": (
-        lambda: crashfuse.Condition(speed_mps="15", front_weight_kg=950, rear_weight_kg=700),  # type: ignore[arg-type]
-        "speed_mps is a number",
-    ),
+    "two units": (lambda: AT(speed_mph=35, speed_kmh=56), "speed_kmh does not end in one of these units"),
+    "text for a speed": (lambda: BARE(speed_mps="15"), "speed_mps is a number"),  # type: ignore[arg-type]
     "a note": (lambda: crashfuse.ReportOptions(notes=["x"]), "takes a Note"),  # type: ignore[arg-type]
     "ms for s": (lambda: crashfuse.Pulse(1e3 * TIME_S, BRAKING), "0.08 ms are 8e-05 s"),
     "window as text": (lambda: crashfuse.rate_iso18571(BRAKING, BRAKING, dt_s=8e-5, window_ms="60"), "is a number"),  # type: ignore[arg-type]
     "a path": (lambda: crashfuse.rate_iso18571("a.csv", "b.csv", dt_s=8e-5), "expected an array of numbers"),  # type: ignore[arg-type]
-    "a step of pulses": (
-        lambda: crashfuse.rate_iso18571(PULSE, PULSE, dt_s=8e-5),
-        "leave out",
-    ),
+    "a step of pulses": (lambda: crashfuse.rate_iso18571(PULSE, PULSE, dt_s=8e-5), "leave out"),
     "other sign": (lambda: crashfuse.pulse_metrics(-BRAKING, 28.0), "change its sign"),
     "g for m/s²": (lambda: crashfuse.pulse_metrics(BRAKING / 9.80665, 28.0), "if it is in g"),
     "mm/s² for m/s²": (lambda: crashfuse.pulse_metrics(BRAKING * 1e3, 28.0), "correct the unit"),
@@ -113,17 +103,11 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "draws": (lambda: crashfuse.pulse_metrics(BRAKING, 28.0, draws_mps2=np.ones((3, 7))), r"shape \(n_draws, 1250\)"),
     "per cent for a share": (lambda: prediction().band(95), "between 0 and 1, such as 0.95, not 95"),
     "a band upside down": (lambda: prediction().band(-0.95), "between 0 and 1"),
-    "two curves at once": (
-        lambda: crashfuse.rate_iso18571(np.ones((600, 2)), np.ones((600, 2)), dt_s=8e-5),
-        "one dimension, found one of 600 × 2",
-    ),
+    "two curves at once": (lambda: crashfuse.rate_iso18571(TWO, TWO, dt_s=8e-5), "one dimension, found one of 600 × 2"),
     "no filter class": (lambda: crashfuse.Choices(channel_filter_class=61), '60, 180, 600, 1000 or "none", not 61'),
     "nor of a comparison": (lambda: crashfuse.RatingChoices(channel_filter_class=61), "not 61"),
-    "no number": (lambda: crashfuse.Condition(speed_mps=np.nan, front_weight_kg=1.0, rear_weight_kg=1.0), "not nan"),
-    "factors": (
-        lambda: crashfuse.Condition(speed_mps=9.0, front_weight_kg=1.0, rear_weight_kg=1.0, factors={"drive": "AWD"}),  # type: ignore[arg-type]
-        "pairs of name and value",
-    ),
+    "no number": (lambda: BARE(speed_mps=np.nan), "not nan"),
+    "factors": (lambda: BARE(speed_mps=9.0, factors={"drive": "AWD"}), "pairs of name and value"),  # type: ignore[arg-type]
     "no folder": (lambda: crashfuse.load_campaign(None), "The path of a campaign folder is text"),  # type: ignore[arg-type]
     "a share in per cent": (lambda: crashfuse.QualityLimits("mine", hourglass_share=5), "5 % is 0.05"),
     "no campaign": (lambda: crashfuse.Fit.of("campaign", "cae"), "takes a Campaign"),  # type: ignore[arg-type]
@@ -132,14 +116,12 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
 
 @pytest.mark.parametrize("kind", WRONG)
 def test_what_is_wrong_is_refused_where_it_is_given(kind: str) -> None:
-    """With the likely unit or the nearest word, and no other exception."""
     call, sentence = WRONG[kind]
     with pytest.raises(crashfuse.CrashfuseError, match=sentence):
         call()
 
 
 def test_one_thing_stands_for_a_series_of_it() -> None:
-    """A name, a window; equal settings are equal, however they are given."""
     one = crashfuse.StudyConfig(approaches="cae", windows_ms=60)  # type: ignore[arg-type]
     assert one == crashfuse.StudyConfig(approaches=["cae", "cae"], windows_ms=[60.0])  # type: ignore[arg-type]
     assert hash(one) == hash(crashfuse.StudyConfig(approaches=("cae",), windows_ms=(60.0,)))
@@ -174,7 +156,7 @@ CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which
     "sweep": ("campaign", "condition", "approach", "config"),
     "next_test": ("campaign", "config"),
     "worst_test": ("study", "window_ms", "approach"),
-    "results.prediction_report.prediction_report": ("prediction",),
+    "results.prediction.prediction_result": ("prediction",),
     "Condition": ("speed_mps", "front_weight_kg", "rear_weight_kg", "factors"),
     "Pulse": ("time_s", "accel_mps2"),
     "Matrix": ("ids", "conditions"),
@@ -189,26 +171,30 @@ CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which
 }
 
 
+@pytest.fixture(scope="module")
+def sound(campaign: Campaign, shared_cache: Path) -> dict[str, object]:
+    """What each argument may be."""
+    condition, run = campaign.tests[0].condition, crashfuse.Run(crashfuse.Cache(shared_cache))
+    texts = {"approach": "cae", "test": "T1", "text": "x", "column": "a", "role": "time", "name": "x"}
+    numbers = {"dt_s": 8e-5, "window_ms": 40.0, "speed_mps": 28.0, "front_weight_kg": 950.0, "rear_weight_kg": 700.0}
+    pulses = {"accel_mps2": BRAKING, "time_s": TIME_S, **dict.fromkeys(("reference", "comparison"), BRAKING)}
+    series = {"windows_ms": (40.0,), "criteria": [{"metric": "peak", "at_most": 30.0}], "ids": ("A",), "notes": []}
+    conditions = {"condition": condition, "conditions": (condition,), "matrix": pd.DataFrame()}
+    config = crashfuse.StudyConfig(("cae",))
+    made = {"campaign": campaign, "config": config, "fit": crashfuse.Fit.of(campaign, "cae", config, run)}
+    study = crashfuse.run_study(campaign, held_out=["T1"], approaches=["cae"], workers=1, cache=run.cache)
+    return {**texts, **numbers, **pulses, **series, **conditions, **made, "study": study}
+
+
 @pytest.mark.usefixtures("one_cache")
 @pytest.mark.parametrize("name", CALLS)
 def test_whatever_is_given_is_taken_or_refused_in_a_sentence(
-    name: str, campaign: Campaign, campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, sound: dict[str, object], campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """No call has another exception for what a user may give for any argument."""
     monkeypatch.chdir(tmp_path)
-    condition = campaign.tests[0].condition
-    sound: dict[str, object] = {
-        "accel_mps2": BRAKING, "time_s": TIME_S, "dt_s": 8e-5, "window_ms": 40.0, "windows_ms": (40.0,),
-        "speed_mps": 28.0, "front_weight_kg": 950.0, "rear_weight_kg": 700.0, "campaign": campaign,
-        "condition": condition, "approach": "cae", "config": crashfuse.StudyConfig(("cae",)),
-        "criteria": [{"metric": "peak", "at_most": 30.0}], "matrix": pd.DataFrame(), "test": "T1", "text": "x",
-        "ids": ("A",), "conditions": (condition,), "column": "a", "role": "time", "name": "x", "notes": [],
-        **dict.fromkeys(("reference", "comparison"), BRAKING), "fit": crashfuse.Fit.of(campaign, "cae"),
-        **dict.fromkeys(("folder", "path", "source", "out", "table"), tmp_path / "none"),
-        "study": crashfuse.run_study(campaign, held_out=["T1"], approaches=["cae"], workers=1),
-    }  # fmt: skip
+    paths = dict.fromkeys(("folder", "path", "source", "out", "table"), tmp_path / "none")
     arguments = CALLS[name]
-    given = {argument: sound[argument] for argument in arguments if argument in sound}
+    given = {argument: value for argument, value in (sound | paths).items() if argument in arguments}
     if name.endswith(("_files", "_channels")):
         given |= dict.fromkeys(("reference", "comparison"), campaign_on_disk / "tests" / "T1.csv")
     for argument in arguments:

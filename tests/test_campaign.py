@@ -13,7 +13,6 @@ from crashfuse.signals.pulse import Pulse
 
 
 def test_holding_out_takes_the_test_and_leaves_the_rest(campaign: Campaign) -> None:
-    """Its paired run, too; a test that is unknown is named with those there are."""
     rest = campaign.without(["T2"])
     assert rest.test_ids == ("T1", "T3", "T4")
     assert rest.cae is campaign.cae

@@ -157,7 +157,6 @@ def test_what_it_adds_stands_beside_ours(shown: dict[str, Any], place: Path) -> 
 
 
 def test_what_breaks_in_it_is_told_as_its_own_fault(shown: dict[str, Any]) -> None:
-    """What cannot be loaded, and what fails while it predicts: one sentence that names the package, no traceback."""
     of_package = "of the package scaled-cae"
     nothing = "AttributeError: module 'scaled_cae' has no attribute 'Nothing'"
     for name, trouble in (
@@ -171,7 +170,6 @@ def test_what_breaks_in_it_is_told_as_its_own_fault(shown: dict[str, Any]) -> No
 
 
 def test_so_is_what_breaks_in_its_readers(shown: dict[str, Any], place: Path) -> None:
-    """One that fails while it reads, and one that cannot be loaded, asked for by name or needed by a file."""
     told = {name: shown[name][2].splitlines()[0] for name in shown if "reader" in name}
     assert all(shown[name][0] in (1, 2) for name in told)
     assert not (place / "c").exists()
@@ -207,10 +205,10 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.readers.formats import FORMATS
 
 folder, place, source = sys.argv[1:]
-few, at = ["--approach", "displacement_domain"], "--speed-mph 20 --front-weight-lb 2000 --rear-weight-lb 1500".split()
+few, at = ["--approach", "cae"], "--speed-mph 20 --front-weight-lb 2000 --rear-weight-lb 1500".split()
 for command in (
     ["check", folder],
-    ["study", folder, *few, "--workers", "1", "--out", f"{place}/study"],
+    ["study", folder, "--held-out", "T3", *few, "--workers", "1", "--out", f"{place}/study"],
     ["predict", folder, *at, *few, "--out", f"{place}/predicted"],
     ["next-test", folder, "--out", f"{place}/next"],
     ["import", source, "--format", "csv", "--out", f"{place}/imported"],

@@ -68,7 +68,6 @@ def run(program: Path, *arguments: str) -> str:
 
 
 def test_there_are_five_recipes() -> None:
-    """Each names the files that it touches, two of the program at most."""
     recipes = re.split(r"^### ", PAGE, flags=re.MULTILINE)[1:]
     files = {recipe.partition("\n")[0]: set(re.findall(r'title="(?!tests)([^":]+)', recipe)) for recipe in recipes}
     assert list(files) == [f"A new {what}" for what in ("approach", "format", "metric", "figure", "page")]
@@ -87,7 +86,7 @@ from crashfuse import cli, load_campaign
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.results.plots.jerk import jerk
 from crashfuse.results.plots.palette import (COLOURS)
-from crashfuse.results.study_report import study_report
+from crashfuse.results.study import study_report
 from crashfuse.results.result_tables import scores_table
 from crashfuse.signals.metrics import METRIC_LABELS, pulse_metrics
 from crashfuse.study.config import StudyConfig
@@ -152,7 +151,6 @@ def test_a_new_approach_keeps_the_contract(shown: dict[str, Any]) -> None:
 
 
 def test_a_new_approach_is_studied(shown: dict[str, Any]) -> None:
-    """By default, and known to the command line; a study rates it, figures have its colour, the report names it."""
     found = shown["approach"]
     assert found["default"][-1] == "scaled_cae"
     assert (found["label"], found["colour"]) == ("Scaled CAE", "#8C6D1F")

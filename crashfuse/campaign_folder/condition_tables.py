@@ -2,8 +2,8 @@
 
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import compress
 from pathlib import Path
 from typing import Any, Literal
@@ -12,18 +12,22 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from crashfuse import errors
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.condition import ABOUT, FILE_UNITS, QUANTITIES, About, Condition
 from crashfuse.crash_test import TUNED
-from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, refusal, shortened
+from crashfuse.errors import CORRECT_CELL, KEEP_ONE, DataError, Problem, collecting, printable, refuse_if, shortened
 from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
 from crashfuse.files.parquet import EMPTY
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.pulse import N_SAMPLES, FloatArray
+from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.units import KPH_KG, MPH_LB, UnitSystem
 
 Role = Literal["tests", "cae"]  # either of the two condition tables of a campaign, with its pulses
+ROLES: tuple[Role, ...] = ("tests", "cae")
 TABLES = ("tests.csv", "cae.csv")
+PULSES = (".csv", ".parquet")  # endings of tables of pulses
 NAMELESS = "an id in each row", "an empty cell", "name the row"
 _MOST_PROBLEMS = 20  # of cells of one column of pulses; the rest are only counted
 RowNumbers = npt.NDArray[np.integer[Any]]
@@ -33,7 +37,6 @@ _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg:
 _MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
 _MOST_ROWS = {"tests": 20_000, "cae": MOST_ROWS}
-_BY_ROW = ("ids", "conditions", "rows", "quality", "about", "tuned")
 _UNSAFE = re.compile(r'[/\\:*?|<>"]')
 _FORMULA = ("=", "+", "-", "@")
 _LONGEST_ID = 180  # bytes of one made of a foreign name
@@ -44,10 +47,11 @@ def has_table(folder: Path) -> bool:
     return any((folder / name).is_file() for name in TABLES)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class ConditionTable:
-    """The rows of a condition table, each with its row number in the file (the header is row 1)."""
+    """The rows of a condition table, each with its row number in the file (the header is row 1), and their pulses."""
 
+    role: Role
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
     rows: tuple[int, ...]
@@ -55,18 +59,29 @@ class ConditionTable:
     about: tuple[About, ...] = ()  # likewise
     units: UnitSystem = MPH_LB  # of the columns
     tuned: tuple[bool | None, ...] = ()  # whether the CAE model was tuned to each test
+    # once its pulses are read
+    accel_mps2: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, N_SAMPLES), np.float32))
+    ends_s: Mapping[str, float] = field(default_factory=dict)  # of records shorter than the study grid, by id
+    faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)  # what looks like one, by id
+
+    @property
+    def file(self) -> str:
+        """Its name in the folder."""
+        return f"{self.role}.csv"
 
     @property
     def speeds_mps(self) -> FloatArray:
         """Impact speeds, shape (n,); NaN where one is not there."""
         return np.array([condition.speed_mps for condition in self.conditions])
 
-    def without(self, places: Iterable[int]) -> "ConditionTable":
+    def without(self, places: Collection[int]) -> "ConditionTable":
         """The table without the rows at these places."""
-        left_out = {*places}
-        keep = [place not in left_out for place in range(len(self.ids))]
-        lists: dict[str, Any] = {name: tuple(compress(getattr(self, name), keep)) for name in _BY_ROW}
-        return replace(self, **lists)
+        if not places:
+            return self
+        keep = [place not in places for place in range(len(self.ids))]
+        by_row = ("ids", "conditions", "rows", "quality", "about", "tuned")
+        lists: dict[str, Any] = {name: tuple(compress(getattr(self, name), keep)) for name in by_row}
+        return replace(self, **lists, accel_mps2=self.accel_mps2[keep] if self.accel_mps2.size else self.accel_mps2)
 
 
 def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) -> ConditionTable:
@@ -87,11 +102,8 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
     if frame is None:
         return None
     names = list(map(str, frame.columns))
-    columns = {
-        name: pair
-        for name, units in QUANTITIES.items()
-        if (pair := find_column(names, name, units, where, problems)) is not None
-    }
+    matches = {name: find_column(names, name, units, where, problems) for name, units in QUANTITIES.items()}
+    columns = {name: match for name, match in matches.items() if match is not None}
     if "id" in names:
         frame["id"] = frame["id"].str.strip()
         sound = _check_ids(frame["id"], where, problems)
@@ -99,17 +111,16 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
         problems.append(Problem(where, "a column id", f"the columns {listed(names)}", "name each row in one"))
         sound = []
     values = {name: np.full(len(frame), np.nan) for name in QUANTITIES}
-    rows_of = frame.index.to_numpy()
     for name, (column, factor) in columns.items():
-        numbers = numbers_in(frame[column], column, where, rows_of, problems, _LARGEST[name] / factor)
+        numbers = numbers_in(frame[column], column, where, frame.index.to_numpy(), problems, _LARGEST[name] / factor)
         smallest = 0.0 if role == "cae" and name == "speed" else _SMALLEST[name] / factor
         expected, low = f"a number of at least {smallest:.3g}", frame[column][numbers < smallest]
         problems += [Problem(where, expected, text, CORRECT_CELL, column, row) for row, text in low.items()]
         values[name] = factor * numbers
     quality = _read_quality(frame, where, problems)
-    found_columns = [column for column, _ in columns.values()]
+    quantities = [column for column, _ in columns.values()]
     sources = [name for name in names if name.startswith(ABOUT)]
-    extra = [name for name in names if name not in {"id", "cae_tuned", *sources, *QUALITIES, *found_columns}]
+    extra = [name for name in names if name not in {"id", "cae_tuned", *sources, *QUALITIES, *quantities}]
     _check_factors(frame[[*extra, *sources]], where, problems)
     tuned = _read_tuned(frame, where, problems) if role == "tests" else ()
     if not sound:
@@ -117,20 +128,20 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
     cells = frame[sources].to_numpy(dtype=object).tolist()
     about = tuple(tuple((name, cell) for name, cell in zip(sources, row, strict=True) if cell) for row in cells)
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=object).tolist()]
-    rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
-    found_units = [column.rpartition("_")[2] for column in found_columns]
-    given = (found_units[0], found_units[1], found_units[2]) if len(found_units) == len(FILE_UNITS) else FILE_UNITS
-    conditions = tuple(Condition.of_cells([v, front, rear], fac, given) for v, front, rear, fac in rows)
+    endings = [*(column.rpartition("_")[2] for column in quantities), *FILE_UNITS]
+    given = endings[0], endings[1], endings[2]
+    vectors = zip(*values.values(), strict=True)
+    conditions = tuple(Condition.of_cells(vector, of, given) for vector, of in zip(vectors, factors, strict=True))
     units = MPH_LB if "speed_mph" in names else KPH_KG
-    table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, about, units, tuned)
-    return table if len(sound) == len(frame) else table.without({*range(len(frame))} - {*sound})
+    table = ConditionTable(role, tuple(frame["id"]), conditions, tuple(frame.index), quality, about, units, tuned)
+    return table.without({*range(len(frame))} - {*sound})
 
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
     conditions = read_conditions(path, by_hand=True).conditions
-    if (count := len(conditions)) > _MOST_CANDIDATES:
-        raise refusal(path.name, f"at most {_MOST_CANDIDATES} candidates", f"{count}", "leave some out")
+    expected, count = f"at most {_MOST_CANDIDATES} candidates", len(conditions)
+    refuse_if(count > _MOST_CANDIDATES, path.name, expected, f"{count}", "leave some out")
     return conditions
 
 
@@ -210,20 +221,14 @@ def safe_id(name: str) -> str:
 
 
 def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
-    if not path.exists():
-        problems.append(Problem(path.name, "this file", NO_FILE, "add it"))
-        return None
-    try:
+    with collecting(problems):
+        refuse_if(not path.exists(), path.name, "this file", errors.NO_FILE, "add it")
         names, rows, numbers = read_rows(path, path.name, by_hand=by_hand, most_rows=_MOST_ROWS[role])
-    except DataError as error:
-        problems.extend(error.problems)
-        return None
-    if not rows:
-        problems.append(Problem(path.name, "a header and at least one row", *EMPTY))
-        return None
-    kept = [at for at, name in enumerate(names) if name]
-    cells = pd.DataFrame([[row[at] for at in kept] for row in rows], columns=[names[at] for at in kept], index=numbers)
-    return cells.astype(str)
+        refuse_if(not rows, path.name, "a header and at least one row", *EMPTY)
+        kept = [at for at, name in enumerate(names) if name]
+        cells = [[row[at] for at in kept] for row in rows]
+        return pd.DataFrame(cells, columns=[names[at] for at in kept], index=numbers).astype(str)
+    return None
 
 
 def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]:
@@ -247,8 +252,7 @@ def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> 
     for column in cells.columns:
         odd = {text for text in {column, *cells[column]} if len(text) > _LONGEST_FACTOR or printable(text) != text}
         bad = [(row, text) for row, text in [(1, column), *cells[column].items()] if text in odd] if odd else []
-        name = printable(column, 60)
-        problems += [Problem(where, expected, repr(printable(t, 60)), CORRECT_CELL, name, row) for row, t in bad]
+        _refuse_cells(bad, expected, printable(column, 60), where, problems)
 
 
 def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[RunQuality, ...]:
@@ -259,8 +263,8 @@ def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> t
     for name in columns:
         least, shares = -1 if name == "energy_change" else 0, _as_numbers(frame[name])
         expected, is_given = f"a share from {least} to 1 (5 % is 0.05), or nothing", frame[name].str.strip() != ""
-        for row, text in frame[name][is_given & ~((shares >= least) & (shares <= 1))].items():
-            problems.append(Problem(where, expected, repr(printable(text, 60)), CORRECT_CELL, name, row))
+        wrong = frame[name][is_given & ~((shares >= least) & (shares <= 1))]
+        _refuse_cells(wrong.items(), expected, name, where, problems)
         values[name] = [float(v) if given else None for v, given in zip(shares, is_given, strict=True)]
     return tuple(RunQuality(**dict(zip(columns, row, strict=True))) for row in zip(*values.values(), strict=True))
 
@@ -270,9 +274,15 @@ def _read_tuned(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tup
         return (None,) * len(frame)
     meanings = {text: meaning for meaning, text in TUNED.items()} | {"true": True, "false": False}
     cells = frame["cae_tuned"].str.strip().str.lower()
-    for row, text in frame["cae_tuned"][~cells.isin(meanings)].items():
-        problems.append(Problem(where, "yes, no or nothing", repr(printable(text, 60)), CORRECT_CELL, "cae_tuned", row))
+    wrong = frame["cae_tuned"][~cells.isin(meanings)]
+    _refuse_cells(wrong.items(), "yes, no or nothing", "cae_tuned", where, problems)
     return tuple(map(meanings.get, cells))
+
+
+def _refuse_cells(
+    cells: Iterable[tuple[Any, str]], expected: str, column: str, where: str, problems: list[Problem]
+) -> None:
+    problems += [Problem(where, expected, repr(printable(text, 60)), CORRECT_CELL, column, row) for row, text in cells]
 
 
 def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:

@@ -10,7 +10,7 @@ Names do that differ by a place alone, and a condition equal to the digit where 
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -45,12 +45,10 @@ _PLACE = re.compile(
 _NUMBERED = {"sensor", "acc", "accel", "channel", "kanal", "ch"}  # places by a number
 
 
-def check_tests_differ(
-    table: ConditionTable, accel: FloatArray, ends_s: Mapping[str, float], problems: list[Problem], warnings: list[str]
-) -> None:
-    """Reject tests that are copies of each other, and warn of those that might be, by pulses on the study grid."""
-    ends = [ends_s.get(test_id, np.inf) for test_id in table.ids]
-    records = [row[: np.searchsorted(GRID_S, end, "right")] for row, end in zip(accel, ends, strict=True)]
+def check_tests_differ(table: ConditionTable, problems: list[Problem], warnings: list[str]) -> None:
+    """Reject tests that are copies of each other, and warn of those that might be."""
+    ends = [table.ends_s.get(test_id, np.inf) for test_id in table.ids]
+    records = [row[: np.searchsorted(GRID_S, end, "right")] for row, end in zip(table.accel_mps2, ends, strict=True)]
     doubtful = []
     for (one, other), share in similar_tests(records).items():
         if share < ONE_RECORD:
@@ -62,7 +60,7 @@ def check_tests_differ(
     if doubtful:
         finding = f"tests.csv: shifted and scaled, some tests hardly differ: {_pairs(doubtful)}"
         warnings.append(f"{finding}. They may be good repeats; check that none is a copy.")
-    for one, other, share in sensors_of_one_crash(table.ids, table.conditions, accel, table.about):
+    for one, other, share in sensors_of_one_crash(table.ids, table.conditions, table.accel_mps2, table.about):
         finding = f"{table.ids[one]} and {table.ids[other]}: one condition to the digit, alike to {100 * share:.0f} %"
         warnings.append(f"tests.csv, {finding}; if they are sensors of one crash, leave one out of use.")
 
@@ -104,11 +102,10 @@ def _without_place(name: str) -> list[str]:
     return [word for before, word in pairs if not (_PLACE.fullmatch(word) or (word.isdigit() and before in _NUMBERED))]
 
 
-def check_runs_differ(table: ConditionTable, accel: npt.NDArray[np.float32], warnings: list[str]) -> None:
-    """Warn of CAE runs at different conditions that have one pulse; ``accel`` is of shape (n_runs, 1250)."""
-    speeds = np.array([condition.speed_mps for condition in table.conditions])
-    pairs = [f"{table.ids[one]} and {table.ids[other]}" for one, other in copied_runs(speeds, accel)]
-    if pairs:
+def check_runs_differ(table: ConditionTable, warnings: list[str]) -> None:
+    """Warn of CAE runs at different conditions that have one pulse."""
+    copies = copied_runs(table.speeds_mps, table.accel_mps2)
+    if pairs := [f"{table.ids[one]} and {table.ids[other]}" for one, other in copies]:
         warnings.append(f"cae.csv: the same pulse, scaled at most, for {_pairs(pairs)}; check that none is a copy.")
 
 

@@ -11,6 +11,7 @@ import tempfile
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, islice, zip_longest
@@ -101,8 +102,7 @@ def leave_out(folder: Path, ids: Sequence[str], why: str = "") -> str:
 
     Raises a UsageError if there is no such test in use or none would stay in use, a DataError from the files.
     """
-    with taking_turns(folder):
-        test_ids, unused = _tests(folder)
+    with _editing_tests(folder) as (test_ids, unused):
         _require(ids, [test_id for test_id in test_ids if test_id not in unused], "in use")
         _require_one_in_use(test_ids, {*unused, *ids})
         return _set_why(folder, test_ids, unused, ids, why)
@@ -110,16 +110,14 @@ def leave_out(folder: Path, ids: Sequence[str], why: str = "") -> str:
 
 def say_why(folder: Path, test_id: str, why: str) -> str:
     """Give a test that is left out of use another reason, or none; otherwise as :func:`leave_out`."""
-    with taking_turns(folder):
-        test_ids, unused = _tests(folder)
+    with _editing_tests(folder) as (test_ids, unused):
         _require([test_id], unused, "left out of use")
         return _set_why(folder, test_ids, unused, [test_id], why)
 
 
 def use_again(folder: Path, ids: Sequence[str]) -> str:
     """Use tests again that were left out of use; otherwise as :func:`leave_out`."""
-    with taking_turns(folder):
-        test_ids, unused = _tests(folder)
+    with _editing_tests(folder) as (test_ids, unused):
         _require(ids, unused, "left out of use")
         return _set_unused(folder, test_ids, _without(unused, ids), f"In use again: {_named(ids)}")
 
@@ -138,8 +136,7 @@ def set_about(folder: Path, test_id: str, about: Mapping[str, str]) -> str:
 
 def remove_tests(folder: Path, ids: Sequence[str]) -> str:
     """Take tests out of a campaign folder, rows and pulses; otherwise as :func:`leave_out`."""
-    with taking_turns(folder):
-        test_ids, unused = _tests(folder)
+    with _editing_tests(folder) as (test_ids, unused):
         _require(ids, test_ids, "there")
         _require_one_in_use(test_ids, {*unused, *ids})
         table, settings = folder / "tests.csv", folder / _SETTINGS
@@ -170,8 +167,8 @@ def set_archive(folder: Path, campaign: Campaign, content: bytes | None) -> str:
 
 
 def _set_cells(folder: Path, ids: Sequence[str], values: Mapping[str, str], what: str) -> str:
-    with taking_turns(folder):
-        _require(ids, _tests(folder)[0], "there")
+    with _editing_tests(folder) as (test_ids, _):
+        _require(ids, test_ids, "there")
         path = folder / "tests.csv"
         before = path.read_bytes().decode("utf-8-sig")
         ending = "\r\n" if "\r\n" in before else "\n"
@@ -266,7 +263,7 @@ def _already_there(folder: Path, role: Role, table: ConditionTable | None, new: 
         return ()
     wanted = [run_id for run_id in again if run_id in conditions]
     same = set()
-    for run_id, _, record in PulseFiles(folder, role, None).records(wanted):
+    for run_id, _, record in PulseFiles(folder, role).records(wanted):
         if record is not None and run_id in wanted:
             close = np.allclose(conditions[run_id].vector, again[run_id].condition.vector, rtol=_SAME)
             same |= {run_id} if close and _is_same(record, again[run_id].pulse) else set()
@@ -320,11 +317,9 @@ def _check_readable(files: Mapping[str, str]) -> None:
 def _check_differ(folder: Path) -> None:
     settings, tests = read_settings(folder, [], []), _table(folder, "tests")
     if tests is not None:
-        tests = tests.without([place for place, test_id in enumerate(tests.ids) if test_id in settings.unused])
-        reader = PulseFiles(folder, "tests", settings.channel_filter_class)
-        accel = np.delete(reader.read(tests.ids, list(settings.unused)), reader.unread, axis=0)
-        problems: list[Problem] = []
-        check_tests_differ(tests.without(reader.unread), accel, reader.ends_s, problems, [])
+        tests = tests.without({place for place, test_id in enumerate(tests.ids) if test_id in settings.unused})
+        reader, problems = PulseFiles(folder, "tests", settings.channel_filter_class), list[Problem]()
+        check_tests_differ(reader.read(tests, settings.unused).without(reader.unread), problems, [])
         _refuse(problems)
 
 
@@ -333,13 +328,15 @@ def _refuse(problems: Sequence[Problem]) -> None:
         raise DataError([replace(problem, where=f"{problem.where} as it would become") for problem in problems])
 
 
-def _tests(folder: Path) -> tuple[tuple[str, ...], Mapping[str, str]]:
-    """The ids of all tests in the folder, whatever is wrong with their data, and why some are left out of use."""
-    problems: list[Problem] = []
-    settings = sound_settings(folder)
-    if (table := condition_tables.read_lenient(folder / "tests.csv", "tests", problems)) is None:
-        raise DataError(shortened(problems))
-    return table.ids, settings.unused
+@contextmanager
+def _editing_tests(folder: Path) -> Iterator[tuple[tuple[str, ...], Mapping[str, str]]]:
+    """The ids of all tests, whatever is wrong with their data, and why some are left out of use; nobody else edits."""
+    with taking_turns(folder):
+        problems: list[Problem] = []
+        settings = sound_settings(folder)
+        if (table := condition_tables.read_lenient(folder / "tests.csv", "tests", problems)) is None:
+            raise DataError(shortened(problems))
+        yield table.ids, settings.unused
 
 
 def _require(ids: Sequence[str], allowed: Collection[str], what: str) -> None:

@@ -19,9 +19,6 @@ from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.signals.sensor_faults import SensorFault, confirmed
 from crashfuse.units import KPH, LB, MPH, MS, G, number, signed, time_text
 
-Pulses = npt.NDArray[np.float32]  # on the study grid
-Faults = Mapping[str, tuple[SensorFault, ...]]  # what looks like a fault of a test's sensor, by the test's id
-
 STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
 """Limits of ΔV/v0. Tests: not yet stopped at 100 ms, to more rebound than any car has; one CAE run may be odd."""
 LONG_ENOUGH = "a record that lasts until the vehicle has stopped, or 100 ms"
@@ -54,18 +51,16 @@ _SCATTERED = 3.0  # times the median deviation of the others: what is usual in t
 _FEWEST_OTHERS = 2  # fewer do not tell which of the tests is odd: the CAE runs alone have to
 
 
-def check_physics(
-    role: str, table: ConditionTable, accel: FloatArray, faults: Faults, problems: list[Problem], advice: str = ""
-) -> None:
+def check_physics(table: ConditionTable, problems: list[Problem], advice: str = "") -> None:
     """Compare changes of velocity with impact speeds; ``advice`` is for a cause that explains them all."""
-    low, high = STOPS[role]
-    speed, biggest = table.speeds_mps, _changes(accel)
+    low, high = STOPS[table.role]
+    speed, biggest = table.speeds_mps, _changes(table.accel_mps2)
     ratio = -biggest / np.maximum(speed, 1e-9)
     moving = speed > CREEP_MPS
     typical = float(np.median(ratio[moving])) if moving.any() else 1.0
-    if role == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
+    if table.role == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
         expected, cause = "changes of velocity near the impact speed", _likely_cause(typical, *_LIBRARY_STOPS)
-        problems.append(Problem("cae.csv", expected, f"{typical:.2f} times it in most runs", advice or cause))
+        problems.append(Problem(table.file, expected, f"{typical:.2f} times it in most runs", advice or cause))
         return
     turned = np.isnan(speed) & (biggest > CREEP_MPS)
     for row in np.flatnonzero(turned | (((ratio < low) | (ratio > high)) & moving)):
@@ -73,20 +68,20 @@ def check_physics(
         found = f"a change of {signed(biggest[row] / MPH, 1)} mph ({signed(biggest[row] / KPH, 1)} km/h)"
         expected = f"a change of velocity near the impact speed of {_speed_text(speed[row])}"
         expected = "a pulse that brakes" if turned[row] else expected
-        cause = fault_advice(test_id, faults.get(test_id, ())) or advice or _likely_cause(share, low, high)
-        problems.append(Problem(f"{role}.csv", expected, found, cause, f"id {test_id}", table.rows[row]))
+        cause = fault_advice(test_id, table.faults.get(test_id, ())) or advice or _likely_cause(share, low, high)
+        problems.append(Problem(table.file, expected, found, cause, f"id {test_id}", table.rows[row]))
 
 
-def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray]) -> list[str]:
+def check_units(tests: ConditionTable, runs: ConditionTable) -> list[str]:
     """Warnings of tests whose ΔV/v0 fits CAE runs better with mph and km/h exchanged."""
     warnings: list[str] = []
-    tests, runs = tables["tests"], tables["cae"].speeds_mps
-    moving = runs > CREEP_MPS
+    moving = runs.speeds_mps > CREEP_MPS
     if not moving.any():
         return warnings
-    speeds, ratios = runs[moving], -_changes(pulses["cae"])[moving] / runs[moving]
-    for test_id, speed, change in zip(tests.ids, tests.speeds_mps, _changes(pulses["tests"]), strict=True):
-        near = float(np.median(ratios[np.argsort(np.abs(speeds - speed), kind="stable")[:NEAR]]))
+    speeds = runs.speeds_mps[moving]
+    ratios = -_changes(runs.accel_mps2)[moving] / speeds
+    for test_id, speed, change in zip(tests.ids, tests.speeds_mps, _changes(tests.accel_mps2), strict=True):
+        near = float(np.median(ratios[_nearest(speeds, speed)]))
         share = -change / max(speed * near, 1e-9)
         if speed > CREEP_MPS and near > 0 and not 1 / _EXCHANGED <= share <= _EXCHANGED:
             cause = "km/h in a column …_mph?" if share < 1 else "mph in a column …_kph?"
@@ -99,11 +94,10 @@ def _speed_text(speed_mps: float) -> str:
     return f"{speed_mps / MPH:.1f} mph ({speed_mps / KPH:.1f} km/h)"
 
 
-def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatArray]) -> list[str]:
+def unlike_weights(tests: ConditionTable, runs: ConditionTable) -> list[str]:
     """Warnings of tests whose weights fit the CAE runs' only in the other unit, or exchanged."""
-    runs = _weights(tables["cae"])
-    low, high = runs.min(axis=0) * (1 - _BESIDE), runs.max(axis=0) * (1 + _BESIDE)
-    tests, warnings = tables["tests"], []
+    of_runs, warnings = _weights(runs), []
+    low, high = of_runs.min(axis=0) * (1 - _BESIDE), of_runs.max(axis=0) * (1 + _BESIDE)
     for test_id, stated_kg in zip(tests.ids, _weights(tests), strict=True):
         might_be = {
             "": stated_kg,
@@ -117,23 +111,22 @@ def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatAr
     return warnings
 
 
-def check_ends(
-    role: str, table: ConditionTable, accel: FloatArray, ends_s: Mapping[str, float], faults: Faults
-) -> list[Problem]:
-    """Records that end while the vehicle is still moving."""
-    problems = []
+def check_ends(table: ConditionTable, problems: list[Problem]) -> None:
+    """Refuse records that end while the vehicle is still moving."""
     for row, run_id in enumerate(table.ids):
-        speed, end = table.conditions[row].speed_mps, ends_s.get(run_id, np.inf)
-        velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps) if run_id in ends_s else 0.0
+        if (end := table.ends_s.get(run_id)) is None:
+            continue
+        speed = table.conditions[row].speed_mps
+        velocity = np.interp(end, GRID_S, kinematics(table.accel_mps2[row], speed, DT_S).velocity_mps)
         if velocity > MOVING * speed:
             found = f"{_speed_text(velocity)} at its end, {time_text(end)}"
-            advice = fault_advice(run_id, faults.get(run_id, ())) or "export a longer record"
-            problems.append(Problem(f"{role}.csv", LONG_ENOUGH, found, advice, f"id {run_id}", table.rows[row]))
-    return problems
+            advice = fault_advice(run_id, table.faults.get(run_id, ())) or "export a longer record"
+            problems.append(Problem(table.file, LONG_ENOUGH, found, advice, f"id {run_id}", table.rows[row]))
 
 
-def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
+def check_band(table: ConditionTable, warnings: list[str]) -> None:
     """Warn of pulses with much content above the band that the fast time-domain network resolves, or with noise."""
+    accel = table.accel_mps2
     if not len(accel):
         return
     sample = accel[:: -(-len(accel) // _MOST_SPECTRA)].astype(np.float64)
@@ -147,7 +140,8 @@ def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
         finding = f"above 400 Hz the pulses hold {100 * noise:.1g} % of their peak, more than CFC 60 leaves"
     else:
         return
-    warnings.append(f"{role}: {finding}; set channel_filter_class = 60 in campaign.toml if they are not filtered.")
+    advice = "set channel_filter_class = 60 in campaign.toml if they are not filtered"
+    warnings.append(f"{table.role}: {finding}; {advice}.")
 
 
 def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
@@ -213,17 +207,15 @@ class Gap:
         return f"cae.csv: {who} CAE runs move {far} before they decelerate, {why}; {self.advice}.{until}"
 
 
-def find_gap(
-    speeds_mps: FloatArray, accel: Pulses, test_speeds_mps: FloatArray, tests: Pulses, taken_m: float = 0.0
-) -> Gap | None:
+def find_gap(runs: ConditionTable, tests: ConditionTable, taken_m: float = 0.0) -> Gap | None:
     """The gap of CAE runs that have one, or begin late, where the tests do not."""
-    speed, free_s, sudden = _free_travel(speeds_mps, accel)
+    speed, free_s, sudden = _free_travel(runs)
     late = sudden & (free_s >= _LEAST_S) & (speed * free_s >= LEAST_M)
     if not late.any():
         return None
     v, t = speed[late], free_s[late]
     lasts = float(t.min()), float(t.max())
-    test_speed, test_free_s, _ = _free_travel(test_speeds_mps, tests)
+    test_speed, test_free_s, _ = _free_travel(tests)
     distance = float(np.median(v * t))
     if v.size >= _FEWEST and v.max() > _SPEEDS_APART * v.min():
         from scipy.stats import theilslopes  # half a second
@@ -259,31 +251,31 @@ def _is_through(free_s: FloatArray, lasts_s: FloatArray) -> npt.NDArray[np.bool_
     return np.asarray(free_s > np.maximum(lasts_s / 3, lasts_s - _SMEARED_S))
 
 
-def _free_travel(speeds_mps: FloatArray, accel: Pulses) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+def _free_travel(table: ConditionTable) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
     """Speed, time of free travel, and whether that ends suddenly, of at most 500 pulses that are fast enough."""
-    fastest = float(np.nanmax(speeds_mps, initial=0.0))
-    rows = np.flatnonzero((speeds_mps > max(CREEP_MPS, _FAST * fastest)) & ~np.isnan(accel[:, 0]))  # NaN: unread
+    speeds_mps = table.speeds_mps
+    rows = np.flatnonzero(speeds_mps > max(CREEP_MPS, _FAST * float(np.nanmax(speeds_mps, initial=0.0))))
     rows = rows[:: max(-(-rows.size // _MOST_RUNS), 1)]
-    pulses = [accel[row].astype(np.float64) for row in rows]
+    pulses = [table.accel_mps2[row].astype(np.float64) for row in rows]
     begins = [onset(GRID_S, pulse) for pulse in pulses]
     sudden = [begin is not None and begin.is_sudden(0.0) for begin in begins]
     free_s = [free_travel_s(GRID_S, pulse) for pulse in pulses]
     return speeds_mps[rows], np.array(free_s), np.array(sudden, dtype=bool)
 
 
-def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray]) -> list[str]:
+def unlike_others(tests: ConditionTable, runs: ConditionTable) -> list[str]:
     """Warnings of tests whose onset, or mean acceleration over 0 to 100 ms, is unlike that of the other tests."""
-    speeds, runs = (tables[role].speeds_mps for role in ("tests", "cae"))
-    moving, runs_moving = np.flatnonzero(speeds > CREEP_MPS), np.flatnonzero(runs > CREEP_MPS)
-    if not runs_moving.size:
+    moving, fast = (np.flatnonzero(table.speeds_mps > CREEP_MPS) for table in (tests, runs))
+    if not fast.size:
         return []
-    ids, speeds, measured = [tables["tests"].ids[row] for row in moving], speeds[moving], pulses["tests"][moving]
+    ids, speeds, measured = [tests.ids[row] for row in moving], tests.speeds_mps[moving], tests.accel_mps2[moving]
     onsets, means = _onsets(measured, speeds), measured.mean(axis=1, dtype=np.float64)
-    usual_onsets, usual_means = np.empty_like(onsets), np.empty_like(means)
+    run_speeds, usual_onsets, usual_means = runs.speeds_mps[fast], np.empty_like(onsets), np.empty_like(means)
     for i, v0 in enumerate(speeds.tolist()):
-        near = runs_moving[np.argsort(np.abs(runs[runs_moving] - v0), kind="stable")[:NEAR]]
-        usual_onsets[i] = np.median(_onsets(pulses["cae"][near], runs[near]))
-        usual_means[i] = v0 * np.median(pulses["cae"][near].mean(axis=1, dtype=np.float64) / runs[near])
+        near = _nearest(run_speeds, v0)
+        accel = runs.accel_mps2[fast[near]]
+        usual_onsets[i] = np.median(_onsets(accel, run_speeds[near]))
+        usual_means[i] = v0 * np.median(accel.mean(axis=1, dtype=np.float64) / run_speeds[near])
     by = "by the other tests and the CAE runs near its speed"
     late = [
         f"tests.csv, {ids[i]}: its deceleration begins {abs(off) / MS:.1f} ms {'late' if off > 0 else 'early'} {by}; "
@@ -298,41 +290,41 @@ def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Flo
 
 
 def confirmed_faults(
-    tables: Mapping[str, ConditionTable],
-    pulses: Mapping[str, FloatArray],
-    faults: Mapping[str, Sequence[SensorFault]],
-    *,
-    is_comparable: bool = True,
+    tests: ConditionTable, runs: ConditionTable, *, is_comparable: bool
 ) -> dict[str, tuple[SensorFault, ...]]:
     """The faults of sensors that a record shows alone, and likely ones, that other, comparable tests do not show."""
     confirmed_of = {}
-    for test_id, likely in faults.items():
-        row = tables["tests"].ids.index(test_id)
-        measured = pulses["tests"][row]
-        expected = _expected(tables, pulses, row) if is_comparable else measured
-        alike = [*pulses["tests"][_alike(tables["tests"].speeds_mps, row)]]
-        if sure := confirmed(likely, GRID_S, measured, expected, alike):
+    for test_id, likely in tests.faults.items():
+        row = tests.ids.index(test_id)
+        measured, alike = tests.accel_mps2[row], _alike(tests, row)
+        expected = _expected(tests, runs, row) if is_comparable else measured
+        if sure := confirmed(likely, GRID_S, measured, expected, [*tests.accel_mps2[alike]]):
             confirmed_of[test_id] = sure
     return confirmed_of
 
 
-def _alike(speeds_mps: FloatArray, row: int) -> npt.NDArray[np.intp]:
+def _nearest(speeds_mps: FloatArray, speed_mps: float) -> npt.NDArray[np.intp]:
+    """The few runs nearest to a speed."""
+    return np.argsort(np.abs(speeds_mps - speed_mps), kind="stable")[:NEAR]
+
+
+def _alike(tests: ConditionTable, row: int) -> npt.NDArray[np.intp]:
     """The other tests at about the speed of one."""
-    near = np.abs(speeds_mps - speeds_mps[row]) < SPEED_STEP_MPS
+    near = np.abs(tests.speeds_mps - tests.speeds_mps[row]) < SPEED_STEP_MPS
     return np.setdiff1d(np.flatnonzero(near), row)
 
 
-def _expected(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], row: int) -> FloatArray:
+def _expected(tests: ConditionTable, runs: ConditionTable, row: int) -> FloatArray:
     """What the CAE runs near a test's speed show, and what the other tests at about that speed (else all) add to it."""
-    tests, runs = (tables[role].speeds_mps for role in ("tests", "cae"))
+    test_speeds, run_speeds = tests.speeds_mps, runs.speeds_mps
 
-    def model(v0: float) -> FloatArray:
-        return np.asarray(np.median(pulses["cae"][np.argsort(np.abs(runs - v0), kind="stable")[:NEAR]], axis=0))
+    def model(test: int) -> FloatArray:
+        return np.asarray(np.median(runs.accel_mps2[_nearest(run_speeds, test_speeds[test])], axis=0))
 
     alike = _alike(tests, row)
-    others = alike if alike.size else np.delete(np.arange(tests.size), row)
-    added = [pulses["tests"][other] - model(tests[other]) for other in others]
-    return model(tests[row]) + (np.median(added, axis=0) if added else 0.0)
+    others = alike if alike.size else np.delete(np.arange(test_speeds.size), row)
+    added = [tests.accel_mps2[other] - model(other) for other in others]
+    return model(row) + (np.median(added, axis=0) if added else 0.0)
 
 
 def _odd(differences: FloatArray, limit: float) -> list[tuple[int, float]]:

@@ -4,7 +4,7 @@ Tables are read in batches, straight into the array of all pulses: 100,000 runs 
 """
 
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,7 +13,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from crashfuse import errors
-from crashfuse.campaign_folder.condition_tables import NAMELESS, RowNumbers, find_column, listed, numbers_in
+from crashfuse.campaign_folder import condition_tables
+from crashfuse.campaign_folder.condition_tables import PULSES, ConditionTable, find_column, listed, numbers_in
 from crashfuse.campaign_folder.plausibility import gap_s
 from crashfuse.errors import DataError, Problem, collecting, printable, refusal, refuse_if, require_there, shortened
 from crashfuse.files.csv_text import unreadable
@@ -29,7 +30,6 @@ SHORTEST_S = 60e-3  # shortest record from contact: the longest rated window by 
 _NO_CRASH_S, _AN_INSTANT_S = 10.0, 1e-3  # 60 ms and more taken for seconds; a second and less taken for ms
 _MOST_SAMPLES = 2_000_000  # a record of 10 s at 200 kHz
 _LARGEST_S, _LARGEST_MPS2 = 1e6, 1e6  # 100,000 g: beyond any sensor or vehicle
-_ENDINGS = (".csv", ".parquet")
 _MOST_RECORDS = 500_000
 
 
@@ -39,7 +39,7 @@ class RecordedPulse:
 
     time_s: FloatArray
     accel_mps2: FloatArray
-    rows: RowNumbers
+    rows: condition_tables.RowNumbers
     time_column: str
 
     def __getitem__(self, part: slice) -> "RecordedPulse":
@@ -52,25 +52,22 @@ class PulseFiles:
 
     folder: Path
     role: str
-    channel_filter_class: float | None  # of whole records, before they are cropped to the grid
+    channel_filter_class: float | None = None  # of whole records, before they are cropped to the grid
     gap_m: float = 0.0  # before the barrier: a record begins where its run is through, by its speed
-    speeds_mps: Mapping[str, float] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    ends_s: dict[str, float] = field(default_factory=dict)  # of records shorter than the grid, by id
-    unread: list[int] = field(default_factory=list)  # rows of ids without a usable pulse
-    faults: dict[str, tuple[SensorFault, ...]] = field(default_factory=dict)  # what looks like one, by id
+    unread: set[int] = field(default_factory=set)  # rows of ids without a usable pulse
     through_gap: int = 0  # records whose gap was taken out
     _unreadable: bool = False
 
-    def read(self, ids: Sequence[str], unused: Sequence[str] = ()) -> npt.NDArray[np.float32]:
-        """The pulses of these ids on the study grid, shape (n_ids, 1250), m/s²; one with problems is zero."""
+    def read(self, table: ConditionTable, unused: Iterable[str] = ()) -> ConditionTable:
+        """The table with its pulses, which are resampled; one with problems is zero."""
         passed_over = set(map(_composed, unused))
-        accel = np.zeros((len(ids), N_SAMPLES), dtype=np.float32)  # takes memory only where a pulse is written
-        row_of = {run_id: row for row, run_id in enumerate(ids)}
-        missing, unread = dict.fromkeys(ids), set(row_of.values())
-        strangers: list[str] = []
-        for run_id, where, record in self.records(ids):
+        accel = np.zeros((len(table.ids), N_SAMPLES), dtype=np.float32)  # takes memory only where a pulse is written
+        row_of = {run_id: row for row, run_id in enumerate(table.ids)}
+        missing, self.unread = dict.fromkeys(table.ids), set(row_of.values())
+        strangers, ends_s, faults = list[str](), dict[str, float](), dict[str, tuple[SensorFault, ...]]()
+        for run_id, where, record in self.records(table.ids):
             if _composed(run_id) in passed_over:
                 continue
             if run_id not in row_of:
@@ -79,25 +76,25 @@ class PulseFiles:
                 del missing[run_id]
                 if record is None:
                     continue
-                record = self._through_gap(record, run_id)
-                on_grid = self._on_grid(record, _named(run_id, where))
-                if on_grid is not None:
-                    accel[row_of[run_id]] = on_grid
-                    unread.remove(row_of[run_id])
-                    if self.role == "tests" and (faults := sensor_faults(record.time_s, record.accel_mps2)):
-                        self.faults[run_id] = faults
-                    if _ends_early(record.time_s):
-                        self.ends_s[run_id] = float(record.time_s[-1])
-        self.unread, file = sorted(unread), f"{self.role}.csv"
+                row = row_of[run_id]
+                record = self._through_gap(record, table.conditions[row].speed_mps)
+                if (on_grid := self._on_grid(record, _named(run_id, where))) is None:
+                    continue
+                accel[row] = on_grid
+                self.unread.remove(row)
+                if self.role == "tests" and (likely := sensor_faults(record.time_s, record.accel_mps2)):
+                    faults[run_id] = likely
+                if _ends_early(record.time_s):
+                    ends_s[run_id] = float(record.time_s[-1])
         if not self._unreadable:
             found = f"none in {self.role}/ or {self.role}_pulses"
             found += f", but {listed(strangers)} without a row" if strangers else ""
             expected = [f"a pulse for {printable(run_id, 60)}" for run_id in missing]
-            self.problems += [Problem(file, text, found, "add it or remove its row", "id") for text in expected]
+            self.problems += [Problem(table.file, text, found, "add it or remove its row", "id") for text in expected]
         if strangers:
-            left_out = f"{self.role}: pulses without a row in {file} are left out"
+            left_out = f"{self.role}: pulses without a row in {table.file} are left out"
             self.warnings.append(f"{left_out}, namely {listed(strangers)}.")
-        return accel
+        return replace(table, accel_mps2=accel, ends_s=ends_s, faults=faults)
 
     def check(self) -> None:
         """Check every record there is, for want of a table that says which belong."""
@@ -106,7 +103,7 @@ class PulseFiles:
                 self._on_grid(record, _named(run_id, where))
 
     def _forms(self) -> list[Path]:
-        tables = [path for ending in _ENDINGS if (path := self.folder / f"{self.role}_pulses{ending}").exists()]
+        tables = [path for ending in PULSES if (path := self.folder / f"{self.role}_pulses{ending}").exists()]
         return [*tables, *filter(Path.is_dir, [self.folder / self.role])]
 
     def records(self, ids: Sequence[str] | None) -> Iterator[tuple[str, str, RecordedPulse | None]]:
@@ -131,9 +128,9 @@ class PulseFiles:
             return
         there = {_composed(name): name for name in names}  # some systems write accents apart
         if ids is None:
-            ids = list(dict.fromkeys(name.rpartition(".")[0] for name in names if name.endswith(_ENDINGS)))
+            ids = list(dict.fromkeys(name.rpartition(".")[0] for name in names if name.endswith(PULSES)))
         for run_id in ids:
-            files = [there[name] for ending in _ENDINGS if (name := _composed(f"{run_id}{ending}")) in there]
+            files = [there[name] for ending in PULSES if (name := _composed(f"{run_id}{ending}")) in there]
             record, where = None, f"{folder.name}/{files[0] if files else ''}"
             if len(files) > 1:
                 expected = f"one pulse for {run_id}"
@@ -146,7 +143,7 @@ class PulseFiles:
         known = set(map(_composed, ids))
         for name in names:
             stem, dot, ending = name.rpartition(".")
-            if f"{dot}{ending}" in _ENDINGS and _composed(stem) not in known:
+            if f"{dot}{ending}" in PULSES and _composed(stem) not in known:
                 yield stem, name, None
 
     def _from_table(self, path: Path) -> Iterator[tuple[str, str, RecordedPulse | None]]:
@@ -179,11 +176,11 @@ class PulseFiles:
         if pending:
             yield pending_id, path.name, _joined(pending)
 
-    def _through_gap(self, record: RecordedPulse, run_id: str) -> RecordedPulse:
+    def _through_gap(self, record: RecordedPulse, speed_mps: float) -> RecordedPulse:
         time_s, accel = record.time_s, record.accel_mps2
         if not self.gap_m or time_s.size < 2 or not (np.isfinite(time_s).all() and np.isfinite(accel).all()):
             return record
-        lasts_s = gap_s(time_s, accel, self.speeds_mps[run_id], self.gap_m)
+        lasts_s = gap_s(time_s, accel, speed_mps, self.gap_m)
         self.through_gap += lasts_s > 0
         return replace(record, time_s=time_s - lasts_s)
 
@@ -282,7 +279,7 @@ def _sample_batches(
             empty = False
             ids = pd.Categorical(frame["id"] if with_id else np.zeros(len(frame), dtype=np.int8))
             nameless = (ids.codes < 0) | np.isin(ids.codes, np.flatnonzero(ids.categories == ""))
-            refuse_if(nameless.any(), where, *NAMELESS, "id", int(rows[nameless.argmax()]))
+            refuse_if(nameless.any(), where, *condition_tables.NAMELESS, "id", int(rows[nameless.argmax()]))
             time_s = to_s * numbers_in(frame[time], time, where, rows, problems, _LARGEST_S / to_s)
             accel_mps2 = to_mps2 * numbers_in(frame[accel], accel, where, rows, problems, _LARGEST_MPS2 / to_mps2)
             yield ids, RecordedPulse(time_s, accel_mps2, rows, time)

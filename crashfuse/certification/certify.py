@@ -99,7 +99,7 @@ class Certification:
         return f"<Certification of {self.campaign.name!r}, {n} condition{'s' * (n > 1)}: {counts}>"
 
     def _repr_html_(self) -> str:
-        return views.certification_html(self)
+        return views.result_html(views.certification_result(self))
 
     @property
     def table(self) -> pd.DataFrame:
@@ -139,7 +139,8 @@ class Certification:
         """Write what ``crashfuse certify`` writes; with notes in the report."""
         for note in notes:
             require_a(Note, note, "crashfuse.Note(test, text)")
-        views.write_old("certification", folder, self, views.Display.of(self.campaign.units, **display), notes)
+        shown = views.Display.of(self.campaign.units, **display)
+        views.write_result(views.certification_result(self, notes), folder, shown)
 
     def beside(self, earlier: Earlier | str | Path) -> Self:
         """The same held against an earlier one, or its file or folder; a DataError if that is another vehicle's."""

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from crashfuse.campaign_folder.load import AT_THE_TOP, PULSES
+from crashfuse.campaign_folder.load import is_read
 from crashfuse.errors import DataError, Problem, UsageError, printable, shortened
 from crashfuse.files.atomic import write_atomically
 
@@ -88,8 +88,7 @@ def rests_on(campaign: Path, *others: Path | None) -> dict[str, str]:
     files = {campaign.name: campaign} if campaign.is_file() else {}
     for path in sorted(campaign.rglob("*")) if campaign.is_dir() else ():
         place = path.relative_to(campaign)
-        is_pulse = len(place.parts) == 2 and place.parts[0] in ("tests", "cae") and path.suffix in PULSES
-        if path.is_file() and (place.as_posix() in AT_THE_TOP or is_pulse):
+        if path.is_file() and is_read(place):
             files[place.as_posix()] = path
     files |= {f"../{path.name}": path for path in others if path is not None}
     return {name: _sha256(path) for name, path in files.items()}

@@ -8,23 +8,18 @@ from dataclasses import replace
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import read_notes
 from crashfuse.certification import file_store, seal
-from crashfuse.certification.certify import APPROACH, Certification
+from crashfuse.certification.certify import APPROACH
 from crashfuse.certification.certify import certify as certify_campaign
 from crashfuse.certification.criteria import read_criteria
 from crashfuse.certification.earlier import FILE, read_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
-from crashfuse.cli.output import opened, say_facts, say_written, writing
+from crashfuse.cli.output import opened, say, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
-from crashfuse.results.certification_facts import sentences
-from crashfuse.results.certification_tables import SHOWN
-from crashfuse.results.display import Display
-from crashfuse.results.files import replaced
+from crashfuse.results.certification import certification_result
+from crashfuse.results.files import replaced, write_files
 from crashfuse.results.training_progress import watching
-from crashfuse.results.verdicts import planned
-
-_MOST = 40  # planned tests that are printed
 
 
 def certify(arguments: argparse.Namespace) -> None:
@@ -53,32 +48,18 @@ def certify(arguments: argparse.Namespace) -> None:
         certification = replace(certification, key=seal.key_name(key.public_key()))
     latest = next(iter(file_store.certifications(campaign).values()), None) if earlier is None else earlier
     before = None if latest is None else latest.digest
-    with writing(arguments.out), replaced("certification", arguments.out) as folder:
-        certification.write(folder, notes=notes, display=display)
+    result = certification_result(certification, notes)
+    with writing(arguments.out), replaced(result.kind, arguments.out) as folder:
+        write_files(result, folder, display)
         if key is not None:
             seal.seal(folder, key, inputs, before)
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it
         file_store.keep_certification(content, campaign)
-    known = say_facts(campaign, display)
-    _print_planned(certification, display)
-    print(SHOWN["counts"](certification, display).to_string(display))
-    told = *sentences(certification, "summary"), *sentences(certification, "since")
-    print(*map(display.words, [own for own in dict.fromkeys(told) if own not in known]), sep="\n")
-    say_written(arguments.out, "certification")
+    say(result, display, arguments.out)
     print(f"SHA-256 of {FILE}: {hashlib.sha256(content).hexdigest()}")
     if key is not None:
         print(f"Sealed by the key {certification.key}{_following(before)}.")
-
-
-def _print_planned(certification: Certification, display: Display) -> None:
-    rows = planned(certification)
-    width = max(len(row.id) for row in rows[:_MOST])
-    for row in rows[:_MOST]:
-        speed, why = display.speed(row.condition.speed_mps), display.words(row.why)
-        print(f"{row.id:{width}}  {speed:>10}  {row.word:10}  {why}")
-    if len(rows) > _MOST:
-        print(f"{len(rows) - _MOST:,} more are in certification.csv.")
 
 
 def make_key(arguments: argparse.Namespace) -> None:

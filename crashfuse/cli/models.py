@@ -15,8 +15,8 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.run import Run
 from crashfuse.results.files import replaced, write_files, write_pulses, write_result
 from crashfuse.results.planning import next_tests_result, sweep_result
+from crashfuse.results.prediction import prediction_result
 from crashfuse.results.training_progress import watching
-from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study import archive_learning
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
@@ -67,13 +67,11 @@ def predict(arguments: argparse.Namespace) -> None:
     campaign, display = output.opened(arguments, "prediction")
     condition = condition_of(arguments, campaign, arguments.speed_mps)
     prediction = predict_pulse(campaign, condition, _fits(arguments, campaign))
-    prediction.write(arguments.out, export=export, report=arguments.report, display=display)
+    write_result(
+        result := prediction_result(prediction, (), arguments.report or "whole", export), arguments.out, display
+    )
     keep(PastResult.of_prediction(campaign, prediction.estimates, prediction.config))
-    metrics = prediction.metrics
-    shown = metrics[metrics["metric"].isin(MAIN_METRICS)].drop(columns=["held_out", "basis"])
-    print(shown.to_string(index=False, na_rep="", float_format="{:.4g}".format))
-    print(*map(display.words, prediction.sentences), sep="\n")
-    output.say_written(arguments.out, "prediction")
+    output.say(result, display, arguments.out)
 
 
 def sweep(arguments: argparse.Namespace) -> None:

@@ -18,29 +18,26 @@ from crashfuse.certification.criteria import read_criteria
 from crashfuse.certification.verdict import with_decided
 from crashfuse.cli import output
 from crashfuse.cli.models import given_settings, settings
-from crashfuse.cli.output import claim, opened, require_output, say_facts, say_written, writing
+from crashfuse.cli.output import claim, opened, require_output, say_written, writing
 from crashfuse.errors import UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes, read_csv_table
+from crashfuse.results.comparison import comparison_result, history_table, read_study
+from crashfuse.results.display import DEFAULT
 from crashfuse.results.files import begin_study, read_begun, write_result
 from crashfuse.results.learning_curve import learning_curve_result
-from crashfuse.results.past_results import comparison_means, history_table, read_study
-from crashfuse.results.rating_tables import REPEAT, mean_values
-from crashfuse.results.render.html import ReportOptions
+from crashfuse.results.render.html import ReportOptions, report
+from crashfuse.results.render.text import lines
 from crashfuse.results.result_tables import studies_table
-from crashfuse.results.study_report import comparison_report
+from crashfuse.results.study import study_result
 from crashfuse.results.training_progress import watching
 from crashfuse.study import learning_curve as curves
-from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig, StudyPlan
-from crashfuse.study.history import PastResult, keep, past_results
+from crashfuse.study.history import PastResult, StudyComparison, keep, past_results
 from crashfuse.study.one_more_test import Cost
-from crashfuse.study.recommendation import study_facts
 from crashfuse.study.running import run_study
-from crashfuse.study.study import Study
 
 _SHOWN = ["Id", "Date (UTC)", "Campaign", "What", "Note", "Settings", "Recommended", "Mean rating", "Worst test"]
-_LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
 
 
 @dataclass(frozen=True)
@@ -134,14 +131,9 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> pd.DataFrame:
     with writing(run.out):
         study.write(run.out, report=run.report, display=display)
     keep(PastResult.of_study(study))
-    facts = say_facts(plan.campaign, display)
-    print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
-    _print_means(study)
-    if study.speed_groups is not None:
-        print(f"Mean rating, {_LEFT_OUT['speed group']}")
-        _print_means(study.speed_groups)
-    sentences = [fact.sentence for fact in study_facts(study)]
-    print(*(display.words(sentence) for sentence in sentences if sentence not in facts), sep="\n")
+    result = study_result(study)
+    printed = lines(result, display)
+    print(*printed, *(text for text in map(display.words, result.sentences["worst"]) if text not in printed), sep="\n")
     return studies_table([(run.name, study)])
 
 
@@ -162,11 +154,6 @@ def _summary(tables: Sequence[pd.DataFrame]) -> str:
     means = table.groupby(["campaign", "preset", "approach"], sort=False)["mean"]
     ranges = means.agg(lambda x: f"{x.min():.3f}" if x.min() == x.max() else f"{x.min():.3f}–{x.max():.3f}")
     return str(ranges.unstack(sort=False).rename(columns=label_of).to_string())
-
-
-def _print_means(study: Study) -> None:
-    means = mean_values(study).drop(index=REPEAT, errors="ignore").rename(index=label_of)
-    print(means.to_string(float_format="{:.3f}".format))
 
 
 def learning_curve(arguments: argparse.Namespace) -> None:
@@ -206,18 +193,16 @@ def compare(arguments: argparse.Namespace) -> None:
         if (path := arguments.report).is_dir():
             raise UsageError(f"{path} is a folder; name a file for --report.")
         output.require_writable(path.parent, "--report")
-        write_atomically(path, comparison_report(compared).encode())
+        write_atomically(path, report(comparison_result(compared)).encode())
         print(f"Written to {path}")
         return
     if arguments.csv:
         print(csv_bytes(compared.ratings).decode(), end="")
         return
-    for way in compared.ways:
-        print(f"Over 0–{compared.longest_ms:g} ms, left out: {way}")
-        print(comparison_means(compared, compared.longest_ms, way).to_string())
-        print(*compared.sentences(left_out=way), sep="\n")
-    for caution in compared.cautions:
-        print(caution)
+    result = comparison_result(compared)
+    for way in result.parts["ways"]:
+        print(way.title, *lines(way, DEFAULT), sep="\n")
+    print(*result.cautions, sep="\n", end="\n" * bool(result.cautions))
 
 
 def _past_study(name: str) -> PastResult:

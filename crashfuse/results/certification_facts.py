@@ -138,18 +138,22 @@ SUBJECTS: Mapping[str, str] = {code: heading for code, (heading, *_) in CATALOGU
 DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
 """The subjects that stand beside the answer itself: down to factors that no test has together."""
 
-Place = Literal["answer", "headline", "costs", "summary", "record", "domain", "since"]
-_ANSWER, _COSTS = ("matrix.saved", "matrix.skipping_loses"), ("costs.confidence", "costs.saving")
+Place = Literal["answer", "verdicts", "costs", "summary", "record", "domain", "since"]
+_COSTS = ("costs.confidence", "costs.saving")
 _RECORD = (
     *("record.waived", "record.decided", "record.with_runs", "record.no_gain", "record.none"),
     *("tests.cae_tuned", "since.outcomes"),
 )
 PLACES: Mapping[Place, tuple[str, ...]] = {
-    "answer": _ANSWER,
-    "headline": ("matrix.counts", "record.waived", *_COSTS),
+    "answer": (
+        *("matrix.saved", "matrix.skipping_loses", "since.outcomes", "record.none", "record.waived", "since.beside"),
+        *("costs.saving", "matrix.run_first"),
+    ),
+    "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first"),
     "costs": _COSTS,
     "summary": (
-        *(*_ANSWER, "matrix.counted_once", *_COSTS, "matrix.counts", "matrix.run_first", *_RECORD),
+        *("matrix.saved", "matrix.skipping_loses", "matrix.counted_once", *_COSTS),
+        *("matrix.counts", "matrix.run_first", *_RECORD),
         *("test.not_used", "condition.no_factor", "condition.new_together"),
         *("criterion.unsupported", "criterion.untouched", "criterion.few"),
     ),
@@ -157,7 +161,8 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
     "domain": ("domain.checked",),
     "since": ("since.beside", "since.outcomes", "since.wrong"),
 }
-"""The codes that are shown at each place: at and below the head of page, terminal, report and slides, in sections."""
+"""The codes that are shown at each place: first those that answer, by their rank; in sections; in the JSON file."""
+_MOST_ANSWERS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +186,24 @@ def facts(certification: Certification) -> tuple[Fact, ...]:
 def sentences(certification: Certification, place: Place) -> tuple[Sentence, ...]:
     """The sentences that a place shows."""
     return tuple(fact.sentence for fact in facts(certification) if fact.code in PLACES[place])
+
+
+def answer(certification: Certification) -> tuple[Sentence, ...]:
+    """What was asked, in three sentences at most."""
+    told = {fact.code: fact.sentence for fact in facts(certification)}
+    return tuple(told[code] for code in PLACES["answer"] if code in told)[:_MOST_ANSWERS]
+
+
+def against(certification: Certification) -> dict[str, Sentence]:
+    """The first exception of each decisive subject, and how many more it has; what is said anyway aside."""
+    said = {*answer(certification), *(fact.sentence for fact in campaign_facts(certification.campaign))}
+    found = {}
+    for subject, told in exceptions(certification).items():
+        new = [sentence for sentence in told if sentence not in said]
+        if new and subject in DECISIVE:
+            first, *others = new
+            found[subject] = joined([first, *([f"(and {len(others)} more)"] if others else [])])
+    return found
 
 
 def exceptions(certification: Certification) -> dict[str, tuple[Sentence, ...]]:

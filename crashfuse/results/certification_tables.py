@@ -1,22 +1,24 @@
 """Every table of a certification: those of its files, and those that pages and reports show."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Certification, Variant
+from crashfuse.certification.certify import Answer, Certification, Variant
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, Trial, WrongShare
 from crashfuse.certification.verdict import WORDS, Verdict, all_met
 from crashfuse.condition import Condition
+from crashfuse.execution.cache import remembered
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.results.certification_facts import measured_text, support_text
-from crashfuse.results.display import Display
+from crashfuse.results.certification_facts import measured_text, new_together, support_text, unused_at
 from crashfuse.results.plots.canvas import tick_name
-from crashfuse.results.table import Column, Table, frame_of
+from crashfuse.results.table import CONDITION, Column, Table, frame_of, of_condition
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import MASS, SPEED, Sentence, joined, probability_text, read_out, unbroken
 
@@ -182,7 +184,7 @@ def _probability(certification: Certification) -> Column:
     return Column("Probability", "probability", confidence=certification.criteria.confidence)
 
 
-def _verdicts(certification: Certification, _: Display) -> Table:
+def _verdicts(certification: Certification) -> Table:
     rows = ({"Condition": i, **_cells(verdict)} for i, verdict in certification.cells)
     return Table.of("verdicts", rows, _probability(certification))
 
@@ -201,7 +203,7 @@ def _trials(name: str, certification: Certification, trials: Sequence[Trial]) ->
     return Table.of(name, rows, _probability(certification)).without("Limit", "Reason")
 
 
-def _record(certification: Certification, _: Display) -> Table:
+def _record(certification: Certification) -> Table:
     record, confidence = certification.record, certification.criteria.confidence
     bounds = {unit: unbroken(f"Wrong at most (95 %), by {unit[:-1]}") for unit in record.bounds()}
     rows = (
@@ -220,26 +222,99 @@ def _record(certification: Certification, _: Display) -> Table:
     return Table.of("counts", rows, *(Column(title, "share") for title in bounds.values()))
 
 
-def _criteria(certification: Certification, display: Display) -> Table:
-    rows = (  # in both, if the reader's units are not those that limits are declared in
+def _criteria(certification: Certification) -> Table:
+    rows = (
         {"Criterion": own.name, "Quantity": own.label, "Limit": own.limits, "As declared": str(own.limits)}
         for own in certification.criteria.items
     )
-    differ = any(display.words(own.limits) != str(own.limits) for own in certification.criteria.items)
-    return Table.of("criteria", rows).without(*([] if differ else ["As declared"]))
+    return Table.of("criteria", rows)
 
 
-def _counts(certification: Certification, _: Display) -> Table:
+def _counts(certification: Certification) -> Table:
     counts = counts_frame(certification).rename(columns=str.capitalize)
     return Table.of("counts", counts, *(Column(word.capitalize(), "number", form=".0f") for word in WORDS))
 
 
-SHOWN: Mapping[str, Callable[[Certification, Display], Table]] = {
-    "criteria": _criteria,
-    "counts": _counts,
-    "verdicts": _verdicts,
-    "record": _record,
-    "trials": lambda own, _: _trials("trials", own, own.record.counted),
-    "since": lambda own, _: _trials("earlier verdicts", own, own.since.trials if own.since else ()),
-}
-"""Tables for readers, by name; the last has verdicts that were given before their tests were run."""
+def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Table]]:
+    """What makes each table for readers, by name."""
+    record, since = certification.record, certification.since
+    makers: dict[str, Callable[[Certification], Table]] = {
+        "planned": _planned,
+        "counts": _counts,
+        "criteria": _criteria,
+        "verdicts": _verdicts,
+        "record": _record,
+    }
+    makers |= {"trials": lambda own: _trials("trials", own, record.counted)}
+    if since is not None:
+        makers |= {"since": lambda own: _trials("earlier verdicts", own, since.trials)}
+    return {name: partial(make, certification) for name, make in makers.items()}
+
+
+class Planned(NamedTuple):
+    """A planned test: the answer, and what decides it."""
+
+    id: str
+    condition: Condition
+    word: Answer
+    why: Sentence
+
+
+@remembered
+def planned(certification: Certification) -> tuple[Planned, ...]:
+    """The answer at every planned test, in the order of speed."""
+    domain, unused, together = certification.domain, unused_at(certification), new_together(certification)
+    rows = []
+    for i, condition in sorted(certification.matrix.items, key=lambda item: item[1].speed_mps):
+        given = {name for name, value in condition.factors if value}
+        why = [_why(certification, i), *(f"{name} not given" for name in domain.factors if name not in given)]
+        if i in together:
+            why.append(f"{together[i]} in no test together")
+        if apart := [departure.test for departure in departures_near(certification.campaign, condition)]:
+            why.append(f"{read_out(apart)} stands apart there")
+        if i in unused:
+            why.append(f"run as {read_out(unused[i])}, not used")
+        if i in certification.counted_once:
+            why.append(f"counts as {certification.counted_once[i]}")
+        rows.append(Planned(i, condition, certification.answers[i], joined(why, "; ")))
+    return tuple(rows)
+
+
+def _planned(certification: Certification) -> Table:
+    rows = (
+        {"Planned test": own.id, **of_condition(own.condition), "Answer": own.word, "Why": own.why}
+        for own in planned(certification)
+    )
+    return Table.of("planned tests", rows, *CONDITION)
+
+
+def _why(certification: Certification, i: str) -> str:
+    answer, row = certification.answers[i], certification.rows[i]
+    if answer == "was run":
+        return _tests_there(certification, row)
+    if answer == "skip" or i in certification.uncertain:
+        return at_once_text(certification, i)
+    if answer == "cannot say" and any(verdict.word == "outside" for verdict in row):
+        return "outside what the tests check"
+    template = {"would miss": "misses {}", "run": "open: {}", "cannot say": "records too short for {}"}[answer]
+    word, unknown = "not met" if answer == "would miss" else "open", answer == "cannot say"
+    return template.format(
+        ", ".join(v.criterion.name for v in row if v.word == word and (v.probability is None) is unknown)
+    )
+
+
+def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
+    tests = []
+    for test_id in row[0].run:
+        test = certification.campaign.test(test_id)
+        parts: list[str] = [f"test {test_id}"]
+        if not test.condition.is_at(row[0].condition):
+            parts.append(Sentence("at {}", test.condition))
+        shown = [(verdict.criterion, verdict.run[test_id]) for verdict in row]
+        if missed := [criterion.name for criterion, v in shown if v is not None and not criterion.is_met_by(v)]:
+            parts.append(f"which missed {', '.join(missed)}")
+        if test.faults:
+            parts.append(Sentence("in doubt as {}", joined([fault.text for fault in test.faults], "; ")))
+        tests.append(joined(parts, ", "))
+    unsettled = ", ".join(verdict.criterion.name for verdict in row if verdict.word == "open")
+    return joined([*tests, *([f"open: {unsettled}"] if unsettled else [])], "; ")

@@ -15,7 +15,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.condition import ABOUT, about_label
 from crashfuse.results.certification_facts import facts
 from crashfuse.results.certification_tables import changed_text
-from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.table import frame_of
 from crashfuse.study.facts import campaign_facts
 from crashfuse.study.repeatability import repeatability, repeats_of
 from crashfuse.units import joined, number, read_out, speed, statements, weight
@@ -30,16 +30,16 @@ def factors() -> list[dict[str, Any]]:
     return list(tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["factor"])
 
 
-def credibility_table(certification: Certification, display: Display = DEFAULT) -> pd.DataFrame:
+def credibility_table(certification: Certification) -> pd.DataFrame:
     """One row a factor: what is asked, what the data say, and which table or file says it; no level, no compliance."""
     known: dict[str, dict[str, None]] = {}
     for own in (*campaign_facts(certification.campaign), *facts(certification)):
         known.setdefault(own.code, {})[own.sentence] = None
     values = {**_of_tests(certification), **_of_answers(certification)}
-    return pd.DataFrame(
+    return frame_of(
         {
             **{name: row[name] for name in ("activity", "factor", "question")},
-            "data_say": display.words(joined([*_sentences(row, values, known)])),
+            "data_say": joined([*_sentences(row, values, known)]),
             "source": row["source"],
         }
         for row in factors()

@@ -1,6 +1,5 @@
 """Display settings of all figures, tables and reports: units, the rated window, the sign of accelerations."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self, TypedDict, TypeVar, Unpack, cast
 
@@ -121,15 +120,6 @@ class Display:
     def condition(self, condition: Condition) -> str:
         """A condition in words: speed, front and rear weight."""
         return condition.in_units(self.system)
-
-    def apart(self, conditions: Sequence[Condition]) -> list[str]:
-        """Conditions in as few words as tell them apart: their speeds, and what not all of them share."""
-        besides = [{n: self.words(own) for n, own in one.besides_speed.items()}.items() for one in conditions]
-        shared = set(besides[0]).intersection(*besides)
-        return [
-            ", ".join([self.speed(condition.speed_mps), *(what for name, what in own if (name, what) not in shared)])
-            for condition, own in zip(conditions, besides, strict=True)
-        ]
 
     def title(self, label: str, unit: str) -> str:
         """A label with the reader's unit for quantities in this unit, if any: an axis, a column or a field."""

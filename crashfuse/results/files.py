@@ -10,20 +10,12 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.seal import REVIEW, SEAL
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically, written_together
-from crashfuse.files.csv_text import csv_bytes
-from crashfuse.results import certification_tables as tables
-from crashfuse.results import prediction_report as reports
-from crashfuse.results.certification_record import certification_json
-from crashfuse.results.certification_report import certification_report
-from crashfuse.results.credibility import credibility_table
 from crashfuse.results.display import Display
 from crashfuse.results.export.outgoing_pulses import PULSE_FORMATS, PulseExport
-from crashfuse.results.fit_explanations import events_frame, study_events
-from crashfuse.results.provenance import prediction_record, provenance, study_record
+from crashfuse.results.provenance import provenance
 from crashfuse.results.render.html import report
-from crashfuse.results.render.text import json_bytes, parquet_bytes
+from crashfuse.results.render.text import json_bytes
 from crashfuse.results.result import Content, Result
-from crashfuse.results.study_report import study_report
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
 
@@ -63,16 +55,6 @@ def write_files(result: Result, folder: Path, display: Display | None = None) ->
                 write_atomically(folder / name / path, data.encode() if isinstance(data, str) else data)
 
 
-def write_old(kind: str, folder: str | Path, *result: object) -> None:  # until all kinds are results
-    """Replace what a folder holds of a kind of result; what follows is what each of its files is made of."""
-    with replaced(kind, Path(folder)) as staging:
-        for name, make in _FILES[kind].items():
-            content = make(*result)
-            for path, data in (content if isinstance(content, Mapping) else {"": content}).items():
-                if data is not None:
-                    write_atomically(staging / name / path, data.encode() if isinstance(data, str) else data)
-
-
 @contextmanager
 def replaced(kind: str, folder: Path) -> Iterator[Path]:
     """A folder to write a result into, whose files then take the place of all files of an older one of this kind.
@@ -104,38 +86,19 @@ def write_pulses(campaign: Campaign, folder: Path, export: PulseExport, estimate
             write_atomically(folder / name / speed / path, content)
 
 
-_FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
-    "study": {  # of the study, the display and the options of the report
-        "scores.csv": lambda study, *_: csv_bytes(study.scores),
-        "speed_groups.csv": lambda study, *_: study.speed_groups and csv_bytes(study.speed_groups.scores),
-        "pulses.csv": lambda study, *_: csv_bytes(study.pulses),
-        "metrics.csv": lambda study, *_: csv_bytes(study.metrics),
-        "cae_events.csv": lambda study, *_: csv_bytes(events_frame(found)) if (found := study_events(study)) else None,
-        "report.html": study_report,
-        "study.json": lambda study, *_: json_bytes(study_record(study)),
-    },
-    "prediction": {  # of the prediction, its outgoing pulses, the display and the form of the report
-        "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
-        "pulses.parquet": lambda prediction, *_: parquet_bytes(prediction.pulses),
-        "metrics.csv": lambda prediction, *_: csv_bytes(prediction.metrics),
-        "report.html": lambda own, _, display, form: reports.prediction_report(own, display, form=form),
-        **{f"{name}/": (lambda _, pulses, *_rest, name=name: pulses.get(name)) for name in PULSE_FORMATS},
-        "prediction.json": lambda own, *_: json_bytes(prediction_record(own)),
-    },
-    "certification": {  # of the certification, the display and notes
-        "certification.csv": lambda certification, *_: tables.csv_as_given(tables.certification_table(certification)),
-        "track_record.csv": lambda certification, *_: csv_bytes(tables.track_record_table(certification)),
-        "credibility.csv": lambda certification, *_: csv_bytes(credibility_table(certification)),
-        "report.html": certification_report,
-        "certification.json": lambda certification, *_: certification_json(certification),
-    },
-}
-
 REPORT = "report.html"
 RESULT_FILES = {
     "series of studies": ("studies.csv",),
-    **{kind: tuple(files) for kind, files in _FILES.items()},
-    "certification": (SEAL, REVIEW, *_FILES["certification"]),
+    "study": ("scores.csv", "speed_groups.csv", "pulses.csv", "metrics.csv", "cae_events.csv", REPORT, "study.json"),
+    "comparison": (REPORT, "comparison.csv"),
+    "certification": (
+        *(SEAL, REVIEW, "certification.csv", "track_record.csv", "credibility.csv", REPORT, "certification.json"),
+    ),
+    "prediction": (
+        *("pulses.csv", "pulses.parquet", "metrics.csv", REPORT),
+        *(f"{name}/" for name in PULSE_FORMATS),
+        "prediction.json",
+    ),
     "sweep": (*(f"{name}/" for name in PULSE_FORMATS), REPORT, "sweep.csv"),
     "ranking of next tests": (REPORT, "next_tests.csv"),
     "learning curve": ("learning_curve.csv", REPORT, "learning_curve.json"),

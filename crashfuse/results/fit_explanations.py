@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -10,7 +11,11 @@ from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.displacement_domain.events import CaeEvent, CaeEvents, cae_events
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.results.display import Display
+from crashfuse.results.plots.displacement import missing_force
+from crashfuse.results.result import Figure, Result
+from crashfuse.results.result_tables import metrics_shown
 from crashfuse.results.table import Column, Table, frame_of
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
@@ -143,6 +148,43 @@ def _whole(value: float) -> Quantity:
     return Quantity((value,), "", ".0f")
 
 
+def estimates_result(
+    campaign: Campaign, estimates: Sequence[Estimate], test: CrashTest | None = None, known: Sequence[str] = ()
+) -> Result:
+    """Metrics by approach (and of the test), notes that are not ``known`` yet, and how the fits went."""
+    columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
+    columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
+    of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
+    metrics, more_metrics = metrics_shown(columns, campaign, f"Pulse metric{of_test}")
+    missing, more_missing = metric_remarks(columns)
+    makers = notes_by_makers(estimates).items()
+    remarks = (joined([", ".join(who), note], ": ") for note, who in makers if note not in known)
+    fits = {estimate: tuple(fit_sentences(estimate.state)) for estimate in estimates}
+    return Result(
+        kind="estimates",
+        title="Estimates",
+        campaign=campaign,
+        sentences={
+            "whole": tuple(whole_sentences(estimates)),
+            "remarks": (*missing, *remarks),
+            "more_missing": tuple(more_missing),
+        },
+        tables={"metrics": metrics, "more_metrics": more_metrics},
+        parts={
+            "fits": tuple(
+                Result(
+                    kind="fit",
+                    title=LABELS[estimate.approach],
+                    sentences={"fit": sentences},
+                    tables={"hyperparameters": fit_table(estimate.approach, estimate.state)},
+                )
+                for estimate, sentences in fits.items()
+                if sentences
+            )
+        },
+    )
+
+
 _MM, _KN = 1e-3, 1e3
 _SHOWN = {"_m": ("_mm", _MM), "_s": ("_ms", MS), "_n": ("_kn", _KN)}
 _LEARNS = {"displacement_domain", "fused"}  # approaches that rest on this bias
@@ -150,10 +192,21 @@ _NAMED, _WORTH_NAMING = 3, 0.05  # events in sentences; share of what is lost
 _SUPERLATIVES = {"fast": "fastest", "slow": "slowest", "heavy": "heaviest", "light": "lightest"}
 
 
-def study_events(study: Study) -> CaeEvents | None:
-    """The events of a study's campaign, over its longest window; None if the study has not learned the bias."""
-    learned = _LEARNS.intersection(study.config.approaches)
-    return cae_events(study.campaign, max(study.config.windows_ms)) if learned else None
+def bias_result(campaign: Campaign, window_ms: float | None = None) -> Result:
+    """What the CAE model gets wrong; with a window, what to mend first to be rated higher over it."""
+    figures = {"bias": Figure("Bias over displacement", lambda display: campaign.draw("bias", display=display))}
+    sentences, tables = dict[str, tuple[str, ...]](), dict[str, Table]()
+    if window_ms is not None:
+        found = cae_events(campaign, window_ms)
+        figures["events"] = Figure("What to mend in the CAE model", partial(missing_force, found))
+        sentences["events"], tables["events"] = tuple(events_sentences(found)), events_table(found)
+    title = "What the CAE model gets wrong, by speed"
+    return Result(kind="bias", title=title, campaign=campaign, sentences=sentences, tables=tables, figures=figures)
+
+
+def events_window_ms(study: Study) -> float | None:
+    """The window over which mended events are rated; None if the study has not learned the bias."""
+    return max(study.config.windows_ms) if _LEARNS.intersection(study.config.approaches) else None
 
 
 def campaign_events(campaign: Campaign, window_ms: float) -> pd.DataFrame:

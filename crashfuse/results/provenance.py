@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from importlib import metadata
 
-from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import APPROACHES, label_of
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
@@ -14,13 +13,10 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.forecasts import SEEDS
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.signals.rating_explanation import rating_sentences
 from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.facts import campaign_facts, condition_facts, distinct
-from crashfuse.study.prediction import PredictedPulse
-from crashfuse.study.recommendation import Recommendation, recommend, recommend_without, study_facts
-from crashfuse.study.study import Study
+from crashfuse.study.facts import campaign_facts
+from crashfuse.study.recommendation import Recommendation
 from crashfuse.units import MASS, MPH_LB, SPEED, SYSTEMS, UnitSystem, read_out
 from crashfuse.version import COMPUTING, __version__
 
@@ -159,75 +155,8 @@ def _windows(config: StudyConfig) -> list[str]:
     return ["--windows-ms", *(f"{window:g}" for window in config.windows_ms), *[TO_TTZV] * config.to_ttzv]
 
 
-def study_record(study: Study) -> dict[str, object]:
-    """``study.json`` of a finished study."""
-    campaign, config, groups = study.campaign, study.config, study.speed_groups
-    window = max(config.windows_ms)
-    tests = {}
-    for fold in study.folds:
-        advice = recommend_without(study, fold, window)
-        rating = fold.ratings[advice.approach][window].overall
-        tests[fold.held_out] = {
-            **_recommendation(advice),
-            "rating": rating,
-            "outcome": advice.expected and advice.expected.outcome(rating),
-            "why": rating_sentences(fold.explained(advice.approach, window))["overall"],
-        }
-    verdict = recommend(study)
-    return {
-        **provenance(campaign, [fold.held_out for fold in study.folds], config),
-        "facts": [fact.record for fact in study_facts(study)],
-        "finished": True,
-        "seconds": {key: round(value, 3) for key, value in study.seconds.items()},
-        "recommendation": {
-            "campaign": {"approach": verdict.approach, "sentences": list(verdict.sentences)},
-            "tests": tests,
-        },
-        "coverage": {name: coverage.counts for name, coverage in study.coverage.items()},
-        "speed_groups": groups
-        and {
-            "mean_rating": {name: round(groups.mean_rating(name, window), 4) for name in config.approaches},
-            "coverage": {name: coverage.counts for name, coverage in groups.coverage.items()},
-        },
-        "rating_intervals": {
-            fold.held_out: {
-                name: {f"{w:g}": [round(end, 4) for end in fold.rating_interval(name, w)] for w in config.windows_ms}
-                for name in fold.with_band
-            }
-            for fold in study.folds
-        },
-        "repeatability": {
-            fold.held_out: {
-                f"{w:g}": {end: round(getattr(repeat, end), 4) for end in ("value", "lower", "upper")}
-                for w, repeat in study.repeatability.get(fold.held_out, {}).items()
-            }
-            for fold in study.folds
-        },
-        "fits": [
-            {"held_out": fold.held_out, **_fit_record(estimate)} for fold in study.folds for estimate in fold.estimates
-        ],
-    }
-
-
-def prediction_record(prediction: PredictedPulse) -> dict[str, object]:
-    """``prediction.json``."""
-    campaign, condition, recommended = prediction.campaign, prediction.condition, prediction.recommendation
-    advice = _recommendation(recommended)
-    expected = advice.pop("expected_rating")
-    here = distinct([*condition_facts(campaign, condition), *recommended.facts])
-    return {
-        **provenance(campaign, (), prediction.config),
-        "condition": {k: v for k, v in asdict(condition).items() if k != "units"},
-        "extrapolation": list(campaign.cae.extrapolation(condition)),
-        "facts_here": [fact.record for fact in here],
-        "nearest": list(nearest_sentences(campaign, condition)),
-        "recommendation": advice,
-        "expected_rating": expected,
-        "fits": [_fit_record(estimate) for estimate in prediction.estimates],
-    }
-
-
-def _recommendation(advice: Recommendation) -> dict[str, object]:
+def recommendation_record(advice: Recommendation) -> dict[str, object]:
+    """A recommendation as plain JSON values."""
     return {
         "approach": advice.approach,
         "sentences": list(advice.sentences),
@@ -235,7 +164,8 @@ def _recommendation(advice: Recommendation) -> dict[str, object]:
     }
 
 
-def _fit_record(estimate: Estimate) -> dict[str, object]:
+def fit_record(estimate: Estimate) -> dict[str, object]:
+    """How an approach was fitted, as plain JSON values."""
     return {
         "approach": estimate.approach,
         "seconds": round(estimate.seconds, 3),

@@ -153,12 +153,12 @@ def mean_values(study: Study) -> pd.DataFrame:
 
 
 def ratings_shown(ratings: pd.DataFrame, kind: Literal["grade", "number"] = "grade") -> Table:
-    """Ratings by approach, or by test and approach: with their grades, or as numbers of which the best are marked."""
+    """Ratings by approach, or by test and approach: with their grades or as numbers, the best marked."""
     ratings = ratings.rename(index=label_of, level=-1)
     frame, keys = ratings.rename_axis([*ratings.index.names[:-1], "Approach"]).reset_index(), ratings.index.nlevels
     columns = (
         *(Column(name) for name in frame.columns[:keys]),
-        *(Column(name, kind, form=".3f", marks=f"{name} best" if kind == "number" else "") for name in ratings),
+        *(Column(name, kind, form=".3f", marks=f"{name} best") for name in ratings),
     )
     return Table("ratings", frame.join(best(ratings).reset_index(drop=True).add_suffix(" best")), columns)
 

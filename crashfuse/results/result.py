@@ -45,6 +45,12 @@ class Figure(NamedTuple):
     title: str
     draw: Callable[[Display], Drawing]
     is_answer: bool = False  # what was asked, so the first of the slides
+    sheets: tuple[Callable[[Display], Drawing], ...] = ()  # its parts on paper, if one page cannot hold it
+
+    @property
+    def drawn(self) -> tuple[Callable[[Display], Drawing], ...]:
+        """What paper and slides show of it."""
+        return self.sheets or (self.draw,)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -57,25 +63,34 @@ class Result:
         Names its files (:data:`crashfuse.results.files.RESULT_FILES`) and, unless it has another, its ``template``.
     title : str
         Its subject; of a part, the heading of its section.
+    campaign : Campaign, optional
+        The one that it is of, whose name stands before its title.
     command : callable
         The command line that reproduces it, in units of the reader.
     answer : tuple of str
         What was asked, in sentences that come first in every medium.
+    cautions : tuple of str
+        What has to be known besides the facts of its campaign.
+    against : mapping
+        What speaks most against the answer, by subject.
     shown : tuple of str
         Names of the tables that answer, too, in terminal and notebook.
     sentences, tables, figures, parts, values : mapping
         All else that its report has, by names in the template; parts are results, values are plain words and numbers.
+        Sentences named ``remarks`` end what a terminal prints.
     files : mapping
         Files for programs, in the units of the contract, by name.
     """
 
     kind: str
     title: str
-    campaign: Campaign
+    campaign: Campaign | None = None
     config: StudyConfig = StudyConfig()
     command: Callable[[UnitSystem], str] = lambda _: ""
     held_out: tuple[str, ...] = ()
     answer: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
+    against: Mapping[str, str] = field(default_factory=dict)
     shown: tuple[str, ...] = ()
     sentences: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
@@ -86,13 +101,29 @@ class Result:
     template: str = ""
 
     @property
+    def heading(self) -> str:
+        """Whose it is, and its title."""
+        return self.title if self.campaign is None else joined([self.campaign.name, self.title], ": ")
+
+    @property
+    def usual_display(self) -> Display:
+        """In the units of its campaign."""
+        return Display() if self.campaign is None else Display(system=self.campaign.units)
+
+    @property
     def facts(self) -> tuple[Fact, ...]:
         """What has to be known of the data."""
-        return campaign_facts(self.campaign)
+        return () if self.campaign is None else campaign_facts(self.campaign)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """All that has to be known, in sentences."""
+        return *(fact.sentence for fact in self.facts), *self.cautions
 
     def all_figures(self) -> Iterator[Figure]:
-        """Its figures and those of its parts, these under the titles of both."""
-        yield from self.figures.values()
+        """Its figures, sheet by sheet, and those of its parts, these under the titles of both."""
+        for figure in self.figures.values():
+            yield from (figure._replace(draw=draw, sheets=()) for draw in figure.drawn)
         for part in (part for parts in self.parts.values() for part in parts):
             for figure in part.all_figures():
                 yield figure._replace(title=joined([part.title, figure.title], ": "))

@@ -72,7 +72,8 @@ class Column:
     def heading(self, display: Display) -> str:
         """The title with the reader's unit."""
         sign = "± " if self.kind == "spread" else ""
-        return f"{self.title} ({sign}{display.units.unit(self.unit)})" if self.unit else self.title
+        title = display.words(self.title)
+        return f"{title} ({sign}{display.units.unit(self.unit)})" if self.unit else title
 
     def cell(self, row: Mapping[Any, Any], display: Display) -> Cell:
         """A row's cell, in the reader's unit."""

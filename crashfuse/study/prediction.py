@@ -146,9 +146,8 @@ class PredictedPulse:
         """Write what ``crashfuse predict`` writes; a UsageError if there are fewer draws than are to be exported."""
         export = views.PulseExport() if export is None else export
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
-        shown = views.Display.of(self.campaign.units, **display)
-        pulses = export.files(self.campaign, self.estimates)
-        views.write_old("prediction", folder, self, pulses, shown, report)
+        result = views.prediction_result(self, form=report, export=export)
+        views.write_result(result, folder, views.Display.of(self.campaign.units, **display))
 
     def curve(self, display: views.Display) -> tuple[str, Estimate]:
         """The name of the preferred approach's prediction beside others, and itself."""
@@ -159,7 +158,7 @@ class PredictedPulse:
         return f"<PredictedPulse, {names}, at {self.condition}>"
 
     def _repr_html_(self) -> str:
-        return views.prediction_html(self)
+        return views.result_html(views.prediction_result(self))
 
 
 def predict(

@@ -227,7 +227,7 @@ class Study:
     ) -> None:
         """Write what ``crashfuse study`` writes: tables, ``study.json``, ``report.html``."""
         shown = views.Display.of(self.campaign.units, **display)
-        views.write_old("study", folder, self, shown, report or views.ReportOptions())
+        views.write_result(views.study_result(self, report or views.ReportOptions(), shown.window_ms), folder, shown)
 
     def __repr__(self) -> str:
         window = self.config.windows_ms[-1]
@@ -236,7 +236,7 @@ class Study:
         return f"<Study of {self.campaign.name!r}, {tests} left out: {means} (0–{window:g} ms)>"
 
     def _repr_html_(self) -> str:
-        return views.study_html(self)
+        return views.result_html(views.study_result(self))
 
     def mean_rating(self, approach: str, window_ms: float | None = None) -> float:
         """Overall rating of an approach over one window, by default the longest, averaged over the held-out tests."""

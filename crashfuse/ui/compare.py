@@ -12,7 +12,7 @@ from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import whole_sentences
 from crashfuse.results.plots.curves import TEST
 from crashfuse.results.rating_tables import REPEAT, excursions_table, humps_table
-from crashfuse.results.study_report import study_report
+from crashfuse.results.study import study_files, study_result
 from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.facts import window_facts
@@ -26,7 +26,7 @@ from crashfuse.ui.kit.computation import advised, study_request
 from crashfuse.ui.kit.curves import choose_curves, without_clicks
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
-from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_pulses
+from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_pulses, offer_result
 from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plain
@@ -219,12 +219,11 @@ def _show_ratings(comparison: _Comparison) -> None:
 
 def _show_files(comparison: _Comparison) -> None:
     test, study, estimates = comparison.view.held_out, comparison.study, comparison.fold.estimates
-    of = f"{comparison.others.name} {test.id}"
-    report, files = choose_report(comparison.view, [test.id]), {}
-    if comparison.advice is not None:
-        files = {"report.html": lambda: study_report(study, comparison.view.display, report)}
-    tables = {"scores.csv": lambda: study.scores, "pulses.csv": lambda: study.pulses}
-    offer(of, {**tables, "metrics.csv": lambda: study.metrics, **files}, report.form)
-    if comparison.advice is not None:
-        remark = f"Test {test.id}, at this condition, was left out."
-        offer_pulses(comparison.others, estimates, comparison.advice.approach, chosen_config().seed, [remark])
+    of, display = f"{comparison.others.name} {test.id}", comparison.view.display
+    options = choose_report(comparison.view, [test.id])
+    if comparison.advice is None:
+        offer(of, study_files(study))
+        return
+    offer_result(study_result(study, options, display.window_ms), display, of, options.form)
+    remark = f"Test {test.id}, at this condition, was left out."
+    offer_pulses(comparison.others, estimates, comparison.advice.approach, chosen_config().seed, [remark])

@@ -11,11 +11,9 @@ from crashfuse.certification import file_store
 from crashfuse.certification.certify import APPROACH
 from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import Problem, UsageError
-from crashfuse.results.past_results import comparison_means, described, history_table, left_out_in_words
-from crashfuse.results.plots.ratings import rating_differences
-from crashfuse.results.study_report import comparison_report
-from crashfuse.study.comparison import StudyComparison
-from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, past_results
+from crashfuse.results.comparison import comparison_result, described, history_table, left_out_in_words
+from crashfuse.results.render.html import report
+from crashfuse.study.history import LONGEST_NOTE, PastResult, StudyComparison, annotate, past_results
 from crashfuse.ui.certify import criteria, matrix
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import pin_all
@@ -152,23 +150,22 @@ def _compared(first: PastResult, second: PastResult) -> StudyComparison:
 
 
 def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -> None:
-    first, second, way = compared.first, compared.second, compared.ways[0]
+    result, way = comparison_result(compared, view.display.window_ms), compared.ways[0]
     window = compared.window(view.display.window_ms)
     st.subheader(f"The two compared, {window_label(window)}")
     if len(compared.ways) > 1:
         way = choose("Left out", compared.ways, key="compared_way", label_of=left_out_in_words)
-    for caution in compared.cautions:
+    shown = result.parts["ways"][compared.ways.index(way)]
+    for caution in result.cautions:
         st.markdown(f":material/warning: {plain(caution)}")
-    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in compared.sentences(window, way)))
-    show_table(comparison_means(compared, window, way), "compared means")
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in shown.answer))
+    show_table(shown.tables["means"], "compared means")
     if compared.over(window, way)["held_out"].nunique() > 1:
-        draw, alt = partial(rating_differences, compared, window, way), "Ratings by test, second study minus first"
-        name = f"studies compared {first.id} {second.id} {way} 0-{window:g}ms"
-        show_cached_figure(draw, alt, first.id, second.id, window, way, name=name)
-
-    files = {
-        "comparison.csv": lambda: compared.ratings,
-        "comparison.html": lambda: comparison_report(compared, view.display),
-    }
+        draw, alt = (
+            partial(shown.figures["differences"].draw, view.display),
+            "Ratings by test, second study minus first",
+        )
+        of = compared.first.id, compared.second.id, way, f"0-{window:g}ms"
+        show_cached_figure(draw, alt, *of, name=f"studies compared {' '.join(of)}")
     with row:
-        export_button(partial(offer, "", files))
+        export_button(partial(offer, "", {**result.files, "comparison.html": lambda: report(result, view.display)}))

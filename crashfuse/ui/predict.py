@@ -1,14 +1,13 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -19,14 +18,11 @@ from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.results.certification_tables import csv_as_given
 from crashfuse.results.display import Display
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import whole_sentences
 from crashfuse.results.planning import MEANING, next_tests_result, sweep_result
-from crashfuse.results.predicted import cautions, column_names, predictions_table, side_by_side
-from crashfuse.results.prediction_report import prediction_report
-from crashfuse.results.render.text import parquet_bytes
+from crashfuse.results.prediction import cautions, column_names, prediction_result, side_by_side
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import condition_facts
@@ -48,7 +44,6 @@ from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.kit.files import (
     choose_form,
     export_button,
-    offer,
     offer_pulses,
     offer_result,
 )
@@ -248,16 +243,16 @@ def _show_pulses(
 
 
 def _show_differences(shown: Sequence[PredictedPulse], display: Display) -> None:
-    names = column_names(shown, display)
+    names = [*map(display.words, column_names(shown))]
     first, second, *more = names
 
     def minus(name: str) -> str:
         return plain(f"− {name}" if more else f"{second if name == first else first} − {name}")
 
     base = names.index(choose("Difference", names, key="subtracted", label_of=minus))
-    show_table(side_by_side(shown, display, base), "beside")
-    for sentence in cautions(shown, display):
-        st.caption(plain(sentence))
+    show_table(side_by_side(shown, base), "beside")
+    for sentence in cautions(shown):
+        st.caption(plain(display.words(sentence)))
 
 
 def _show_over_speed(view: View, fitted: Fitted, condition: Condition, approach: str) -> None:
@@ -360,20 +355,11 @@ def _ends(text: str) -> tuple[float, float]:
 def _show_files(
     prediction: PredictedPulse, others: Sequence[PredictedPulse], advice: Recommendation | None, display: Display
 ) -> None:
-    campaign = prediction.campaign
     form = choose_form(
         "recommendation, pulses, metrics and limits",
         "the pulse over displacement, the fits, the data, the method and its settings",
     )
-    files: dict[str, Callable[[], pd.DataFrame | bytes | str]] = {
-        "pulses.csv": lambda: prediction.pulses,
-        "metrics.csv": lambda: prediction.metrics,
-        "pulses.parquet": lambda: parquet_bytes(prediction.pulses),
-    }
-    if others:
-        files["side_by_side.csv"] = lambda: csv_as_given(predictions_table([prediction, *others]))
+    result, where = prediction_result(prediction, others, form), display.words(prediction.condition.brief)
+    offer_result(result, display, f"{prediction.campaign.name} {where} {form}", with_report=advice is not None)
     if advice is not None:
-        files["report.html"] = partial(prediction_report, prediction, display, others, form)
-    offer(f"{campaign.name} {display.words(prediction.condition.brief)}", files, form)
-    if advice is not None:
-        offer_pulses(campaign, prediction.estimates, advice.approach, prediction.config.seed)
+        offer_pulses(prediction.campaign, prediction.estimates, advice.approach, prediction.config.seed)

@@ -1,22 +1,20 @@
 """The page Study: ratings of tests left out in turn, the bands, how many tests are enough, and past results."""
 
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-import pandas as pd
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.certification.verdict import with_decided
 from crashfuse.errors import DataError
-from crashfuse.results import rating_tables
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import coverage_table
 from crashfuse.results.learning_curve import MEANING, ONE_MORE_MEANING, learning_curve_result
-from crashfuse.results.study_report import study_report
+from crashfuse.results.study import means_table, study_files, study_result
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
 from crashfuse.study.one_more_test import Cost
@@ -110,7 +108,7 @@ def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
         worst = worst_test(study, outcome.view.display.window_ms)
         results.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
-    show_table(rating_tables.ratings_shown(rating_tables.mean_values(study)), "means")
+    show_table(means_table(study), "means")
     st.caption(" ".join(map(plain, reasons)))
     st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
     for test in campaign.tests:
@@ -172,16 +170,12 @@ def _show_bands(outcome: _Outcome) -> None:
 
 def _show_files(outcome: _Outcome) -> None:
     study, view = outcome.study, outcome.view
-    report = choose_report(view, view.campaign.test_ids)
-    files: dict[str, Callable[[], pd.DataFrame | str]] = {
-        "scores.csv": lambda: study.scores,
-        "metrics.csv": lambda: study.metrics,
-    }
-    if (groups := study.speed_groups) is not None:
-        files["speed_groups.csv"] = lambda: groups.scores
+    options = choose_report(view, view.campaign.test_ids)
     if outcome.is_whole:
-        files["report.html"] = lambda: study_report(study, view.display, report)
-    offer(view.campaign.name, files, f"{report.form} {' '.join(report.tests)}")
+        result = study_result(study, options, view.display.window_ms)
+        offer_result(result, view.display, view.campaign.name, f"{options.form} {' '.join(options.tests)}")
+    else:
+        offer(view.campaign.name, study_files(study))
 
 
 def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -> None:

@@ -12,7 +12,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.results.plots.palette import IN_THE_DARK, PAPER
 from crashfuse.results.render.html import ReportForm, ReportOptions
-from crashfuse.results.study_report import study_report
+from crashfuse.results.study import study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study

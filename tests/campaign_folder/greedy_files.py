@@ -12,8 +12,9 @@ import psutil
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from crashfuse.campaign_folder.condition_tables import read_candidates
+from crashfuse.campaign_folder.condition_tables import ConditionTable, read_candidates
 from crashfuse.campaign_folder.pulse_files import PulseFiles, read_pulse
+from crashfuse.condition import Condition
 from crashfuse.errors import DataError
 
 MIB = 1 << 20
@@ -56,8 +57,8 @@ def conditions() -> None:
 
 def tidy() -> None:
     """Read a table of pulses."""
-    source = PulseFiles(PLACE, "cae", None)
-    source.read(["A"])
+    source = PulseFiles(PLACE, "cae")
+    source.read(ConditionTable("cae", ("A",), (Condition.of_vector([15.0, 1000.0, 700.0]),), (2,)))
     if source.problems:
         raise DataError(source.problems)
 

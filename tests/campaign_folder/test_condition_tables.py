@@ -87,7 +87,6 @@ def with_columns(folder: Path, **columns: Mapping[str, object]) -> None:
 
 
 def test_shares_are_read_and_empty_cells_are_not_recorded(campaign_folder: Path) -> None:
-    """Any of the three columns may be there; none is a factor of the condition."""
     before = load_campaign(campaign_folder)
     with_columns(campaign_folder, energy_change={"C00": -0.012, "C01": 0.0}, added_mass_share={"C01": 1e-17})
     cae = load_campaign(campaign_folder).cae
@@ -98,7 +97,6 @@ def test_shares_are_read_and_empty_cells_are_not_recorded(campaign_folder: Path)
 
 
 def test_quality_and_limits_survive_the_round_trip(campaign_on_disk: Path, tmp_path: Path) -> None:
-    """To the last digit, with what is not recorded left open."""
     campaign = load_campaign(campaign_on_disk)
     quality = tuple(RunQuality(0.1 * i / 3, None if i % 2 else i / 7e3) for i in range(len(campaign.cae)))
     limits = replace(NAMED_LIMITS["nchrp-179"], name="limits of this campaign", energy_change=1 / 3)
@@ -157,7 +155,6 @@ def test_runs_that_fail_are_left_out_where_that_is_asked_for(campaign_folder: Pa
 
 
 def test_columns_are_added_to_a_table_that_lacks_them(campaign_folder: Path, campaign: Campaign) -> None:
-    """The rows that were there count as not recorded; a second addition finds the columns."""
     condition, accel = campaign.cae.conditions[3], campaign.cae.accel_mps2[3].astype(float)
     told = (RunQuality(0.01, 0.02), RunQuality(added_mass_share=0.03), RunQuality())
     for run_id, quality in zip("ABC", told, strict=True):

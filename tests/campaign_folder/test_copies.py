@@ -39,12 +39,6 @@ MADE: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
-@pytest.fixture(scope="module")
-def sample() -> Campaign:
-    """The sample campaign: repeats at two speeds, with scatter and noise."""
-    return load_campaign(ROOT / "sample_data")
-
-
 def pulses(campaign: Campaign) -> FloatArray:
     """The pulses of its tests."""
     return np.array([test.pulse.accel_mps2 for test in campaign.tests])

@@ -149,6 +149,16 @@ def undo_all(folder: Path) -> None:
         undo(folder)
 
 
+EDITS: dict[str, Callable[[Path, str], object]] = {
+    "leave out": lambda folder, test_id: leave_out(folder, [test_id]),
+    "say why": lambda folder, test_id: say_why(folder, test_id, 'a "word"'),
+    "say no more": lambda folder, test_id: say_why(folder, test_id, ""),
+    "use again": lambda folder, test_id: use_again(folder, [test_id]),
+    "take out": lambda folder, test_id: remove_tests(folder, [test_id]),
+    "add": lambda folder, _: _add(folder),
+}
+
+
 class Editing(RuleBasedStateMachine):
     """Edits and undos in any order, some of which are killed: the folder is always one of the states expected."""
 
@@ -198,36 +208,13 @@ class Editing(RuleBasedStateMachine):
                 self.states.append(after)
         assert visible(self.folder) in (self.states[-1], after)
 
-    cuts = st.integers(1, 60)
-    ids = st.sampled_from("ABCDE")
-
-    @rule(test_id=ids, at=cuts)
-    def leave_out(self, test_id: str, at: int) -> None:
-        """A test out of use."""
-        self.change(lambda folder: leave_out(folder, [test_id]), at)
-
-    @rule(test_id=ids, why=st.sampled_from(["", "no t0", 'a "word"']), at=cuts)
-    def say_why(self, test_id: str, why: str, at: int) -> None:
-        """Why it is."""
-        self.change(lambda folder: say_why(folder, test_id, why), at)
-
-    @rule(test_id=ids, at=cuts)
-    def use_again(self, test_id: str, at: int) -> None:
-        """The same test, used again."""
-        self.change(lambda folder: use_again(folder, [test_id]), at)
-
-    @rule(test_id=ids, at=cuts)
-    def remove(self, test_id: str, at: int) -> None:
-        """Row and pulse."""
-        self.change(lambda folder: remove_tests(folder, [test_id]), at)
-
-    @rule(at=cuts)
-    def add(self, at: int) -> None:
-        """A test and two CAE runs."""
-        self.change(_add, at)
+    @rule(edit=st.sampled_from([*EDITS]), test_id=st.sampled_from("ABCDE"), at=st.integers(1, 60))
+    def edit(self, edit: str, test_id: str, at: int) -> None:
+        """A test, or two CAE runs with it."""
+        self.change(lambda folder: EDITS[edit](folder, test_id), at)
 
     @precondition(lambda self: bool(changes(self.folder)))
-    @rule(at=cuts)
+    @rule(at=st.integers(1, 60))
     def undo(self, at: int) -> None:
         """The last of them."""
         self.change(undo, at)
@@ -313,7 +300,6 @@ def interrupted(folder: Path) -> None:
 
 
 def test_opening_puts_an_interrupted_change_back(campaign_folder: Path) -> None:
-    """By whatever reads the campaign: rows, pulses and the changes before it."""
     leave_out(campaign_folder, ["T4"])
     (campaign_folder / "tests.csv").write_text((campaign_folder / "tests.csv").read_text().replace("T2", "B"))
     (campaign_folder / "tests" / "T2.csv").rename(campaign_folder / "tests" / "B.csv")
@@ -327,7 +313,6 @@ def test_opening_puts_an_interrupted_change_back(campaign_folder: Path) -> None:
 
 @pytest.mark.parametrize("spoilt", ["tests.csv", ".undo/000002/before/tests/B.csv", ".undo/000002/begun.json"])
 def test_what_was_changed_since_an_interruption_is_not_written_over(small: Path, tmp_path: Path, spoilt: str) -> None:
-    """One sentence says what to look at; nothing is touched until that was done."""
     folder = shutil.copytree(small, tmp_path / "car")
     interrupted(folder)
     (folder / spoilt).write_text("id,speed_mph\nmine,30\n")

@@ -13,7 +13,6 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -67,92 +66,59 @@ TOML = (
 )
 
 
-@dataclass(frozen=True)
-class Corruption:
-    """Something done to the files of a campaign folder; its arguments tell what, when hypothesis finds a fault."""
-
-    what: str
-    arguments: tuple[Any, ...]
-
-    def __call__(self, folder: Path) -> None:
-        """Do it, where it can be done."""
-        path = folder / self.arguments[0]
-        if not path.is_symlink() and (path.is_file() or self.what in ("extra", "setting")):
-            globals()[f"_{self.what}"](path, *self.arguments[1:])
+Rows = list[list[str]]
 
 
-def _lines(path: Path, change: Callable[[list[list[str]]], object]) -> None:
-    rows = [line.split(",") for line in path.read_bytes().decode("utf-8", "replace").split("\n")]
-    change(rows)
+def _lines(path: Path, changed: Callable[[Rows], Rows]) -> None:
+    rows = changed([line.split(",") for line in path.read_bytes().decode("utf-8", "replace").split("\n")])
     path.write_bytes("\n".join(",".join(row) for row in rows).encode("utf-8", "surrogatepass"))
 
 
 def _cell(path: Path, row: int, column: int, value: str, times: int) -> None:
-    def change(rows: list[list[str]]) -> None:
-        for at in range(row, min(row + (times if len(value) < 1000 else 1), len(rows))):
-            cells = rows[at]
+    def changed(rows: Rows) -> Rows:
+        for cells in rows[row : row + (times if len(value) < 1000 else 1)]:
             cells[column % len(cells)] = value
+        return rows
 
-    _lines(path, change)
+    _lines(path, changed)
+
+
+ROWS: dict[str, Callable[[Rows, int], Rows]] = {
+    "twice": lambda rows, at: [*rows[:at], rows[at], *rows[at:]],
+    "gone": lambda rows, at: [*rows[:at], *rows[at + 3 :]],
+    "reversed": lambda rows, _: [rows[0], *rows[:0:-1]],
+    "by time": lambda rows, _: [rows[0], *sorted(rows[1:], key=lambda cells: cells[-2:])],
+    "longer": lambda rows, at: [*rows[:at], [*rows[at], "7"], *rows[at + 1 :]],
+    "all longer": lambda rows, _: [[*cells, ""] for cells in rows],
+    "shorter": lambda rows, at: [*rows[:at], rows[at][:-1], *rows[at + 1 :]],
+    "blank": lambda rows, at: [*rows[:at], [""], [" "], ["", "", ""], *rows[at:]],
+    "no header": lambda rows, _: rows[1:],
+    "header twice": lambda rows, at: [*rows[:at], rows[0], *rows[at:]],
+    "columns twice": lambda rows, _: [cells * 2 for cells in rows],
+    "a thousand columns": lambda rows, _: [cells[:3] * 400 for cells in rows[:60]],
+    "no rows": lambda rows, _: rows[:1],
+}
 
 
 def _rows(path: Path, way: str, row: int) -> None:
-    def change(rows: list[list[str]]) -> None:
-        at = row % len(rows)
-        match way:
-            case "twice":
-                rows.insert(at, rows[at])
-            case "gone":
-                del rows[at : at + 3]
-            case "reversed":
-                rows[1:] = rows[:0:-1]
-            case "by time":
-                rows[1:] = sorted(rows[1:], key=lambda cells: cells[-2:])
-            case "longer":
-                rows[at] = [*rows[at], "7"]
-            case "all longer":
-                rows[:] = [[*cells, ""] for cells in rows]
-            case "shorter":
-                rows[at] = rows[at][:-1]
-            case "blank":
-                rows[at:at] = [[""], [" "], ["", "", ""]]
-            case "no header":
-                del rows[0]
-            case "header twice":
-                rows.insert(at, rows[0])
-            case "columns twice":
-                rows[:] = [cells * 2 for cells in rows]
-            case "a thousand columns":
-                rows[:] = [cells[:3] * 400 for cells in rows[:60]]
-            case "no rows":
-                del rows[1:]
-
-    _lines(path, change)
+    _lines(path, lambda rows: ROWS[way](rows, row % len(rows)))
 
 
-ROW_WAYS = (
-    *("twice", "gone", "reversed", "by time", "longer", "all longer", "shorter", "blank", "no header", "header twice"),
-    *("columns twice", "a thousand columns", "no rows"),
-)
+BYTES: dict[str, Callable[[bytes, int, bytes], bytes]] = {
+    "cut": lambda content, at, _: content[:at],
+    "flip": lambda content, at, _: (
+        content[:at] + bytes(byte ^ 1 << (at % 8) for byte in content[at : at + 1]) + content[at + 1 :]
+    ),
+    "insert": lambda content, at, junk: content[:at] + junk + content[at:],
+    "replace": lambda _content, _at, junk: junk,
+    "shift": lambda content, at, _: content[at:],
+    "tail": lambda content, at, _: content[: -min(len(content), 1 + at % 300)],
+}
 
 
 def _bytes(path: Path, way: str, where: float, junk: bytes) -> None:
     content = path.read_bytes()
-    at = int(where * len(content))
-    match way:
-        case "cut":
-            content = content[:at]
-        case "flip":
-            content = content[:at] + bytes(byte ^ 1 << (at % 8) for byte in content[at : at + 1]) + content[at + 1 :]
-        case "insert":
-            content = content[:at] + junk + content[at:]
-        case "replace":
-            content = junk
-        case "shift":
-            content = content[at:]
-        case "tail":
-            content = content[: -min(len(content), 1 + at % 300)]
-    path.write_bytes(content)
+    path.write_bytes(BYTES[way](content, int(where * len(content)), junk))
 
 
 def _encoded(path: Path, encoding: str, newline: str) -> None:
@@ -160,21 +126,20 @@ def _encoded(path: Path, encoding: str, newline: str) -> None:
     path.write_bytes(text.encode(encoding, "replace"))
 
 
+INSTEAD: dict[str, Callable[[Path], object]] = {
+    "folder": Path.mkdir,
+    "loop": lambda path: path.symlink_to(path),
+    "dangling": lambda path: path.symlink_to("/nowhere/at/all"),
+    "device": lambda path: path.symlink_to("/dev/zero"),
+    "pipe": os.mkfifo,
+    "home": lambda path: path.symlink_to("/"),
+    "gone": lambda _: None,
+}
+
+
 def _instead(path: Path, what: str) -> None:
     path.unlink()
-    match what:
-        case "folder":
-            path.mkdir()
-        case "loop":
-            path.symlink_to(path)
-        case "dangling":
-            path.symlink_to("/nowhere/at/all")
-        case "device":
-            path.symlink_to("/dev/zero")
-        case "pipe":
-            os.mkfifo(path)
-        case "home":
-            path.symlink_to("/")
+    INSTEAD[what](path)
 
 
 def _extra(path: Path, content: bytes) -> None:
@@ -228,9 +193,12 @@ def _typed(path: Path, column: str, kind: str) -> None:
     pq.write_table(table, path)
 
 
-def one(what: str, *arguments: st.SearchStrategy[Any]) -> st.SearchStrategy[Corruption]:
+Corruption = tuple[Callable[..., None], tuple[Any, ...]]  # a file, and how it is spoilt
+
+
+def one(spoil: Callable[..., None], *arguments: st.SearchStrategy[Any]) -> st.SearchStrategy[Corruption]:
     """A corruption of one kind."""
-    return st.builds(lambda *drawn: Corruption(what, drawn), *arguments)
+    return st.tuples(st.just(spoil), st.tuples(*arguments))
 
 
 NAMES = (
@@ -238,28 +206,21 @@ NAMES = (
     "T5.csv",
 )
 EXTRA = (*(f"tests/{name}" for name in NAMES), "tests_pulses.csv", "cae/C1.csv")
-BYTES = ("cut", "flip", "flip", "insert", "replace", "shift", "tail")
 JUNK = (b"PAR1" * 3, b"\xff" * 50, b"\0" * 9, b'"', b"PK\3\4")
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-32", "latin-1", "ascii", "cp037")
-INSTEAD = ("folder", "loop", "dangling", "device", "pipe", "home", "gone")
 any_of, column, row = st.sampled_from, st.integers(0, 5), st.integers(0, 1300)
 nasty = st.one_of(any_of(CELLS), st.text(max_size=30), st.floats().map(repr))
 corruption = st.one_of(
-    one("cell", any_of(TABLES), row, column, nasty, any_of((1, 1, 30, 2000))),
-    one("cell", any_of(("tests.csv", "cae.csv")), st.integers(1, 4), column, nasty, st.just(1)),
-    one("cell", any_of(TABLES), st.just(0), column, st.one_of(any_of(HEADERS), nasty), st.just(1)),
-    one("rows", any_of(TABLES), any_of(ROW_WAYS), row),
-    one("bytes", any_of(FILES), any_of(BYTES), st.floats(0, 1), st.one_of(st.binary(max_size=40), any_of(JUNK))),
-    one("encoded", any_of(TABLES), any_of(ENCODINGS), any_of(("\n", "\r\n", "\r", "\n\n", "\u2028"))),
-    one("instead", any_of(FILES), any_of(INSTEAD)),
-    one("extra", any_of(EXTRA), st.binary(max_size=20)),
-    one("setting", st.just("campaign.toml"), st.one_of(any_of(TOML), st.text(max_size=60))),
-    one(
-        "typed",
-        st.just("cae_pulses.parquet"),
-        any_of(("id", "time_ms", "acceleration_g")),
-        any_of(TYPES),
-    ),
+    one(_cell, any_of(TABLES), row, column, nasty, any_of((1, 1, 30, 2000))),
+    one(_cell, any_of(("tests.csv", "cae.csv")), st.integers(1, 4), column, nasty, st.just(1)),
+    one(_cell, any_of(TABLES), st.just(0), column, st.one_of(any_of(HEADERS), nasty), st.just(1)),
+    one(_rows, any_of(TABLES), any_of([*ROWS]), row),
+    one(_bytes, any_of(FILES), any_of(["flip", *BYTES]), st.floats(0, 1), st.binary(max_size=40) | any_of(JUNK)),
+    one(_encoded, any_of(TABLES), any_of(ENCODINGS), any_of(("\n", "\r\n", "\r", "\n\n", "\u2028"))),
+    one(_instead, any_of(FILES), any_of([*INSTEAD])),
+    one(_extra, any_of(EXTRA), st.binary(max_size=20)),
+    one(_setting, st.just("campaign.toml"), st.one_of(any_of(TOML), st.text(max_size=60))),
+    one(_typed, st.just("cae_pulses.parquet"), any_of(("id", "time_ms", "acceleration_g")), any_of(TYPES)),
 )
 
 
@@ -269,8 +230,10 @@ def spoilt(sound: Path, corruptions: list[Corruption]) -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "campaign"
         shutil.copytree(sound, folder)
-        for spoil in corruptions:
-            spoil(folder)
+        for spoil, (name, *arguments) in corruptions:
+            path = folder / name
+            if not path.is_symlink() and (path.is_file() or spoil in (_extra, _setting)):
+                spoil(path, *arguments)
         before = sorted(Path(place).rglob("*"))
         yield folder
         assert sorted(Path(place).rglob("*")) == before
@@ -321,7 +284,6 @@ def test_a_spoilt_campaign_is_loaded_or_refused_in_sentences(
 @hostile
 @given(corruptions=st.lists(corruption, min_size=1, max_size=3))
 def test_a_check_of_a_spoilt_campaign_ends_with_0_or_1(sound: tuple[Path, Path], corruptions: list[Corruption]) -> None:
-    """Nothing that a terminal would obey is printed, and the last line counts the problems."""
     out, err = io.StringIO(), io.StringIO()
     with spoilt(sound[0], corruptions) as folder, redirect_stdout(out), redirect_stderr(err):
         code = cli.main(["check", str(folder)])
@@ -350,7 +312,6 @@ def test_spoilt_pulses_and_candidates_are_read_or_refused_in_sentences(
 
 
 def test_more_candidates_than_anyone_can_look_at_are_refused(tmp_path: Path) -> None:
-    """Before each is predicted."""
     path = tmp_path / "candidates.csv"
     rows = "".join(f"A{i},25,2000,1500\n" for i in range(1001))
     path.write_text(f"id,speed_mph,front_weight_lb,rear_weight_lb\n{rows}")

@@ -22,7 +22,6 @@ NOTES = (
 
 
 def test_notes_come_back_as_they_were_written(tmp_path: Path) -> None:
-    """Texts, moments, stretches, formulas; the last one that fits is kept, the next one refused."""
     write_notes(tmp_path, NOTES)
     assert read_notes(tmp_path) == NOTES
     table = pd.read_csv(tmp_path / FILE)
@@ -42,7 +41,6 @@ def test_notes_come_back_as_they_were_written(tmp_path: Path) -> None:
 
 
 def test_notes_travel_with_a_campaign_that_is_uploaded(campaign_folder: Path, tmp_path: Path) -> None:
-    """In a zip of the folder."""
     write_notes(campaign_folder, NOTES)
     (tmp_path / "into").mkdir()
     assert read_notes(lay_out([("campaign.zip", zipped(content_of(campaign_folder)))], tmp_path / "into")) == NOTES
@@ -61,7 +59,6 @@ def test_notes_travel_with_a_campaign_that_is_uploaded(campaign_folder: Path, tm
     ],
 )
 def test_what_is_no_note_is_one_sentence(given: tuple[object, ...], said: str) -> None:
-    """Without a text, too long, with times that cannot be."""
     with pytest.raises(UsageError, match=said):
         Note(*given)  # type: ignore[arg-type]
 
@@ -79,7 +76,6 @@ def test_what_is_no_note_is_one_sentence(given: tuple[object, ...], said: str) -
     ],
 )
 def test_a_damaged_file_is_one_sentence(tmp_path: Path, content: bytes, said: str) -> None:
-    """Where it is wrong, and what to do; neither a note that is added, nor other notes, nor none overwrite it."""
     (tmp_path / FILE).write_bytes(content)
     with pytest.raises(DataError, match=said):
         read_notes(tmp_path)
@@ -109,7 +105,6 @@ def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(
 def test_damaged_notes_stop_the_command_before_anything_is_computed(
     campaign_folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
-    """One sentence, nothing written."""
     (campaign_folder / FILE).write_text("test,text\n", encoding="utf-8")
     assert cli.main(["study", str(campaign_folder), "--out", str(tmp_path / "out")]) == cli.WRONG_DATA
     assert "notes.csv: expected the columns test, start_ms, end_ms, text" in capsys.readouterr().err
@@ -117,7 +112,6 @@ def test_damaged_notes_stop_the_command_before_anything_is_computed(
 
 
 def test_a_column_that_is_there_twice_is_not_lost(tmp_path: Path) -> None:
-    """Neither is read in place of both, and no note that is added takes one away."""
     content = "test,start_ms,end_ms,text,text\nT1,,,Cold,Anna says warm\n"
     (tmp_path / FILE).write_text(content)
     for use in (read_notes, lambda folder: change_notes(folder, lambda notes: [*notes, Note("T2", "Warm")])):
@@ -127,7 +121,6 @@ def test_a_column_that_is_there_twice_is_not_lost(tmp_path: Path) -> None:
 
 
 def test_columns_of_somebody_else_are_not_lost(tmp_path: Path) -> None:
-    """They are read past, but no note is added to such a file."""
     content = "test,start_ms,end_ms,text,who\nT1,,,Cold,Anna\n"
     (tmp_path / FILE).write_text(content)
     assert read_notes(tmp_path) == (Note("T1", "Cold"),)

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.condition_tables import ConditionTable
 from crashfuse.campaign_folder.editing import leave_out
 from crashfuse.campaign_folder.history import sample_folder
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.plausibility import find_gap, gap_s
+from crashfuse.condition import Condition
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.units import MPH, G
@@ -28,6 +32,12 @@ def half_sine(speed_mps: float, contact_s: float) -> FloatArray:
     return -1.1 * speed_mps * np.pi / 2 / 0.07 * np.where((at > 0) & (at < 1), np.sin(np.pi * np.clip(at, 0, 1)), 0.0)
 
 
+def table(speeds_mps: Iterable[float], pulses: Sequence[FloatArray]) -> ConditionTable:
+    """Rows at these speeds with these pulses."""
+    n, conditions = len(pulses), (Condition.of_vector([speed, 1000.0, 700.0]) for speed in speeds_mps)
+    return ConditionTable("cae", ("",) * n, tuple(conditions), (0,) * n, accel_mps2=np.array(pulses, np.float32))
+
+
 @settings(max_examples=30, deadline=None)
 @given(
     gap_mm=st.floats(100, 400),  # 5 ms at least: a shorter wait before a gentle pulse is no sudden contact
@@ -39,8 +49,7 @@ def test_the_distance_is_found_whatever_it_is(gap_mm: float, speeds: list[float]
     """In all runs or in half of them; each is moved through it by its speed, and the others are left as they are."""
     gaps = np.where(np.arange(len(speeds)) % every == 0, gap_mm * 1e-3, 0.0)
     pulses = [half_sine(v, gap / v) for v, gap in zip(speeds, gaps, strict=True)]
-    tests = half_sine(15.0, 0.0)[None].astype(np.float32)
-    gap = find_gap(np.array(speeds), np.array(pulses, dtype=np.float32), np.array([15.0]), tests)
+    gap = find_gap(table(speeds, pulses), table([15.0], [half_sine(15.0, 0.0)]))
     assert gap is not None
     assert gap.distance_m == pytest.approx(gap_mm * 1e-3, abs=8e-3)
     for v, own, pulse in zip(speeds, gaps, pulses, strict=True):
@@ -51,9 +60,8 @@ def test_the_distance_is_found_whatever_it_is(gap_mm: float, speeds: list[float]
 def test_what_is_late_over_no_one_distance_is_told_as_a_time(late_s: FloatArray) -> None:
     """A common trigger shifts all runs by one time, and two models may have two gaps: no distance is proposed."""
     speeds = np.linspace(6, 18, 8)
-    late = np.array([half_sine(v, by) for v, by in zip(speeds, late_s, strict=True)], dtype=np.float32)
-    tests = np.array([half_sine(v, 0.0) for v in speeds], dtype=np.float32)
-    gap = find_gap(speeds, late, speeds, tests)
+    late = [half_sine(v, by) for v, by in zip(speeds, late_s, strict=True)]
+    gap = find_gap(table(speeds, late), table(speeds, [half_sine(v, 0.0) for v in speeds]))
     assert gap is not None
     assert gap.distance_m is None
     assert gap.hides_tests
@@ -61,23 +69,29 @@ def test_what_is_late_over_no_one_distance_is_told_as_a_time(late_s: FloatArray)
     assert "check the time zero of the CAE runs" in gap.warning
 
 
-def test_one_run_before_the_barrier_hides_no_test(tmp_path: Path) -> None:
-    """It is told, and a test whose time zero is off is, too."""
+def test_one_run_before_the_barrier_hides_no_test(sample: Campaign, tmp_path: Path) -> None:
     folder = tmp_path / "campaign"
-    with_gap(folder, 0.2, every=40, filtered=False, slowest_mph=9)
-    path = folder / "tests" / "T05.csv"
-    record = pd.read_csv(path)
-    record["acceleration_g"] = np.interp(record["time_ms"] - 5, record["time_ms"], record["acceleration_g"], left=0.0)
-    record.to_csv(path, index=False)
-    gap, late = load_campaign(folder).warnings
+    with_gap(sample, folder, 0.2, every=40, filtered=False, slowest_mph=9)
+    gap, late = changed(folder, "T05", late_ms=5.0)
     assert proposed_mm(gap) == pytest.approx(200, abs=4)
     assert "not compared" not in gap
     assert late.startswith("tests.csv, T05: its deceleration begins")
 
 
-def with_gap(folder: Path, gap_m: float, *, every: int, filtered: bool, slowest_mph: float) -> FloatArray:
+def with_runs(folder: Path, runs: pd.DataFrame, pulses: pd.DataFrame) -> Path:
+    """The sample's tests with other CAE runs."""
+    folder.mkdir(exist_ok=True)
+    runs.to_csv(folder / "cae.csv", index=False)
+    pulses.to_parquet(folder / "cae_pulses.parquet", index=False)
+    shutil.copy(sample_folder() / "tests.csv", folder)
+    shutil.copytree(sample_folder() / "tests", folder / "tests")
+    return folder
+
+
+def with_gap(
+    sample: Campaign, folder: Path, gap_m: float, *, every: int, filtered: bool, slowest_mph: float
+) -> FloatArray:
     """The sample with some of its CAE runs, 200 ms long, of which some begin before the barrier; their pulses."""
-    sample = load_campaign(sample_folder())
     runs = pd.read_csv(sample_folder() / "cae.csv")
     runs = runs[runs["speed_mph"] > slowest_mph].iloc[::25]
     tables, wanted = [], []
@@ -88,11 +102,7 @@ def with_gap(folder: Path, gap_m: float, *, every: int, filtered: bool, slowest_
         record = cfc_filter(record, cfc=60, dt_s=DT_S) if filtered else record
         tables.append(pd.DataFrame({"id": run_id, "time_s": LONG_S, "acceleration_g": record / G}))
         wanted.append(np.interp(GRID_S + after_s, LONG_S, record))
-    folder.mkdir()
-    runs.to_csv(folder / "cae.csv", index=False)
-    pd.concat(tables).to_parquet(folder / "cae_pulses.parquet", index=False)
-    shutil.copy(sample_folder() / "tests.csv", folder)
-    shutil.copytree(sample_folder() / "tests", folder / "tests")
+    with_runs(folder, runs, pd.concat(tables))
     return np.array(wanted)
 
 
@@ -102,10 +112,12 @@ def proposed_mm(told: str) -> int:
 
 
 @pytest.mark.parametrize(("every", "filtered", "gap_mm"), [(1, False, 200), (1, True, 120), (2, False, 300)])
-def test_a_library_with_a_gap_accuses_no_test(tmp_path: Path, every: int, filtered: bool, gap_mm: int) -> None:
+def test_a_library_with_a_gap_accuses_no_test(
+    sample: Campaign, tmp_path: Path, every: int, filtered: bool, gap_mm: int
+) -> None:
     """One note says how far and what to do; with the setting nothing is left to say, and pulses begin at contact."""
     folder = tmp_path / "campaign"
-    wanted = with_gap(folder, gap_mm * 1e-3, every=every, filtered=filtered, slowest_mph=9)
+    wanted = with_gap(sample, folder, gap_mm * 1e-3, every=every, filtered=filtered, slowest_mph=9)
     (told,) = load_campaign(folder).warnings
     assert proposed_mm(told) == pytest.approx(gap_mm, abs=10 if filtered else 4)
     assert ("the CAE runs" in told.split(":")[1][:14]) == (every == 1)
@@ -118,26 +130,27 @@ def test_a_library_with_a_gap_accuses_no_test(tmp_path: Path, every: int, filter
         assert proposed_mm(load_campaign(folder).warnings[0]) == pytest.approx(gap_mm, abs=4)
 
 
-def test_a_run_that_never_gets_there_names_the_gap(tmp_path: Path) -> None:
+def test_a_run_that_never_gets_there_names_the_gap(sample: Campaign, tmp_path: Path) -> None:
     """At 2 m/s a gap of 300 mm takes 150 ms: the run is refused as before, with the gap as the thing to check."""
     folder = tmp_path / "campaign"
-    with_gap(folder, 0.3, every=1, filtered=False, slowest_mph=0)
+    with_gap(sample, folder, 0.3, every=1, filtered=False, slowest_mph=0)
     assert {problem.advice for problem in problems_of(lambda: load_campaign(folder))} == {
         "take the gap before the barrier out: cae_gap_mm = 300 in campaign.toml"
     }
 
 
-@pytest.fixture
-def few(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def tenth(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sample's tests with every tenth of its CAE runs."""
-    sample = sample_folder()
-    runs = pd.read_csv(sample / "cae.csv").iloc[::10]
-    runs.to_csv(tmp_path / "cae.csv", index=False)
-    pulses = pd.read_parquet(sample / "cae_pulses.parquet")
-    pulses[pulses["id"].isin(runs["id"])].to_parquet(tmp_path / "cae_pulses.parquet", index=False)
-    shutil.copy(sample / "tests.csv", tmp_path)
-    shutil.copytree(sample / "tests", tmp_path / "tests")
-    return tmp_path
+    runs = pd.read_csv(sample_folder() / "cae.csv").iloc[::10]
+    pulses = pd.read_parquet(sample_folder() / "cae_pulses.parquet")
+    return with_runs(tmp_path_factory.mktemp("tenth"), runs, pulses[pulses["id"].isin(runs["id"])])
+
+
+@pytest.fixture
+def few(tenth: Path, tmp_path: Path) -> Path:
+    """A copy to be changed."""
+    return shutil.copytree(tenth, tmp_path / "few")
 
 
 def changed(folder: Path, test_id: str, *, late_ms: float = 0.0, offset_g: float = 0.0) -> tuple[str, ...]:
@@ -162,7 +175,6 @@ def test_records_as_they_should_be_are_not_warned_of(few: Path) -> None:
 @pytest.mark.parametrize(("late_ms", "word"), [(3.0, "late"), (5.0, "late"), (-5.0, "early")])
 @pytest.mark.parametrize("test_id", ["T01", "T05", "T11"])
 def test_a_shifted_record_is_told_of(few: Path, test_id: str, late_ms: float, word: str) -> None:
-    """The one test whose time zero is off is named, slow or fast, with what to check."""
     told = changed(few, test_id, late_ms=late_ms)
     assert {sentence.partition(":")[0] for sentence in told} == {f"tests.csv, {test_id}"}
     assert f" ms {word} by the other tests" in told[0]
@@ -173,7 +185,6 @@ def test_a_shifted_record_is_told_of(few: Path, test_id: str, late_ms: float, wo
 @pytest.mark.parametrize("offset_g", [-1.5, 1.5])
 @pytest.mark.parametrize("test_id", ["T02", "T03", "T09"])
 def test_an_offset_of_the_sensor_is_told_of(few: Path, test_id: str, offset_g: float) -> None:
-    """The one test whose sensor does not read zero at rest is named, with about the offset."""
     (told,) = [sentence for sentence in changed(few, test_id, offset_g=offset_g) if "mean acceleration" in sentence]
     assert told.startswith(f"tests.csv, {test_id}:")
     measured, expected = map(float, re.findall(r"(-?[\d.]+) g[, ]", told.replace("−", "-"))[:2])

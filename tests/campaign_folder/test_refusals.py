@@ -180,7 +180,6 @@ def refusal(act: Callable[[], object]) -> list[str]:
 
 @pytest.mark.slow
 def test_bad_input_gets_clear_sentences(campaign_on_disk: Path, tmp_path: Path) -> None:
-    """Each fault is named, and nothing else; what is left is another test's matter."""
     told = []
     for name, spoil in BAD.items():
         folder = shutil.copytree(campaign_on_disk, tmp_path / "campaign")
@@ -191,7 +190,6 @@ def test_bad_input_gets_clear_sentences(campaign_on_disk: Path, tmp_path: Path) 
 
 
 def test_settings_that_make_no_sense_are_refused(campaign_folder: Path) -> None:
-    """With the key, what was expected and what was found."""
     told = []
     for settings in SETTINGS:
         (campaign_folder / "campaign.toml").write_text(f"{settings}\n")
@@ -202,7 +200,6 @@ def test_settings_that_make_no_sense_are_refused(campaign_folder: Path) -> None:
 
 
 def test_what_is_no_campaign_is_refused_and_nothing_stays(tmp_path: Path) -> None:
-    """Every refusal is a sentence about the file, and leaves the folder as it was."""
     told = []
     for name, uploads in UPLOADS.items():
         told += [f"{name}: {sentence}" for sentence in refusal(partial(lay_out, uploads, tmp_path))]

@@ -27,7 +27,6 @@ def content(campaign_on_disk: Path) -> dict[str, bytes]:
 def test_a_zipped_campaign_is_the_campaign(
     content: dict[str, bytes], campaign_on_disk: Path, tmp_path: Path, top: str
 ) -> None:
-    """With or without folders around it, and with what a Mac adds, a zip gives the campaign of the folder."""
     files = {"__MACOSX/._tests.csv": b"x", f"{top}.DS_Store": b"x", f"{top}README.md": b"# Notes"}
     files |= {top + name: data for name, data in content.items()}
     folder = lay_out([("Our car.zip", zipped(files))], tmp_path)
@@ -39,7 +38,6 @@ def test_a_zipped_campaign_is_the_campaign(
 
 
 def test_loose_files_find_their_folder(content: dict[str, bytes], campaign: Campaign, tmp_path: Path) -> None:
-    """Files without folders, as a browser sends them, give the campaign: each pulse goes where its id is."""
     uploads = [(Path(name).name, data) for name, data in content.items()]
     assert not any("/" in name for name, _ in uploads)
     uploaded = load_campaign(lay_out(uploads, tmp_path))

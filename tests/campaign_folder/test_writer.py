@@ -18,11 +18,11 @@ from crashfuse.campaign_folder.writer import append_to_table, write_campaign
 from crashfuse.errors import DataError
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import Pulse
+from tests.campaign_folder.test_load import assert_same
 from tests.conftest import content_of
 
 
 def test_a_campaign_survives_the_round_trip(campaign_on_disk: Path, tmp_path: Path) -> None:
-    """Loaded, written and loaded again it has the same fingerprint, name, notice and factors."""
     loaded = replace(load_campaign(campaign_on_disk), name='Our "car" №1', notice="synthetic: «one»")
     write_campaign(loaded, str(tmp_path / "again"))
     again = load_campaign(tmp_path / "again")
@@ -34,7 +34,6 @@ def test_a_campaign_survives_the_round_trip(campaign_on_disk: Path, tmp_path: Pa
 
 
 def test_awkward_texts_survive(campaign: Campaign, tmp_path: Path) -> None:
-    """Commas, quotes, spaces at the ends and other scripts, in ids and factors."""
     factors = (("drive, kind", ' "all" '), ("größe", "x;y"))
     tests = tuple(
         replace(test, id=f"{test.id}, n° «{i}»", condition=replace(test.condition, factors=factors))
@@ -47,7 +46,6 @@ def test_awkward_texts_survive(campaign: Campaign, tmp_path: Path) -> None:
 
 
 def test_filtered_pulses_are_not_filtered_again(campaign_folder: Path, tmp_path: Path) -> None:
-    """A campaign that was filtered when it was read is written filtered, and says so."""
     (campaign_folder / "campaign.toml").write_text("channel_filter_class = 60\n")
     loaded = load_campaign(campaign_folder)
     write_campaign(loaded, tmp_path / "again")
@@ -134,7 +132,6 @@ def test_new_rows_follow_in_the_tables_own_units_and_are_empty_in_other_columns(
 
 
 def test_the_kinds_of_columns_stay(tmp_path: Path) -> None:
-    """Ids kept as dictionaries or as numbers, and accelerations in single precision."""
     schema = pa.schema([("id", pa.dictionary(pa.int32(), pa.string())), ("time_s", pa.float64())])
     schema = schema.append(pa.field("acceleration_mps2", pa.float32()))
     pq.write_table(pa.table([["A"], [0.0], [-1.0]], schema=schema), tmp_path / "a.parquet")
@@ -163,7 +160,6 @@ def test_a_table_without_its_columns_is_refused_and_stays(tmp_path: Path, header
 
 
 def test_what_a_person_typed_is_read_as_meant(tmp_path: Path) -> None:
-    """Spaces after commas and around names, a byte-order mark, and lines without anything."""
     path = tmp_path / "tests_pulses.csv"
     path.write_bytes("\ufeffid , time_ms, acceleration_g\n A, 0, -1\n\nB , 0, -2\n".encode())
     append(path, [("A", NEW)])
@@ -195,20 +191,12 @@ def refusal(frames: Frames, **changed: pd.DataFrame) -> str:
 
 
 def test_tables_give_the_campaign_that_they_came_from(read: Campaign, frames: Frames) -> None:
-    """Every pulse to single precision, every condition as accurately as tables are written, factors and ids."""
     again = Campaign.from_frames(**frames, name="Tiny")
     assert again.name == "Tiny"
-    assert again.test_ids == read.test_ids
-    assert again.cae.ids == read.cae.ids
-    np.testing.assert_allclose(again.cae.accel_mps2, read.cae.accel_mps2, rtol=1e-6, atol=1e-9)
-    for one, other in zip(again.tests, read.tests, strict=True):
-        np.testing.assert_allclose(one.pulse.accel_mps2, other.pulse.accel_mps2, rtol=1e-6, atol=1e-9)
-        np.testing.assert_allclose(one.condition.vector, other.condition.vector, rtol=1e-11)
-        assert one.condition.factors == other.condition.factors
+    assert_same(again, read, rtol=1e-6, atol=1e-9)
 
 
 def test_tables_state_the_filter_class_of_their_pulses(frames: Frames) -> None:
-    """Pulses that were filtered before stay as they are; those to be filtered are; both is one too many."""
     before = Campaign.from_frames(**frames, name="Tiny")
     labelled = Campaign.from_frames(**frames, name="Tiny", filtered_with=60)
     filtered = Campaign.from_frames(**frames, name="Tiny", channel_filter_class=60)
@@ -219,7 +207,6 @@ def test_tables_state_the_filter_class_of_their_pulses(frames: Frames) -> None:
 
 
 def test_what_is_wrong_is_told_with_table_column_and_row(frames: Frames) -> None:
-    """A column, a unit, rows, a type: rows count from 0, as the tables do."""
     tests, pulses = frames["tests"], frames["test_pulses"]
     spoilt, mixed = tests.astype({"speed_mph": object}), pulses.astype({"acceleration_g": object})
     spoilt.loc[2, "speed_mph"], mixed.loc[5, "acceleration_g"] = "fast", "high"

@@ -23,11 +23,11 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
+from crashfuse.results.certification import certification_result
 from crashfuse.results.certification_facts import facts, outcomes, sentences
 from crashfuse.results.certification_record import _criterion, certification_json
-from crashfuse.results.certification_report import certification_report
-from crashfuse.results.certification_tables import SHOWN, track_record_table
-from crashfuse.results.display import DEFAULT
+from crashfuse.results.certification_tables import track_record_table
+from crashfuse.results.render.html import report as report_of
 from crashfuse.signals.metrics import METRIC_UNITS, metric_values
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.study.config import StudyConfig
@@ -287,14 +287,14 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(today: Certification
     assert [(own.about, own.values["criterion"], own.values["said"]) for own in told] == [
         ((fastest.id,), "peak", "met")
     ] * wrong
-    assert SHOWN["since"](beside, DEFAULT).frame["The test"].tolist()[1] == "missed it" + ", wrong" * wrong
-    record, report = json.loads(certification_json(beside)), certification_report(beside)
+    assert certification_result(beside).tables["since"].frame["The test"].tolist()[1] == "missed it" + ", wrong" * wrong
+    record, report = json.loads(certification_json(beside)), report_of(certification_result(beside))
     assert (record["since"]["decided"]["wrong"], record["since"]["decided"]["tests"]) == share
     assert record["since"]["sentences"] == [str(one) for one in sentences(beside, "since")]
     assert "--since EARLIER" in record["command"]
     assert own.earlier.digest in report
     assert "<h2>Earlier verdicts, and what became of them</h2>" in report
-    assert "Earlier verdicts" not in certification_report(today)
+    assert "Earlier verdicts" not in report_of(certification_result(today))
     assert "since" not in json.loads(certification_json(today))
 
 
@@ -355,7 +355,7 @@ def test_what_a_test_off_its_condition_measured_is_moved_there_as_the_cae_model_
         assert (crush.wrong, peak.shift) == (False, 0)
         assert peak.measured == pytest.approx(raw["peak"])
         words = f"{limit.shown(raw['max_crush'])} ({limit.shown(crush.measured)} at its condition, by the CAE model)"
-        assert words in SHOWN["since"](own, DEFAULT).texts()["Measured"].tolist()
+        assert words in certification_result(own).tables["since"].texts()["Measured"].tolist()
 
 
 def test_what_does_not_count(today: Certification) -> None:

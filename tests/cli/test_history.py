@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from crashfuse import cli
-from crashfuse.results.past_results import read_study
+from crashfuse.results.comparison import read_study
 from crashfuse.study.history import past_results
 from crashfuse.testing import small_campaign
 from tests.cli.conftest import Shell, run
@@ -31,7 +31,7 @@ def test_two_studies_are_compared_by_folder_and_by_id(shell: Shell, tmp_path: Pa
 
     told = shell.prints("compare", tmp_path / "0", tmp_path / "1")
     assert "CAE: the same in both" in told
-    assert told.count("Over 0–60 ms") == 2  # alone, and with the speed group
+    assert told.count("mean rating over 0–60 ms") == 2  # alone, and with the speed group
     table = shell.prints("compare", tmp_path / "0", tmp_path / "1", "--csv")
     ratings = pd.read_csv(StringIO(table)).query("left_out == 'test'").reset_index(drop=True)
     for side in (0, 1):

@@ -52,7 +52,6 @@ def patched(content: bytes, at_file: int, form: str, change: Callable[[int], int
 
 
 def test_what_is_in_a_zip_comes_out_of_it() -> None:
-    """Files come out with their paths and content; folders and what file managers leave behind do not."""
     left = ("campaign/.DS_Store", "__MACOSX/campaign/._tests.csv", "campaign/Thumbs.db", "campaign/~$tests.xlsx")
     files = {"campaign/tests/Prüfung 1.csv": b"a,b\n" * 1000, "empty.csv": b""}
     content = zipped(
@@ -111,7 +110,6 @@ def test_files_that_share_their_bytes_are_counted_each_time() -> None:
 
 
 def test_many_problems_are_counted_not_all_listed() -> None:
-    """A zip of a thousand tricks gets twenty sentences and a count."""
     with pytest.raises(DataError) as refused:
         unpacked(zipped(*((entry(f"../{i}.csv"), b"") for i in range(1000))))
     assert len(refused.value.problems) == 21
@@ -198,7 +196,6 @@ def test_files_come_back_to_the_byte(packed: bool, form: int) -> None:
     ],
 )
 def test_tricks_and_damage_are_refused(content: bytes, limits: Limits, found: str) -> None:
-    """Paths that leave, links, devices, too many, too large, cut short, sizes below zero or beyond all."""
     with pytest.raises(DataError, match=re.escape(found)) as caught:
         untarred(content, limits)
     assert all(problem.where.startswith("up.tgz") for problem in caught.value.problems)

@@ -16,7 +16,6 @@ from tests.conftest import Capture, content_of
 
 
 def test_files_get_to_their_folder_together(tmp_path: Path) -> None:
-    """As long as they are being written, those of before are there."""
     write_atomically(tmp_path / "a.csv", b"old")
     with written_together(tmp_path, last="a.csv") as folder:
         write_atomically(folder / "a.csv", b"new")

@@ -21,14 +21,14 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
+from crashfuse.results.certification import certification_result
 from crashfuse.results.certification_facts import CATALOGUE, PLACES, SUBJECTS, exceptions, facts, sentences
 from crashfuse.results.certification_record import certification_json, certification_record
-from crashfuse.results.certification_report import certification_report
-from crashfuse.results.certification_tables import SHOWN, certification_table
+from crashfuse.results.certification_tables import certification_table, planned
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.plots.certification import verdict_matrix
 from crashfuse.results.provenance import certify_command
-from crashfuse.results.verdicts import planned, planned_table
+from crashfuse.results.render.html import report
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, KPH_KG, MPH
@@ -75,7 +75,7 @@ def text(certification: Certification, shared_cache: Path) -> str:
     """The report."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CRASHFUSE_CACHE", str(shared_cache))
-        return certification_report(certification)
+        return report(certification_result(certification), DEFAULT)
 
 
 def values(certification: Certification, code: str) -> list[dict[str, Any]]:
@@ -254,7 +254,7 @@ def test_what_stands_apart_is_named_beside_the_answer(certification: Certificati
     found = near(certification)
     beside = verdict_matrix(found).figure().layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
     assert list(beside) == ["run", "run", "run; T1 stands apart"]
-    assert planned_table(found, DEFAULT).frame["Answer"].tolist() == ["run"] * 3
+    assert certification_result(found).tables["planned"].frame["Answer"].tolist() == ["run"] * 3
     *_, last = planned(found)
     assert (last.id, last.word, last.why) == ("M70", "run", "open: crush, OLC, rating; T1 stands apart there")
 
@@ -302,13 +302,17 @@ def test_the_saving_to_expect_is_that_of_the_costs(certification: Certification)
     numbers = {key: value for key, value in saving.items() if isinstance(value, int | float)}
     assert certification_record(found)["costs"] == {"confidence": costs, "saving": numbers}
     assert parse_earlier(certification_json(found)).criteria == found.criteria
-    report = certification_report(found)
-    assert all(str(escape(sentence)) in report for sentence in sentences(found, "costs"))
+    text = report(certification_result(found), DEFAULT)
+    assert all(str(escape(sentence)) in text for sentence in sentences(found, "costs"))
     assert "costs" not in certification_record(certification)
 
 
 def test_the_order_is_that_of_a_review(text: str) -> None:
-    """Intended use first, verification before validation, prediction, track record, exceptions; signatures last."""
+    """The answer, intended use, verification before validation, prediction, record, exceptions; signatures last."""
+    first = text.partition("<section id=use>")[0].rpartition("<h1>")[2]
+    places = [first.index(mark) for mark in ("class=verdict>", "<th>Planned test</th>", "<th>Limit</th>", "Made on")]
+    assert places == sorted(places)
+    assert first.count("<p>") <= 3 + 1  # and when it was made
     assert re.findall("<h2>(.*?)</h2>", text) == [
         "Intended use",
         "Validated domain, and the conditions in it",
@@ -347,18 +351,19 @@ def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: C
 def test_notes_on_tests_stand_in_the_dossier_as_text(certification: Certification, text: str) -> None:
     """A reviewer has to know that an accelerometer came loose; without any there is no such section."""
     notes = [Note("T2", "bracket <loose> at the tunnel", 30.0)]
-    report = certification_report(certification, notes=notes)
-    assert "<td>T2</td><td class=when>30 ms</td><td>bracket &lt;loose&gt; at the tunnel</td>" in report
+    noted = report(certification_result(certification, notes), DEFAULT)
+    assert "<td>T2</td><td class=when>30 ms</td><td>bracket &lt;loose&gt; at the tunnel</td>" in noted
     assert "id=notes" not in text
 
 
 def test_a_single_test_makes_a_dossier_that_says_so(alone: Certification) -> None:
     """No record, no figures of one, no table of repeats; everything outside."""
-    text = certification_report(alone)
+    result = certification_result(alone)
+    text = report(result, DEFAULT)
     assert [fact.code for fact in facts(alone) if fact.code.startswith("record")] == ["record.none"]
     assert not re.findall("<h2>(How well tests repeat)</h2>", text)
     assert "Each test was left out in turn" not in text
-    assert set(planned_table(alone, DEFAULT).texts()["Why"]) == {"outside what the tests check"}
+    assert set(result.tables["planned"].texts()["Why"]) == {"outside what the tests check"}
 
 
 def test_limits_stand_as_declared_beside_the_readers_units(certification: Certification) -> None:
@@ -367,15 +372,19 @@ def test_limits_stand_as_declared_beside_the_readers_units(certification: Certif
     criteria = replace(certification.criteria, items=(*certification.criteria.items[:2], limit))
     rows = tuple((*row[:2], replace(row[0], criterion=limit)) for row in certification.verdicts)
     found = replace(certification, criteria=criteria, verdicts=rows)
-    row = SHOWN["criteria"](found, DEFAULT).texts().iloc[-1]
+    result = certification_result(found)
+    row = result.tables["criteria"].texts().iloc[-1]
     assert (row["Limit"], row["As declared"]) == ("at most 29.83 mph", "at most 48 km/h")
-    assert "As declared" not in SHOWN["criteria"](found, Display(system=KPH_KG)).texts()
+    assert "As declared" in report(result, DEFAULT)
+    assert "As declared" not in report(result, Display(system=KPH_KG))
 
 
 def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certification) -> None:
     """A matrix of 400 conditions by 3 criteria has 1200 rows in the CSV, of which the report shows 1000."""
     many = matrix(certification.campaign, *(20 + i / 40 for i in range(400)))
-    text = certification_report(replace(certification, matrix=many, verdicts=(certification.verdicts[0],) * 400))
+    found = replace(certification, matrix=many, verdicts=(certification.verdicts[0],) * 400)
+    text = report(certification_result(found), DEFAULT)
+    assert "360 more rows are in certification.csv." in text
     assert "200 more rows are in certification.csv." in text
     assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # the matrix as one figure, in colours alone
 

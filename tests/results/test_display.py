@@ -29,7 +29,3 @@ def test_labels_have_the_chosen_units() -> None:
     )
     assert METRIC.title("OLC, slack (65 mm), CFC 60", "g") == "OLC, slack (65 mm), CFC 60 (m/s²)"
     assert METRIC.condition(Condition.of_vector([56 * KPH, 950.0, 700.0])) == "56.0 km/h, front 950 kg, rear 700 kg"
-    slow, fast = (Condition.of(speed_mph=speed, front_weight_lb=2100, rear_weight_lb=1550) for speed in (30, 35))
-    heavy = Condition.of(speed_mph=35, front_weight_lb=2200, rear_weight_lb=1550, drive="AWD")
-    assert USUAL.apart([slow, fast]) == ["30.0 mph", "35.0 mph"]
-    assert USUAL.apart([fast, heavy]) == ["35.0 mph, 2100 + 1550 lb", "35.0 mph, 2200 + 1550 lb, AWD"]

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from crashfuse.errors import UsageError
+from crashfuse.results.comparison import read_study
 from crashfuse.results.files import replaced
-from crashfuse.results.past_results import read_study
 from tests.conftest import content_of
 
 OLD = ("scores.csv", "speed_groups.csv", "cae_events.csv", "study.json")

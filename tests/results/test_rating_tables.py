@@ -12,7 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.results import rating_tables as tables
 from crashfuse.results.display import Display
-from crashfuse.results.provenance import study_record
+from crashfuse.results.study import study_record
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.rating_explanation import explain_rating

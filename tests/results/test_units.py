@@ -19,15 +19,15 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
-from crashfuse.results.certification_report import certification_report
+from crashfuse.results.certification import certification_result
 from crashfuse.results.display import Display
 from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion
-from crashfuse.results.prediction_report import prediction_report
+from crashfuse.results.prediction import prediction_result
 from crashfuse.results.render.html import report
-from crashfuse.results.study_report import study_report
+from crashfuse.results.study import study_report
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
@@ -99,13 +99,13 @@ def certification(campaign: Campaign) -> Certification:
 
 
 REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
-    "prediction": lambda campaign, display: prediction_report(
-        PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG), display
+    "prediction": lambda campaign, display: report(
+        prediction_result(PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG)), display
     ),
     "study": lambda campaign, display: study_report(study(campaign), display),
     "sweep": lambda campaign, display: report(sweep_result(sweep(campaign)), display),
     "next test": lambda campaign, display: report(next_tests_result(ranking(campaign)), display),
-    "certification": lambda campaign, display: certification_report(certification(campaign), display),
+    "certification": lambda campaign, display: report(certification_result(certification(campaign)), display),
 }
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "motion": lambda campaign, display: motion(campaign.tests[0], {}, display).figure(),

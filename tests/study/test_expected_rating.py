@@ -38,52 +38,56 @@ def at(
     )
 
 
-def test_the_nearest_tests_stand_beside_it(campaign: Campaign) -> None:
+@pytest.fixture
+def softer(campaign: Campaign) -> dict[str, FloatArray]:
+    """Predictions of left-out tests that are a fifth too soft."""
+    return {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
+
+
+def rated(campaign: Campaign, left_out: Mapping[str, FloatArray]) -> list[float]:
+    """The rating of each prediction against its test, over 0–60 ms."""
+    pairs = ((test.pulse, replace(test.pulse, accel_mps2=left_out[test.id])) for test in campaign.tests)
+    return [rate_windows(*pair, [60.0])[60.0].overall for pair in pairs]
+
+
+def test_the_nearest_tests_stand_beside_it(campaign: Campaign, softer: dict[str, FloatArray]) -> None:
     """At 30 mph those of 25, 26 and 35 mph count, each rated against its own pulse; the one of 15 mph does not."""
-    softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
-    found = not_none(expected_rating(at(campaign, 30.4, softer), campaign))
-    ratings = [
-        rate_windows(test.pulse, replace(test.pulse, accel_mps2=softer[test.id]), [60.0])[60.0].overall
-        for test in campaign.tests[1:]
-    ]
+    found, ratings = not_none(expected_rating(at(campaign, 30.4, softer), campaign)), rated(campaign, softer)[1:]
     assert found.tests == ("T3", "T4", "T2")
     assert found.mean == pytest.approx(sum(ratings) / 3)
     assert (found.lowest, found.highest) == (min(ratings), max(ratings))
     assert found.reach_mps == pytest.approx(5.4 * MPH)
 
 
-def test_a_test_as_near_as_the_last_is_not_left_unsaid(campaign: Campaign) -> None:
+def test_a_test_as_near_as_the_last_is_not_left_unsaid(campaign: Campaign, softer: dict[str, FloatArray]) -> None:
     """At 24.95 mph the third is 9.95 mph away, and a fourth, 10.02 mph away, is told to be as near."""
     speeds = {"T1": 15.0, "T2": 25.0, "T3": 26.0, "T4": 34.97}
     tests = tuple(
         replace(test, condition=replace(test.condition, speed_mps=speeds[test.id] * MPH)) for test in campaign.tests
     )
-    softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in tests}
     for mph, said in ((24.95, {"T1", "T2", "T3", "T4"}), (24.85, {"T1", "T2", "T3"})):
         found = not_none(expected_rating(at(campaign, mph, softer), replace(campaign, tests=tests)))
         assert set(found.tests) == said
 
 
 @pytest.mark.parametrize(("mph", "guessed"), [(9.9, True), (10.1, False), (39.9, False), (40.1, True)])
-def test_far_beyond_all_tests_there_is_no_grade(campaign: Campaign, mph: float, guessed: bool) -> None:
+def test_far_beyond_all_tests_there_is_no_grade(
+    campaign: Campaign, softer: dict[str, FloatArray], mph: float, guessed: bool
+) -> None:
     """The tests, of 15 to 35 mph, say nothing of how errors grow there; a guess that is Excellent is none."""
-    softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
     found = not_none(expected_rating(at(campaign, mph, softer), campaign))
     assert found.beyond is guessed
     assert (found.grades in found.sentence) is not guessed
 
 
-def test_the_range_rests_on_all_tests_by_distance_and_on_the_bands(campaign: Campaign) -> None:
+def test_the_range_rests_on_all_tests_by_distance_and_on_the_bands(
+    campaign: Campaign, softer: dict[str, FloatArray]
+) -> None:
     """It is that of the rating's distribution; a band twice as wide as those of the left-out tests lowers it."""
-    softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
     alike, wider = (not_none(expected_rating(at(campaign, 30.4, softer, spread), campaign)) for spread in (0.1, 0.3))
-    ratings = [
-        rate_windows(test.pulse, replace(test.pulse, accel_mps2=softer[test.id]), [60.0])[60.0].overall
-        for test in campaign.tests
-    ]
     away = np.abs([test.condition.speed_mps - 30.4 * MPH for test in campaign.tests])
     known, here = at(campaign, 30.4, softer, 0.3).agreements, at(campaign, 30.4, softer, 0.3).agreement
-    own = RatingDistribution.learned(np.array(ratings), away, np.array(list(known.values())), here)
+    own = RatingDistribution.learned(np.array(rated(campaign, softer)), away, np.array([*known.values()]), here)
     assert (wider.lower, wider.median, wider.upper) == pytest.approx([own.quantile(share) for share in (0.1, 0.5, 0.9)])
     assert wider.median < alike.median
     assert wider.lower < alike.lower

@@ -6,8 +6,8 @@ from dataclasses import replace
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.sensor_faults import SensorFault
-from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.facts import departure_fact
+from crashfuse.study.history import StudyComparison
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.outliers import Departure
 from crashfuse.study.planning import weights_sentence
@@ -16,7 +16,7 @@ from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.units import G
 from tests.golden import assert_golden
-from tests.study import test_comparison, test_one_more_test, test_recommendation
+from tests.study import test_history, test_one_more_test, test_recommendation
 
 
 def accounts(campaign: Campaign) -> Iterator[str]:
@@ -55,14 +55,14 @@ def recommendations(campaign: Campaign) -> Iterator[str]:
 
 def comparisons() -> Iterator[str]:
     """Of a clear gain and loss, a lucky one, one test alone; cautions on data, basis and ways."""
-    make, first = test_comparison.study, test_comparison.FIRST
+    make, first = test_history.study, test_history.FIRST
     steady = {test: rating + 0.02 + 0.001 * i for i, (test, rating) in enumerate(first.items())}
     yield from StudyComparison(make(steady), make(first)).sentences()
     yield from StudyComparison(make(first), make({}, ratings={"T1": {"fused": {60.0: 0.8}}}, fingerprint="b")).cautions
     for second in (steady, {**first, "T4": 0.68}, {"T1": 0.9, "T9": 0.1}):
         compared = StudyComparison(make(first), make(second, fingerprint="b", basis="CFC 60"))
         yield from (*compared.sentences(), *compared.cautions)
-    raw = test_comparison.raw
+    raw = test_history.raw
     for changed in ({"T1": 0.5, "T2": 0.6}, {"T1": 0.6, "T2": 0.6}):
         other = raw(changed, fingerprint="b")
         yield from StudyComparison(raw({"T1": 0.5, "T2": 0.5}), other).cautions

@@ -19,9 +19,10 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import Certification
 from crashfuse.results.certification_facts import exceptions, sentences
 from crashfuse.results.certification_record import certification_json
-from crashfuse.results.verdicts import planned
+from crashfuse.results.certification_tables import planned
+from crashfuse.results.result import Result
 from crashfuse.ui.certify.entry import Field
-from crashfuse.ui.certify.results import Judgement, last_verdicts
+from crashfuse.ui.certify.results import last_verdicts
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.units import IN_SI
 from tests.ui.conftest import Session, Visit
@@ -46,8 +47,8 @@ M1,20,2050,1500
 M2,33,2050,1500
 M3,70,2050,1500
 """
-FILES = ["report.html", "report.pptx", "certification.csv", "track_record.csv", "credibility.csv", "criteria.toml"]
-FILES += ["matrix.csv", "certification.json"]
+FILES = ["certification.csv", "track_record.csv", "credibility.csv", "certification.json", "criteria.toml"]
+FILES += ["matrix.csv", "report.html", "report.pptx"]
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -120,8 +121,8 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert "{} of {}".format(*expected.saved) in session.words
     for told in exceptions(expected).values():
         assert told[0] in session.words
-    for sentence in sentences(expected, "summary"):
-        assert sentence in session.words
+    for place in ("answer", "costs", "verdicts"):
+        assert all(sentence in session.words for sentence in sentences(expected, place))
     for i, verdict in expected.cells:
         assert verdict.reason in reason(session, f"{i} | {verdict.criterion.name}")
     session.app.button_group(key="answered").set_value("By criterion")
@@ -171,10 +172,12 @@ def test_a_click_says_what_another_question_would_change(
 def test_what_one_test_less_would_change_is_in_the_files(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """As the page shows it, beside the variants that are in them anyway."""
     session = certified(visit("certify", **LINK, what_if="without T1")).run().finish()
-    taken: list[Judgement] = []
-    monkeypatch.setattr("crashfuse.ui.certify.results.offer_files", taken.append)
+    taken: list[Result] = []
+    monkeypatch.setattr("crashfuse.ui.certify.results.offer_result", lambda result, *_: taken.append(result))
     session.press("Export")
-    assert "without T1" in [variant.name for variant in taken[-1].certification.variants]
+    content = taken[-1].files["credibility.csv"]()
+    assert isinstance(content, bytes)
+    assert b"without T1: " in content
 
 
 @pytest.mark.usefixtures("asking")

@@ -16,7 +16,7 @@ from crashfuse.results.plots.pulses import add_corridors
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import GRADES, WEIGHTS, Rating, graded
 from crashfuse.signals.rating_explanation import RatingExplanation
-from crashfuse.study.comparison import StudyComparison
+from crashfuse.study.history import StudyComparison
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.units import MS, difference
 

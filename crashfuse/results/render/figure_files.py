@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self, get_args
 
+import pandas as pd
 from markupsafe import Markup
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
@@ -19,8 +20,8 @@ from crashfuse.results.display import Display
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.canvas import without_links
 from crashfuse.results.render.figure_data import drawing_table
+from crashfuse.results.render.text import against_lines
 from crashfuse.results.result import Result
-from crashfuse.units import joined
 
 FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
@@ -28,6 +29,7 @@ FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido", "pptx")}  # modules, by format
 _BEGIN, _END = '<script type="application/json" id="report">', "</script>"
 _WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
+_SLIDE_ROWS = 12  # of the table that answers
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
     "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
@@ -52,13 +54,15 @@ class ReportFigure(NamedTuple):
 
 
 class FiguresOfReport(NamedTuple):
-    """The figures of a report, its title, its notices and their labels, and what it answers."""
+    """The figures of a report, its title, its notices and their labels, its answer, and what speaks against that."""
 
     title: str
     notices: tuple[str, ...]
     labels: tuple[str, ...]
     figures: Sequence[ReportFigure]
     answers: tuple[str, ...] = ()
+    table: tuple[tuple[str, ...], ...] = ()  # its headings, then its rows
+    against: tuple[str, ...] = ()
 
 
 class Report(str):
@@ -74,15 +78,16 @@ class Report(str):
 
 def contents_of(result: Result, display: Display) -> FiguresOfReport:
     """What a report and its slides have in common: the figures of a result, its answer, what has to be known."""
-    title = joined([result.campaign.name, display.words(result.title)], ": ")
     figures = [
         ReportFigure.of(display.words(figure.title), figure.draw(display), is_answer=figure.is_answer)
         for figure in result.all_figures()
     ]
-    notices, answers = (
-        [*map(display.words, texts)] for texts in ([own.sentence for own in result.facts], result.answer)
-    )
-    return FiguresOfReport(title, tuple(notices), tuple(own.label for own in result.facts), figures, tuple(answers))
+    notices, answers = (tuple(map(display.words, texts)) for texts in (result.notices, result.answer))
+    rows = result.tables[result.shown[0]].texts(display) if result.shown else pd.DataFrame()
+    left = [("…",) * rows.shape[1]] if len(rows) > _SLIDE_ROWS else []
+    table = tuple(tuple(map(str, row)) for row in (rows.columns, *rows.to_numpy()[:_SLIDE_ROWS], *left) if len(rows))
+    labels, doubts = tuple(fact.label for fact in result.facts), tuple(against_lines(result, display))
+    return FiguresOfReport(display.words(result.heading), notices, labels, figures, answers, table, doubts)
 
 
 def slides(result: Result, display: Display) -> bytes:
@@ -107,8 +112,9 @@ def read_figures(path: Path) -> FiguresOfReport:
             raise problem("no figure")
         values = json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))
         figures = tuple(ReportFigure(**figure) for figure in values["figures"])
-        notices, labels, answers = (tuple(map(str, values[name])) for name in ("notices", "labels", "answers"))
-        report = FiguresOfReport(str(values["title"]), notices, labels, figures, answers)
+        lines = {name: tuple(map(str, values[name])) for name in ("notices", "labels", "answers", "against")}
+        table = tuple(tuple(map(str, row)) for row in values["table"])
+        report = FiguresOfReport(title=str(values["title"]), figures=figures, table=table, **lines)
     except (ValueError, TypeError, LookupError, RecursionError) as error:
         raise problem(f"text that cannot be read as one ({error})") from error
     if not figures:
@@ -228,10 +234,11 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
             write(slide.shapes.add_textbox(0, 0, 0, 0), text, top, height, size)
 
     first, (headline, *details) = deck.slides.add_slide(only_title), report.answers or ("",)
-    write(first.shapes.title, headline or report.title, 0.6, 1.4, 32)
-    below(first, report.title if headline else "", 2.0, 0.4, 16)
-    below(first, "\n".join(details), 2.6, 2.6, 18)
-    below(first, "\n".join(report.notices), 5.4, 1.6, 14)
+    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28)
+    below(first, report.title if headline else "", 1.1, 0.3, 14)
+    below(first, "\n".join(details), 1.5, 0.9, 14)
+    _add_table(first, report.table)
+    below(first, "\n".join([*report.notices, *report.against]), 6.1, 1.2, 11)
     top, height = Inches(1.15), Inches(5.75)
     drawn = zip(report.figures, images, strict=True)
     for figure, image in sorted(drawn, key=lambda own: not own[0].is_answer):
@@ -246,3 +253,20 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
     stream = io.BytesIO()
     deck.save(stream)
     return stream.getvalue()
+
+
+def _add_table(slide: Any, rows: Sequence[Sequence[str]]) -> None:  # noqa: ANN401 - python-pptx has no types
+    """Add a table between answer and notices, its columns as wide as their words ask for."""
+    from pptx.util import Inches, Pt
+
+    if not rows:
+        return
+    lengths = [max(len(row[place]) for row in rows) + 2 for place in range(len(rows[0]))]
+    table = slide.shapes.add_table(len(rows), len(lengths), *map(Inches, (0.6, 2.5, 12.1, 0.25 * len(rows)))).table
+    for column, length in zip(table.columns, lengths, strict=True):
+        column.width = Inches(12.1 * length / sum(lengths))
+    for number, row in enumerate(rows):
+        table.rows[number].height = Inches(0.25)
+        for cell, text in zip(table.rows[number].cells, row, strict=True):
+            cell.text, cell.margin_top, cell.margin_bottom = text, 0, 0
+            cell.text_frame.paragraphs[0].font.size = Pt(11)

@@ -5,12 +5,10 @@ from html import escape
 
 from crashfuse.campaign import Campaign
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.rating_tables import mean_values, ratings_shown
+from crashfuse.results.render.text import against_lines
 from crashfuse.results.result import Result
 from crashfuse.results.table import Cell, Column, Table
-from crashfuse.study.facts import campaign_facts, distinct
-from crashfuse.study.recommendation import SPEED_GROUPS, recommend
-from crashfuse.study.study import Study
+from crashfuse.study.facts import campaign_facts
 
 _MOST_ROWS = 30
 
@@ -27,10 +25,10 @@ def card(title: str, table: Table, notes: Sequence[str] = (), display: Display =
 
 def result_html(result: Result) -> str:
     """A result in a notebook: what answers, and what has to be known of the data."""
-    display = Display(system=result.campaign.units)
+    display = result.usual_display
     table = result.tables[result.shown[0]] if result.shown else Table.of("nothing", ())
-    notes = [display.words(text) for text in (*result.answer, *(fact.sentence for fact in result.facts))]
-    return card(f"{result.campaign.name}: {display.words(result.title)}", table, notes, display)
+    notes = [*map(display.words, (*result.answer, *result.notices)), *against_lines(result, display)]
+    return card(display.words(result.heading), table, notes, display)
 
 
 def _column(heading: str, column: Column, cells: Sequence[Cell]) -> list[str]:
@@ -40,15 +38,6 @@ def _column(heading: str, column: Column, cells: Sequence[Cell]) -> list[str]:
         f'<th style="text-align: {side}">{escape(heading)}</th>',
         *(f'<td style="text-align: {side}; white-space: nowrap">{escape(cell.text)}</td>' for cell in cells),
     ]
-
-
-def study_html(study: Study) -> str:
-    """The mean rating of each approach over each window with its grade, and what a repeat of the tests would rate."""
-    tests, display = ", ".join(fold.held_out for fold in study.folds), Display(system=study.campaign.units)
-    facts = distinct([*recommend(study).facts, *campaign_facts(study.campaign)])
-    shown = [display.words(fact.sentence) for fact in facts if fact.code != SPEED_GROUPS]  # which the table has not
-    notes = (f"{study.campaign.rating_basis}.", *shown)
-    return card(f"{study.campaign.name}: left out {tests}", ratings_shown(mean_values(study)), notes)
 
 
 def facts_words(campaign: Campaign, display: Display) -> tuple[str, ...]:

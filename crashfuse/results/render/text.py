@@ -13,14 +13,21 @@ from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.result import Result
 from crashfuse.results.table import PARTS, Table
 
+_MOST_ROWS = 40  # of a table in a terminal
+
 
 def lines(result: Result, display: Display) -> list[str]:
-    """What a command prints: facts of the data, the answer, and the tables that answer, under names if several."""
-    sentences = [*(fact.sentence for fact in result.facts), *result.answer]
-    printed = [*dict.fromkeys(map(display.words, sentences))]
+    """What a command prints: facts of the data, the answer, tables that answer, and what speaks against it."""
+    printed = [*dict.fromkeys(map(display.words, (*result.notices, *result.answer)))]
     for table in (result.tables[name] for name in result.shown):
-        printed += [table.name] * (len(result.shown) > 1) + [table.to_string(display)]
-    return printed
+        left = [f"{len(table) - _MOST_ROWS:,} more rows are in the files."] * (len(table) > _MOST_ROWS)
+        printed += [table.name] * (len(result.shown) > 1) + [table.head(_MOST_ROWS).to_string(display), *left]
+    return [*printed, *map(display.words, result.sentences.get("remarks", ())), *against_lines(result, display)]
+
+
+def against_lines(result: Result, display: Display) -> list[str]:
+    """What speaks most against the answer, a line a subject."""
+    return [f"{subject}: {display.words(text)}" for subject, text in result.against.items()]
 
 
 def json_bytes(values: Mapping[str, object]) -> bytes:

@@ -1,28 +1,26 @@
 """Verdicts on the Certify page: the answer with reasons and what-ifs, their record, domain and files."""
 
-from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification import file_store
 from crashfuse.certification.certify import APPROACH, Certification, Variant, certify, is_computed
 from crashfuse.certification.criteria import Criteria, criteria_text, varied
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError
-from crashfuse.results.certification_facts import DECISIVE, Place, exceptions, sentences
+from crashfuse.results.certification import certification_result
+from crashfuse.results.certification_facts import exceptions
 from crashfuse.results.certification_record import certification_json
-from crashfuse.results.certification_report import certification_report
-from crashfuse.results.certification_tables import SHOWN, changed_text, csv_as_given, matrix_table
+from crashfuse.results.certification_tables import Planned, changed_text, csv_as_given, matrix_table, planned
 from crashfuse.results.display import Display
 from crashfuse.results.plots.certification import MOST_WORDS
 from crashfuse.results.table import Table
-from crashfuse.results.verdicts import Planned, planned
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong
@@ -31,8 +29,9 @@ from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Request, said_of
+from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
-from crashfuse.ui.kit.files import offer
+from crashfuse.ui.kit.files import offer_result
 from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.progress import show_end, show_job
 from crashfuse.ui.kit.results import show_table
@@ -88,46 +87,43 @@ def question(criteria: Criteria, matrix: Matrix) -> str:
     return f"{n} · {planned} · confidence {criteria.confidence:g} · change"
 
 
-@dataclass(frozen=True, eq=False)
-class Judgement:
-    """Verdicts, notes on the tests, and how the reader wants to see them."""
-
-    certification: Certification
-    display: Display
-    notes: tuple[Note, ...]
-    key: Hashable  # equal for equal verdicts: the beginning of the key of a cached figure
-
-    def show_sentences(self, place: Place) -> None:
-        """Show what is said in a place, a line each."""
-        st.markdown("\n".join(f"- {plain(sentence)}" for sentence in sentences(self.certification, place)))
-
-    def show_figure(self, name: str, alt: str, file: str) -> None:
-        """Show a figure of the verdicts."""
-        draw = partial(self.certification.draw, name, display=self.display)
-        show_cached_figure(draw, alt, name, self.key, self.display, name=file)
+def _show_sentences(told: Sequence[str]) -> None:
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in told))
 
 
-def show_record(judgement: Judgement) -> None:
+def _key(certification: Certification) -> Hashable:
+    """Equal for equal verdicts."""
+    since, config = certification.since, certification.config
+    asked = said_of(certification.campaign), certification.criteria, certification.matrix, config
+    return *asked, None if since is None else since.earlier.digest
+
+
+def _show_figure(view: View, certification: Certification, name: str, alt: str, file: str) -> None:
+    draw = partial(certification_result(certification).figures[name].draw, view.display)
+    show_cached_figure(draw, alt, name, _key(certification), view.display, name=file)
+
+
+def show_record(view: View, certification: Certification) -> None:
     """Show how often verdicts, also earlier ones, were wrong."""
-    certification = judgement.certification
+    result = certification_result(certification)
     st.caption("Verdicts on each test from the others, and without its speed group, against what was measured.")
-    judgement.show_sentences("record")
+    _show_sentences(result.sentences["record"])
     if certification.record.trials:
         with st.expander("Verdicts on left-out tests, by criterion", icon=":material/table:"):
-            show_table(SHOWN["record"](certification, judgement.display), "counts")
+            show_table(result.tables["record"], "counts")
         name, alt, meaning = _RECORD[choose("Figure", list(_RECORD), key="record")]
         st.caption(meaning)
         is_long = name == "record" and len(certification.criteria.items) >= _MANY
         with st.container(height=_MANY_PX if is_long else "content", border=False):
-            judgement.show_figure(name, alt, "track_record" if name == "record" else name)
+            _show_figure(view, certification, name, alt, "track_record" if name == "record" else name)
     with st.expander("Earlier verdicts", icon=":material/history:", expanded=certification.since is not None):
         _choose_earlier(certification)
         if certification.since is None:
             st.caption("Tests run since are held against earlier verdicts.")
             return
-        judgement.show_sentences("since")
+        _show_sentences(result.sentences["since"])
         if certification.since.trials:
-            show_table(SHOWN["since"](certification, judgement.display), "earlier verdicts")
+            show_table(result.tables["since"], "earlier verdicts")
 
 
 def beside_earlier(verdicts: Certification, key: Hashable) -> Certification:
@@ -187,26 +183,11 @@ def _described(earlier: Earlier) -> str:
     )
 
 
-def show_domain(judgement: Judgement) -> None:
+def show_domain(view: View, certification: Certification) -> None:
     """Show where predictions are checked, with the conditions of the matrix in it."""
     alt = "Speed against mass: the checked region, CAE runs, tests, planned tests"
-    judgement.show_figure("domain", alt, "validated_domain")
-    st.caption("  \n".join(plain(sentence) for sentence in sentences(judgement.certification, "domain")))
-
-
-def offer_files(judgement: Judgement) -> None:
-    """Offer them; criteria and matrix ask for the same again."""
-    certification = judgement.certification
-    files = {
-        "report.html": lambda: certification_report(certification, judgement.display, judgement.notes),
-        "certification.csv": lambda: csv_as_given(certification.table),
-        "track_record.csv": lambda: certification.track_record,
-        "credibility.csv": lambda: certification.credibility,
-        "criteria.toml": lambda: criteria_text(certification.criteria),
-        "matrix.csv": lambda: csv_as_given(matrix_table(certification.matrix)),
-        "certification.json": lambda: certification_json(certification),
-    }
-    offer(certification.campaign.name, files)
+    _show_figure(view, certification, "domain", alt, "validated_domain")
+    st.caption("  \n".join(map(plain, certification_result(certification).sentences["domain"])))
 
 
 _CELL, _CRITERION = "cell", "criterion of the cell"  # session keys
@@ -223,44 +204,37 @@ _MEANINGS = {
 }
 
 
-def show_answer(judgement: Judgement) -> None:
+def show_answer(view: View, certification: Certification) -> None:
     """Show the answer, why, what speaks against it, and what would change it."""
-    certification = judgement.certification
-    _show_headline(certification)
-    subjects = list(exceptions(certification).items())
+    result = certification_result(certification)
+    headline, *others = result.answer
+    st.subheader(headline, anchor=False)
+    for sentence in dict.fromkeys((*others, *result.sentences["costs"], *result.sentences["verdicts"])):
+        st.caption(plain(sentence))
     with st.container(key="caveats"):
-        for subject, (first, *others) in [own for own in subjects if own[0] in DECISIVE]:
-            more = f" :gray[and {len(others)} more below]" if others else ""
-            st.markdown(f":small[:material/warning: **{plain(subject)}:** {plain(first)}{more}]")
+        for subject, sentence in result.against.items():
+            st.markdown(f":small[:material/warning: **{plain(subject)}:** {plain(sentence)}]")
     left, right = st.columns([3, 2], gap="medium")
     with left:
         way = choose("Shown as", _WAYS, key="answered")
-        (_show_planned if way == _WAYS[0] else _show_matrix)(judgement)
+        (_show_planned if way == _WAYS[0] else _show_matrix)(view, certification)
     with right:
-        _show_reason(certification, judgement.display)
+        _show_reason(certification, view.display)
     _show_variants(certification)
-    n = sum(len(told) for _, told in subjects)
-    with st.expander(f"All {n} caveats, and the answer in sentences", icon=":material/list:"):
-        for subject, told in subjects:
-            st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in told))
-        st.markdown("**The answer in sentences**")
-        judgement.show_sentences("summary")
+    caveats = exceptions(certification)
+    with st.expander(f"All {sum(map(len, caveats.values()))} caveats", icon=":material/list:"):
+        for subject, told in caveats.items():
+            st.markdown(f"**{plain(subject)}**")
+            _show_sentences(told)
 
 
-def _show_headline(certification: Certification) -> None:
-    (headline,) = sentences(certification, "answer")
-    st.subheader(headline, anchor=False)
-    for sentence in sentences(certification, "headline"):
-        st.caption(plain(sentence))
-
-
-def _show_planned(judgement: Judgement) -> None:
-    rows, chosen = planned(judgement.certification), str(st.session_state[_CELL] or "").partition(" | ")[0]
+def _show_planned(view: View, certification: Certification) -> None:
+    rows, chosen = planned(certification), str(st.session_state[_CELL] or "").partition(" | ")[0]
     with st.container(height=_MANY_PX if len(rows) > _FEW else "content", border=False, gap=None, key="planned_tests"):
         for number, row in enumerate(rows[:_MOST]):
-            label = f"**{row.word}** *{plain(row.id)}* {plain(judgement.display.speed(row.condition.speed_mps))} · "
+            label = f"**{row.word}** *{plain(row.id)}* {plain(view.display.speed(row.condition.speed_mps))} · "
             st.button(
-                label + plain(judgement.display.words(row.why)), key=f"planned {row.word} {number}", width="stretch",
+                label + plain(view.display.words(row.why)), key=f"planned {row.word} {number}", width="stretch",
                 type="primary" if row.id == chosen else "secondary", on_click=_choose, args=(row.id,),
             )  # fmt: skip
     if len(rows) > _MOST:
@@ -273,12 +247,12 @@ def _choose(cell: str) -> None:
     st.session_state[_CELL] = cell
 
 
-def _show_matrix(judgement: Judgement) -> None:
-    n = len(judgement.certification.matrix.ids)
+def _show_matrix(view: View, certification: Certification) -> None:
+    n = len(certification.matrix.ids)
     with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
-        draw = partial(judgement.certification.draw, display=judgement.display)
+        draw = partial(certification_result(certification).figures["verdicts"].draw, view.display)
         alt = "Verdicts by planned test and criterion"
-        show_clickable(draw, alt, _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts")
+        show_clickable(draw, alt, _choose, "verdict matrix", _key(certification), view.display, name="verdicts")
     told = "Probability that a test there meets the criterion. Click a cell for its reason."
     st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict.")
 
@@ -356,12 +330,19 @@ def _show_variants(certification: Certification) -> None:
         show_table(Table.of("what if", table))
 
 
-def show_files(judgement: Judgement) -> None:
-    """Offer them; what the page shows *without* a test is in them, as other limits and confidences always are."""
-    certification, asked = judgement.certification, st.session_state["what_if"]
-    variants, matrix = _variants(certification), certification.matrix
+def show_files(view: View, certification: Certification) -> None:
+    """Offer them, with criteria and matrix, which ask for the same again.
+
+    What the page shows *without* a test is in them, as other limits and confidences always are.
+    """
+    variants, matrix, asked = _variants(certification), certification.matrix, st.session_state["what_if"]
     without = [name for name in variants if name in asked and name.startswith(_WITHOUT)]
     known = {name: other for name in without if (other := judge(*variants[name], matrix).result) is not None}
     others = (Variant.of(name, certification, other) for name, other in known.items())
     with_all = replace(certification, variants=(*certification.variants, *others))
-    offer_files(replace(judgement, certification=with_all))
+    result = certification_result(with_all, notes_of(view))
+    asks: dict[str, Callable[[], str | bytes]] = {
+        "criteria.toml": lambda: criteria_text(certification.criteria),
+        "matrix.csv": lambda: csv_as_given(matrix_table(matrix)),
+    }
+    offer_result(replace(result, files={**result.files, **asks}), view.display, certification.campaign.name)

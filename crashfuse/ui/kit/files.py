@@ -131,10 +131,13 @@ def offer(of: str, files: Mapping[str, Callable[[], pd.DataFrame | bytes | str]]
                 _offer(f"{name.removesuffix('.html')}.pptx", partial(_slides, make), f"{of} {form}")
 
 
-def offer_result(result: Result, display: Display, of: str = "") -> None:
+def offer_result(result: Result, display: Display, of: str = "", form: str = "", *, with_report: bool = True) -> None:
     """Offer the files of a result, its report and its slides, named by what they are ``of``."""
-    files: dict[str, Callable[[], Any]] = {**result.files, REPORT: lambda: report(result, display)}
-    offer(of or f"{result.campaign.name} {result.kind}", files)
+    files: dict[str, Callable[[], Any]] = dict(result.files)
+    if with_report:
+        files[REPORT] = lambda: report(result, display)
+    campaign = "" if result.campaign is None else result.campaign.name
+    offer(of or f"{campaign} {result.kind}", files, form)
 
 
 def _offer(name: str, content: Callable[[], bytes], of: str) -> None:

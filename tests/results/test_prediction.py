@@ -13,13 +13,13 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.results.display import Display
-from crashfuse.results.predicted import cautions, predictions_table, side_by_side
+from crashfuse.results.prediction import cautions, predictions_table, side_by_side, told_apart
 from crashfuse.results.result_tables import pulses_table
 from crashfuse.signals.metrics import Metric
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
 from crashfuse.study.prediction import PredictedPulse, predict
-from crashfuse.units import KPH, LB, MPH, G
+from crashfuse.units import KPH, KPH_KG, LB, MPH, G
 
 AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="FWD")
 
@@ -66,7 +66,7 @@ def test_it_shows_itself(predicted: PredictedPulse) -> None:
     """In a line, as a table, as the pages' figure in the unit asked for."""
     assert repr(predicted).startswith("<PredictedPulse, displacement_domain, at 30.0 mph")
     (table,) = pd.read_html(io.StringIO(predicted._repr_html_()))
-    assert table["Metric"].tolist()[0] == "Peak deceleration (g)"
+    assert table["Pulse metric"].tolist()[0] == "Peak deceleration (g)"
     assert "m/s²" in predicted.plot(unit="m/s²").layout.yaxis.title.text
 
 
@@ -171,3 +171,11 @@ def test_a_file_holds_every_approach_at_every_condition(campaign: Campaign) -> N
     assert (set(first["drive"]), set(second["drive"])) == ({dict(conditions[0].factors).get("drive", "")}, {"FWD"})
     assert (first["difference"].dropna() == 0).all()
     pd.testing.assert_series_equal(second["difference"], second["value"] - first["value"], check_names=False)
+
+
+def test_conditions_are_told_apart_in_few_words_in_any_unit() -> None:
+    slow, fast = (Condition.of(speed_mph=speed, front_weight_lb=2100, rear_weight_lb=1550) for speed in (30, 35))
+    heavy = Condition.of(speed_mph=35, front_weight_lb=2200, rear_weight_lb=1550, drive="AWD")
+    assert told_apart([slow, fast]) == ["30.0 mph", "35.0 mph"]
+    assert told_apart([fast, heavy]) == ["35.0 mph, 2100 + 1550 lb", "35.0 mph, 2200 + 1550 lb, AWD"]
+    assert [name.in_units(KPH_KG) for name in told_apart([slow, fast])] == ["48.3 km/h", "56.3 km/h"]

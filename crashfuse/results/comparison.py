@@ -1,6 +1,7 @@
-"""Tables on past results: the list of them, and two studies beside each other."""
+"""Past results: the list of them, and two studies beside each other as a result."""
 
 import json
+import platform
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from itertools import permutations
@@ -9,11 +10,13 @@ from pathlib import Path
 from crashfuse.approaches.registry import APPROACHES, LABELS, label_of
 from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.files.csv_text import read_csv_table
+from crashfuse.files.csv_text import csv_bytes, read_csv_table
+from crashfuse.results.plots.ratings import rating_differences
+from crashfuse.results.result import Figure, Result
 from crashfuse.results.table import Column, Table
-from crashfuse.study.comparison import StudyComparison
-from crashfuse.study.history import PastResult, Ratings, parsed
+from crashfuse.study.history import PastResult, Ratings, StudyComparison, parsed
 from crashfuse.units import Sentence, counted, joined
+from crashfuse.version import __version__
 
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
 _IN_TWO_WAYS = {
@@ -33,6 +36,47 @@ def described(result: PastResult | Earlier) -> Sentence:
     row = _row(result)
     named = (row[name] for name in ("Date (UTC)", "What", "Settings", "Campaign", "Note"))
     return joined([text for text in named if text], " · ")
+
+
+def comparison_result(compared: StudyComparison, window_ms: float | None = None) -> Result:
+    """Which of two studies rates higher, in which tests, by how much; a part for each way of leaving out."""
+    first, second = compared.first, compared.second
+    window = compared.longest_ms if window_ms is None else compared.window(window_ms)
+    ways = tuple(_way_result(compared, window, way) for way in compared.ways)
+    names = dict.fromkeys([first.campaign, second.campaign])
+    return Result(
+        kind="comparison",
+        title=f"{' and '.join(names)}: two studies compared",
+        answer=ways[0].answer,
+        cautions=compared.cautions,
+        shown=("means",),
+        sentences={"basis": (f"Ratings by {first.basis}.",)},
+        tables={"means": ways[0].tables["means"], "studies": studies_table(first, second)},
+        parts={"ways": ways},
+        values={
+            "origin": {
+                "Command": f"crashfuse compare {first.id} {second.id} --report FILE",
+                "Campaign fingerprints (SHA-256)": " ".join(dict.fromkeys([first.fingerprint, second.fingerprint])),
+                "Approaches": ", ".join(label_of(name) for name in compared.ratings["approach"].unique()),
+                "crashfuse": __version__,
+                "Python, platform": f"{platform.python_version()}, {platform.platform()}",
+            }
+        },
+        files={"comparison.csv": lambda: csv_bytes(compared.ratings)},
+    )
+
+
+def _way_result(compared: StudyComparison, window: float, way: str) -> Result:
+    means = f"{left_out_in_words(way)}: mean rating over 0–{window:g} ms"
+    figure = Figure("Each test", lambda _: rating_differences(compared, window, way), is_answer=True)
+    return Result(
+        kind="comparison",
+        title=means,
+        answer=compared.sentences(window, way),
+        shown=("means",),
+        tables={"means": comparison_means(compared, window, way)},
+        figures={"differences": figure},
+    )
 
 
 def left_out_in_words(way: str) -> str:

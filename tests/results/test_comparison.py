@@ -6,13 +6,18 @@ from html import unescape
 import numpy as np
 import pytest
 
-from crashfuse.results.display import Display
-from crashfuse.results.past_results import comparison_means, described, left_out_in_words, studies_table
+from crashfuse.results.comparison import (
+    comparison_means,
+    comparison_result,
+    described,
+    left_out_in_words,
+    studies_table,
+)
 from crashfuse.results.plots.ratings import rating_differences
-from crashfuse.results.study_report import comparison_report
-from crashfuse.study.comparison import StudyComparison
+from crashfuse.results.render.html import report
 from crashfuse.study.config import StudyConfig
-from tests.study.test_comparison import FIRST, study
+from crashfuse.study.history import StudyComparison
+from tests.study.test_history import FIRST, study
 
 SECOND = {"T1": 0.85, "T2": 0.66, "T3": 0.91}
 BOTH = {"config": StudyConfig(leave_out="both"), "speed_groups": {"T1": {"fused": {40.0: 0.4, 60.0: 0.3}}}}
@@ -37,17 +42,17 @@ def test_the_figure_shows_every_difference_and_the_mean_with_two_standard_errors
 
 
 def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyComparison) -> None:
-    report = comparison_report(compared, Display(window_ms=40.0))
-    words = unescape(re.sub(r"<script>.*?</script>|<style>.*?</style>", "", report, flags=re.DOTALL))
+    text = report(comparison_result(compared, 40.0))
+    words = unescape(re.sub(r"<script>.*?</script>|<style>.*?</style>", "", text, flags=re.DOTALL))
     for sentence in (*compared.sentences(40.0, "test"), *compared.cautions):
         assert sentence in words
     assert "Each test left out alone: mean rating over 0–40 ms" in words
     assert "Each test left out with all at its speed" in words
     assert "fast, seed 7" in words
     assert f"crashfuse compare {compared.first.id} {compared.second.id} --report FILE" in words
-    assert len(report.contents.figures) == 2
+    assert len(text.contents.figures) == 2
     assert not re.findall(r"(?:src|href)=[\"']?http", words)
-    assert comparison_report(compared, Display(window_ms=40.0)) == report
+    assert report(comparison_result(compared, 40.0)) == text
 
 
 def test_studies_stand_beside_each_other(compared: StudyComparison) -> None:

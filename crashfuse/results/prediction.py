@@ -1,0 +1,214 @@
+"""A prediction as a result, by itself and beside others."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from functools import partial
+from itertools import chain
+from typing import Unpack
+
+import pandas as pd
+
+from crashfuse.approaches.neighbours import nearest_sentences
+from crashfuse.approaches.registry import LABELS, by_preference
+from crashfuse.certification.matrix import Matrix
+from crashfuse.condition import Condition
+from crashfuse.errors import one_of, require_a, several
+from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results import figures
+from crashfuse.results.campaign import campaign_result
+from crashfuse.results.certification_tables import condition_columns, csv_as_given, factors_of
+from crashfuse.results.display import Display, DisplayOptions
+from crashfuse.results.drawing import Drawing
+from crashfuse.results.export.outgoing_pulses import PulseExport
+from crashfuse.results.fit_explanations import bias_result, estimates_result
+from crashfuse.results.provenance import fit_record, prediction_command, provenance, recommendation_record
+from crashfuse.results.render.html import ReportForm
+from crashfuse.results.render.text import json_bytes, parquet_bytes
+from crashfuse.results.result import Figure, Result
+from crashfuse.results.result_tables import metrics_shown
+from crashfuse.results.table import Table
+from crashfuse.study.facts import condition_facts, distinct
+from crashfuse.study.prediction import PredictedPulse, by_one
+from crashfuse.units import Sentence, joined, speed
+
+_ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
+_WITH_WHOLE_PULSES = ("motion", "acceleration")
+
+
+def prediction_result(
+    prediction: PredictedPulse,
+    others: Sequence[PredictedPulse] = (),
+    form: ReportForm = "whole",
+    export: PulseExport = PulseExport(),
+) -> Result:
+    """A prediction, its report in one of two forms; ``others`` stand beside it, ``export`` are pulses for programs."""
+    require_a(PredictedPulse, prediction, "crashfuse.predict(campaign, condition)")
+    is_whole = one_of("form of a report", form, {"whole": True, "short": False})
+    campaign, condition, estimates = prediction.campaign, prediction.condition, prediction.estimates
+    here = [fact.sentence for fact in condition_facts(campaign, condition)]
+    answer, together = tuple(dict.fromkeys([*prediction.recommendation.sentences, *here])), (prediction, *others)
+    more = {"displacement": Figure("Over displacement", _drawn(prediction, "displacement"))}
+    pulses, near = export.files(campaign, estimates), tuple(nearest_sentences(campaign, condition))
+    return Result(
+        kind="prediction",
+        template="prediction" if is_whole else "short_prediction",
+        title=Sentence("prediction at {}", condition),
+        campaign=campaign,
+        config=prediction.config,
+        command=lambda units: "; ".join(
+            prediction_command(own.campaign, own.condition, own.config, units) for own in together
+        ),
+        answer=answer,
+        shown=("metrics",),
+        sentences={"nearest": near, "remarks": (*near, *prediction.notes)},
+        tables={"metrics": metrics_shown([(LABELS[own.approach], own.metrics) for own in estimates], campaign)[0]},
+        figures={"motion": Figure("Pulse over time", _drawn(prediction), is_answer=True)} | (more if is_whole else {}),
+        parts={"beside": (_beside_others(together),) if others else ()}
+        | {"about": (estimates_result(campaign, estimates, known=answer),)}
+        | ({"data": (campaign_result(campaign),), "bias": (bias_result(campaign),)} if is_whole else {}),
+        values={"condition": condition},
+        files={
+            "pulses.csv": lambda: csv_bytes(prediction.pulses),
+            "pulses.parquet": lambda: parquet_bytes(prediction.pulses),
+            "metrics.csv": lambda: csv_bytes(prediction.metrics),
+            **({"side_by_side.csv": lambda: csv_as_given(predictions_table(together))} if others else {}),
+            **{f"{name}/": partial(pulses.get, name) for name in pulses},
+            "prediction.json": lambda: json_bytes(prediction_record(prediction)),
+        },
+    )
+
+
+def _drawn(prediction: PredictedPulse, figure: str = "motion") -> Callable[[Display], Drawing]:
+    return lambda display: prediction.draw(figure, display=display)
+
+
+def _beside_others(predictions: Sequence[PredictedPulse]) -> Result:
+    """The first by its best approach beside the others by the same, in the colours of the page."""
+    approach = predictions[0].recommendation.approach
+    first, *others = by_one(approach, predictions)
+    groups = [others[start : start + _ABREAST] for start in range(0, len(others), _ABREAST)]
+    return Result(
+        kind="prediction",
+        title=f"Beside other predictions: {LABELS[approach]}",
+        campaign=first.campaign,
+        sentences={"cautions": tuple(cautions([first, *others]))},
+        tables={str(number): side_by_side([first, *group]) for number, group in enumerate(groups)},
+        figures={"motion": Figure("Pulse over time", lambda display: first.draw(also=others, display=display))},
+    )
+
+
+def prediction_record(prediction: PredictedPulse) -> dict[str, object]:
+    """``prediction.json``."""
+    campaign, condition, recommended = prediction.campaign, prediction.condition, prediction.recommendation
+    advice = recommendation_record(recommended)
+    expected = advice.pop("expected_rating")
+    here = distinct([*condition_facts(campaign, condition), *recommended.facts])
+    return {
+        **provenance(campaign, (), prediction.config),
+        "condition": {k: v for k, v in asdict(condition).items() if k != "units"},
+        "extrapolation": list(campaign.cae.extrapolation(condition)),
+        "facts_here": [fact.record for fact in here],
+        "nearest": list(nearest_sentences(campaign, condition)),
+        "recommendation": advice,
+        "expected_rating": expected,
+        "fits": [fit_record(estimate) for estimate in prediction.estimates],
+    }
+
+
+def prediction_figure(
+    prediction: PredictedPulse,
+    figure: str,
+    approaches: Sequence[str] | None,
+    also: Sequence[figures.Further],
+    band: str | None,
+    representative: bool,
+    **display: Unpack[DisplayOptions],
+) -> Drawing:
+    """A figure of a prediction, see :meth:`PredictedPulse.plot`."""
+    shown = Display.of(prediction.campaign.units, **display)
+    estimates = figures.chosen({each.approach: each for each in prediction.estimates}, approaches, band)
+    others = [_beside(other, prediction) for other in several(also)]
+    further = {**figures.other_fold(estimates, band), **figures.beside(prediction.campaign, others, shown)}
+    lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
+    if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
+        further = {**lead.representative, **further}
+    return figures.Curves(None, estimates | further, band).draw(figure, shown)
+
+
+def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:
+    """What stands in a figure of a prediction; another one at the same condition is named by its settings."""
+    if not isinstance(other, PredictedPulse) or other.condition != shown.condition:
+        return other
+    is_other = figures.otherwise(other.config, shown.config)
+    return figures.EarlierPrediction(other.preferred, other.config, shown.config) if is_other else other
+
+
+def side_by_side(predictions: Sequence[PredictedPulse], base: int = 0) -> Table:
+    """Main metrics by one approach, for readers: first the ``base``, then each other with its differences from it."""
+    metrics = [[replace(metric, folds={}) for metric in own.preferred.metrics] for own in predictions]
+    shown = list(zip(column_names(predictions), metrics, strict=True))
+    shown.insert(0, shown.pop(base))
+    table, _ = metrics_shown(shown, predictions[0].campaign)
+    label, first, *others = table.columns
+    minus = [
+        replace(
+            own,
+            title=Sentence("{} − {}", own.title, first.title),
+            kind="difference",
+            source=own.title,
+            further=(first.title,),
+        )
+        for own in others
+    ]
+    return replace(table, columns=(label, first, *chain.from_iterable(zip(others, minus, strict=True))))
+
+
+def column_names(predictions: Sequence[PredictedPulse]) -> list[Sentence]:
+    """Names of predictions beside each other: conditions, and settings if these are not the first's."""
+    names = told_apart([prediction.condition for prediction in predictions])
+    settings = [figures.otherwise(prediction.config, predictions[0].config) for prediction in predictions]
+    return [joined([*filter(None, pair)], ", ") for pair in zip(names, settings, strict=True)]
+
+
+def told_apart(conditions: Sequence[Condition]) -> list[Sentence]:
+    """Conditions in as few words as tell them apart: their speeds, and what not all of them share."""
+    besides = [{(name, str(value)): value for name, value in one.besides_speed.items()} for one in conditions]
+    shared = besides[0].keys() & set.intersection(*map(set, besides))
+    return [
+        joined([speed(condition.speed_mps), *(value for key, value in own.items() if key not in shared)], ", ")
+        for condition, own in zip(conditions, besides, strict=True)
+    ]
+
+
+def cautions(predictions: Sequence[PredictedPulse]) -> list[Sentence]:
+    """At which conditions after the first a prediction is an extrapolation."""
+    first, *others = predictions
+    return [
+        Sentence("{}: {}", name, note)
+        for name, prediction in zip(column_names(predictions)[1:], others, strict=True)
+        for note in prediction.campaign.cae.extrapolation(prediction.condition)
+        if prediction.condition != first.condition
+    ]
+
+
+def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
+    """One row per prediction, approach and metric, with its difference from the first; for files."""
+    first = {(own.approach, m.name): m.value for own in predictions[0].estimates for m in own.metrics}
+    conditions = tuple(prediction.condition for prediction in predictions)
+    ids = tuple(str(number) for number, _ in enumerate(conditions, start=1))
+    factors = factors_of(Matrix(ids, conditions))
+    return pd.DataFrame(
+        {
+            **condition_columns(number, condition, factors, conditions[0]),
+            "preset": prediction.config.preset,
+            "seed": prediction.config.seed,
+            "approach": estimate.approach,
+            "metric": m.name,
+            **{name: getattr(m, name) for name in ("value", "lower", "upper", "unit")},
+            "difference": None if m.value is None or base is None else m.value - base,
+        }
+        for number, condition, prediction in zip(ids, conditions, predictions, strict=True)
+        for estimate in prediction.estimates
+        for m in estimate.metrics
+        for base in [first.get((estimate.approach, m.name))]
+    )

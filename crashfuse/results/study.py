@@ -1,0 +1,282 @@
+"""A study as a result: how well each approach predicted every test that was left out, in short or in whole."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import pandas as pd
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.crash_test import SPEED_STEP_MPS
+from crashfuse.errors import UsageError, require_a
+from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results.campaign import campaign_result
+from crashfuse.results.display import DEFAULT, Display
+from crashfuse.results.drawing import Drawing
+from crashfuse.results.fit_explanations import (
+    bias_result,
+    coverage_table,
+    estimates_result,
+    events_window_ms,
+)
+from crashfuse.results.provenance import fit_record, provenance, recommendation_record, study_command
+from crashfuse.results.rating_tables import (
+    TABLE_3,
+    TABLE_5,
+    TTZV_COLUMN,
+    further_table,
+    mean_values,
+    rating_table,
+    ratings_shown,
+)
+from crashfuse.results.render.figure_files import Report
+from crashfuse.results.render.html import ReportOptions, report
+from crashfuse.results.render.text import json_bytes
+from crashfuse.results.result import Content, Deferred, Figure, Result
+from crashfuse.results.result_tables import repeats_table
+from crashfuse.results.table import Table
+from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
+from crashfuse.study.facts import window_facts
+from crashfuse.study.recommendation import recommend, recommend_without, study_facts, worst_test
+from crashfuse.study.study import Fold, Study
+from crashfuse.units import Sentence, joined, speed
+
+_PAPER_TABLES: Mapping[str, tuple[str, Mapping[str, str]]] = {
+    "table_3": ("Table 3: the network before (LF) and after (MF) learning from the other tests", TABLE_3),
+    "table_5": ("Table 5: the approaches against the raw CAE model", TABLE_5),
+}
+_WAYS = {"test": "left out alone", "speed group": "left out with all tests at about its speed"}
+
+
+def study_report(study: Study, display: Display = DEFAULT, options: ReportOptions = ReportOptions()) -> Report:
+    """HTML report of a study, means over all its tests; a UsageError if one to be shown was not left out."""
+    return report(study_result(study, options, display.window_ms), display)
+
+
+def study_result(study: Study, options: ReportOptions = ReportOptions(), window_ms: float | None = None) -> Result:
+    """A study, rated over a window (by default the longest), with the tests that its report is to show as parts."""
+    require_a(Study, study, "crashfuse.run_study(campaign)")
+    require_a(ReportOptions, options, "crashfuse.ReportOptions('short')")
+    campaign, config, held_out = study.campaign, study.config, tuple(fold.held_out for fold in study.folds)
+    if unknown := set(options.tests).difference(held_out):
+        raise UsageError(f"The report cannot show {', '.join(sorted(unknown))}: the study did not leave it out.")
+    window = window_ms if window_ms in config.windows_ms else max(config.windows_ms)
+    alone, whole, way = len(held_out) == 1, options.form == "whole", _WAYS[_way(study)]
+    worst, verdict = worst_test(study, window), recommend(study).facts
+    heading, about = "The worst test", worst.sentences
+    if alone:  # the verdict is the recommendation for this test, with how it came out
+        advice = recommend_without(study, study.folds[0], window)
+        verdict = advice.after(study.folds[0].ratings[advice.approach][window].overall)
+        heading, about = "The test itself", tuple(fact.sentence for fact in worst.about_test)
+    left_out = f"{'The' if alone else 'Each'} test was {way} and predicted from the others"
+    tests = options.tests or (held_out if whole else (worst.test.id,))
+    of_campaign: dict[str, Callable[[], tuple[Result, ...]]] = {
+        "data": lambda: (campaign_result(campaign),),
+        "bias": lambda: (bias_result(campaign, events_window_ms(study)),),
+    }
+    return Result(
+        kind="study",
+        template="study" if whole else "short",
+        title=f"test {held_out[0]} left out" if alone else f"study with each {_way(study)} left out",
+        campaign=campaign,
+        config=config,
+        command=partial(study_command, campaign, held_out, config),
+        held_out=held_out,
+        answer=(*(fact.sentence for fact in verdict), f"{left_out}, rated by {campaign.rating_basis}."),
+        shown=("means",) if study.speed_groups is None else ("means", "speed_groups"),
+        sentences={"worst": about, "weak_spots": tuple(_weak_spots(study, recommend(study).approach))},
+        tables=_tables(study),
+        figures=_figures(study, window, whole=whole),
+        parts=Deferred(
+            **(of_campaign if whole else {}),
+            folds=lambda: tuple(_fold(study, study.fold(test), window, options) for test in tests),
+        ),
+        values={
+            "worst": heading,
+            "window": f"0–{window:g} ms",
+            "notes": [(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
+            "speed_step": speed(SPEED_STEP_MPS, form=".2g"),
+        },
+        files=study_files(study),
+    )
+
+
+def _way(study: Study) -> str:
+    return study.config.split_configs[0].leave_out
+
+
+def means_table(study: Study) -> Table:
+    """Mean rating of each approach over each window with its grade, and what repeats of the tests would rate."""
+    of = "Rating of the held-out test," if len(study.folds) == 1 else "Mean rating over the held-out tests, each"
+    return replace(ratings_shown(mean_values(study)), name=f"{of} {_WAYS[_way(study)]}")
+
+
+def _tables(study: Study) -> dict[str, Table]:
+    tables, groups = {"means": means_table(study)}, study.speed_groups
+    if groups is not None:
+        tables["speed_groups"] = means_table(groups)
+    for name, (caption, rows) in _PAPER_TABLES.items():
+        if len(ratings := rating_table(study, rows)):
+            tables[name] = replace(ratings_shown(ratings, "number"), name=caption)
+    held_out = [fold.held_out for fold in study.folds]
+    if (repeats := repeats_table(study.repeatability, held_out, study.config.windows_ms)) is not None:
+        tables["repeats"] = repeats
+    if study.coverage:
+        tables["coverage"] = coverage_table(study.coverage)
+    return tables
+
+
+def _figures(study: Study, window: float, *, whole: bool) -> dict[str, Figure]:
+    figures, groups = {}, study.speed_groups
+    if len(study.folds) > 1:
+        figures["ratings"] = _figure(study, window, f"Every held-out test, 0–{window:g} ms", is_answer=True)
+    if whole and groups is not None and len(groups.folds) > 1:
+        figures["speed_groups"] = _figure(groups, window, "A whole speed group left out", is_answer=True)
+    if whole and study.coverage:
+        spread = f"How sure the ratings are, 0–{window:g} ms"
+        figures["spread"] = _figure(study, window, spread, figure="draws")
+        figures["calibration"] = _figure(study, window, "What the 95 % band is worth", figure="calibration")
+    return figures
+
+
+def _figure(
+    study: Study,
+    window: float,
+    title: str,
+    test: str = "",
+    figure: str = "",
+    *,
+    approaches: Sequence[str] | None = None,
+    notes: Sequence[Note] = (),
+    is_answer: bool = False,
+) -> Figure:
+    def draw(display: Display) -> Drawing:
+        shown = replace(display, window_ms=window)
+        return study.draw(test, figure, approaches=approaches, notes=notes, display=shown)
+
+    return Figure(title, draw, is_answer)
+
+
+def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Result:
+    """A test that was left out: what was recommended without it, how it came out, and why."""
+    test, several = fold.test, len(study.folds) > 1
+    notes = [note for note in options.notes if note.test == test.id]
+    advice, repeat = recommend_without(study, fold, window), study.repeats(window).get(test.id)
+    rating, explanation = fold.ratings[advice.approach][window], fold.explained(advice.approach, window)
+    expected, (_, *parts) = advice.expected, rating_sentences(explanation).values()
+    outcome = [f"It then rated {rating.overall:.3f} ({rating.grade}) over 0–{window:g} ms."] if several else []
+    outcome += [repeat.sentence(rating.overall, LABELS[advice.approach])] if repeat is not None else []
+    came_out = [expected.outcome(rating.overall)] if expected is not None and several else []
+    about = estimates_result(study.campaign, fold.estimates, test, advice.sentences)
+    draw = partial(_figure, study, window, test=test.id)
+    figures = {"motion": draw("Pulses over time", notes=notes)}
+    if options.form == "whole":
+        missed = expected is not None and expected.is_missed_by(rating.overall)
+        if missed or test.id == worst_test(study, window).test.id:
+            figures["rating"] = draw("Why it is rated as it is", figure="rating", approaches=[advice.approach])
+        figures["displacement"] = draw("Over displacement", figure="displacement")
+    return replace(
+        about,
+        kind="fold",
+        title=Sentence("Test {}: {}", test.id, test.condition),
+        sentences={
+            **about.sentences,
+            "advice": advice.sentences if several else (),
+            "outcome": (joined(outcome),) if outcome else (),
+            "beyond": tuple(fact.sentence for fact in window_facts(test, window)),
+            "why": (joined([*came_out, rating_headline(explanation)]),),  # its reason is among the parts
+            "rating_parts": tuple(parts),
+        },
+        tables={
+            **about.tables,
+            "ratings": _ratings_of_test(study, fold),
+            "further": further_table(study, fold, window),
+        },
+        figures=figures,
+        values={"notes": [(note.when, note.text) for note in notes]},
+    )
+
+
+def _ratings_of_test(study: Study, fold: Fold) -> Table:
+    overall = {
+        name: {f"0–{window:g} ms": rated[window].overall for window in study.config.windows_ms}
+        | ({TTZV_COLUMN: fold.overall_to_ttzv(name)} if study.config.to_ttzv else {})
+        for name, rated in fold.ratings.items()
+    }
+    return ratings_shown(pd.DataFrame.from_dict(overall, orient="index"), "number")
+
+
+def _weak_spots(study: Study, approach: str) -> list[str]:
+    window = max(study.config.windows_ms)
+    poor = [fold.held_out for fold in study.folds if fold.ratings[approach][window].grade in ("Fair", "Poor")]
+    outside = [test.id for test in study.campaign.tests if study.campaign.cae.extrapolation(test.condition)]
+    spots = {
+        f"Rated below Good in this study ({LABELS[approach]}, 0–{window:g} ms)": poor,
+        "Outside the range of the CAE runs": outside,
+    }
+    return [f"{what}: {', '.join(tests)}." for what, tests in spots.items() if tests]
+
+
+def study_files(study: Study) -> dict[str, Callable[[], Content]]:
+    """The files of a study by their names, without its report."""
+    groups = study.speed_groups
+    files: dict[str, Callable[[], Content]] = {"scores.csv": lambda: csv_bytes(study.scores)}
+    if groups is not None:
+        files["speed_groups.csv"] = lambda: csv_bytes(groups.scores)
+    files["pulses.csv"] = lambda: csv_bytes(study.pulses)
+    files["metrics.csv"] = lambda: csv_bytes(study.metrics)
+    if (window_ms := events_window_ms(study)) is not None:
+        files["cae_events.csv"] = lambda: csv_bytes(study.campaign.cae_events(window_ms))
+    files["study.json"] = lambda: json_bytes(study_record(study))
+    return files
+
+
+def study_record(study: Study) -> dict[str, object]:
+    """``study.json`` of a finished study."""
+    campaign, config, groups = study.campaign, study.config, study.speed_groups
+    window = max(config.windows_ms)
+    tests = {}
+    for fold in study.folds:
+        advice = recommend_without(study, fold, window)
+        rating = fold.ratings[advice.approach][window].overall
+        tests[fold.held_out] = {
+            **recommendation_record(advice),
+            "rating": rating,
+            "outcome": advice.expected and advice.expected.outcome(rating),
+            "why": rating_sentences(fold.explained(advice.approach, window))["overall"],
+        }
+    verdict = recommend(study)
+    return {
+        **provenance(campaign, [fold.held_out for fold in study.folds], config),
+        "facts": [fact.record for fact in study_facts(study)],
+        "finished": True,
+        "seconds": {key: round(value, 3) for key, value in study.seconds.items()},
+        "recommendation": {
+            "campaign": {"approach": verdict.approach, "sentences": list(verdict.sentences)},
+            "tests": tests,
+        },
+        "coverage": {name: coverage.counts for name, coverage in study.coverage.items()},
+        "speed_groups": groups
+        and {
+            "mean_rating": {name: round(groups.mean_rating(name, window), 4) for name in config.approaches},
+            "coverage": {name: coverage.counts for name, coverage in groups.coverage.items()},
+        },
+        "rating_intervals": {
+            fold.held_out: {
+                name: {f"{w:g}": [round(end, 4) for end in fold.rating_interval(name, w)] for w in config.windows_ms}
+                for name in fold.with_band
+            }
+            for fold in study.folds
+        },
+        "repeatability": {
+            fold.held_out: {
+                f"{w:g}": {end: round(getattr(repeat, end), 4) for end in ("value", "lower", "upper")}
+                for w, repeat in study.repeatability.get(fold.held_out, {}).items()
+            }
+            for fold in study.folds
+        },
+        "fits": [
+            {"held_out": fold.held_out, **fit_record(estimate)} for fold in study.folds for estimate in fold.estimates
+        ],
+    }
