@@ -140,7 +140,7 @@ def _mark_crush(drawing: Drawing, name: str, curve: Curve, colour: str, crush: M
         interval["error_x_array"] = [None if crush.upper is None else crush.upper - end]
         interval["error_x_arrayminus"] = [None if crush.lower is None else end - crush.lower]
         interval["numbers"] = {"x_lower": [crush.lower], "x_upper": [crush.upper]}
-    legend = f"Maximum crush {f'{end:.1f}' if crush is None else crush.text} mm"
+    legend = f"Maximum crush {f'{end:.1f} mm' if crush is None else crush.text_with_unit}"
     drawing.line(
         curve.x[-1:], curve.y[-1:], name=f"{label(name)}: {legend}", legend=legend, legendgroup=name, showlegend=False,
         mode="markers", marker_color=colour, marker_size=8, hovertemplate=" ", **interval,
