@@ -29,6 +29,7 @@ from crashfuse.execution.jobs import Job
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.results.drawing import drawing_of
+from crashfuse.results.study import study_files
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import learning_curve
@@ -263,7 +264,7 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert "Fitted to 300 points of a bias of 7.2 g RMS" in session.words
     assert fit["Known to a factor of"].tolist() == ["1.50"]
     assert session.press("Export").downloads == [
-        *("scores.csv", "pulses.csv", "metrics.csv", "report.html", "report.pptx"),
+        *("scores.csv", "pulses.csv", "metrics.csv", "cae_events.csv", "study.json", "report.html", "report.pptx"),
         "fused-15mph-lsdyna.zip",
     ]
 
@@ -357,7 +358,7 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert session.tables[0]["Maximum crush"][0].endswith(f" of {len(study.folds)}")
     assert "no more can be promised" in session.words
     session.press("Export")
-    assert session.downloads == ["scores.csv", "metrics.csv", "speed_groups.csv", "report.html", "report.pptx"]
+    assert session.downloads == [*study_files(study), "report.html", "report.pptx"]
 
 
 @pytest.mark.slow
@@ -374,7 +375,7 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
     assert "With 3 of 4 tests the displacement domain rates" in session.words
     (steps,) = session.tables
     session.press("Export")
-    assert session.downloads == ["learning_curve.csv", "learning_curve.html", "learning_curve.pptx"]
+    assert session.downloads == ["learning_curve.csv", "learning_curve.json", "report.html", "report.pptx"]
     assert steps["Tests"].tolist() == ["1 → 2", "2 → 3"]
     assert "Cost of 0.01" not in steps
     session.app.number_input(key="cost").set_value(60000.0).run()
