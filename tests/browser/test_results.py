@@ -105,7 +105,7 @@ def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) ->
     user.press("Limits of these tests")
     user.fill("At most, row 2", "25")
     user.wait(lambda: "peak%7E%7E%7E25" in user.browser.current_url.replace("~", "%7E"))
-    user.presses_until(lambda: user.texts(MAIN, "would have been skipped"), "Certify", f"{MAIN} button")
+    user.presses_until(lambda: user.texts(MAIN, "the answer was skip"), "Certify", f"{MAIN} button")
     user.wait(lambda: not user.all('input[aria-label="Confidence"]'), "The criteria never folded away.")
     user.press(" · change", "summary")
     user.fill("Confidence", "0.85")
