@@ -117,7 +117,7 @@ def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) ->
     user.wait(lambda: "my peak" not in unquote_plus(user.browser.current_url))
     user.browser.forward()
     user.wait(lambda: "my peak" in unquote_plus(user.browser.current_url))
-    user.presses_until(lambda: user.texts(MAIN, "would have been skipped"), "Certify", f"{MAIN} button")
+    user.presses_until(lambda: user.texts(MAIN, "the answer was skip"), "Certify", f"{MAIN} button")
     user.wait(lambda: not user.all('input[aria-label="Confidence"]'), "The criteria never folded away.")
     user.press(" · change", "summary")
     user.fill("Confidence", "0.85")
