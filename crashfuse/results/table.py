@@ -19,6 +19,7 @@ from crashfuse.units import LB, MPH, interval_texts, number, probability_text, u
 Kind = Literal[
     "text", "number", "spread", "share", "interval", "range", "estimate", "difference", "grade", "probability"
 ]
+VAGUE = "[–]"  # in place of an interval that says nothing
 PARTS: Mapping[str, tuple[str, ...]] = {"interval": ("", " lower", " upper"), "grade": ("", " grade")}
 """Ends of the headings of a kind's columns where each number has its own."""
 
@@ -98,8 +99,9 @@ class Column:
         if self.kind == "interval":
             is_open = any(end is not None and np.isinf(end) for end in further)
             shown, detail = interval_texts(main, ends[0], ends[1], is_open=is_open)
-            if None not in (value, *ends) and further[1] - further[0] > self.widest * abs(value):
-                detail = "[–]"
+            if value is not None and None not in ends:
+                width = float(np.diff(np.array(further, dtype=float))[0])
+                detail = VAGUE if width > self.widest * abs(value) else detail
             return Cell(shown, detail, tuple(end or "" for end in (main, *ends)))
         if self.kind == "range" and None not in ends:
             return Cell("–".join(map(str, ends)))

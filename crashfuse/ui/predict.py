@@ -103,7 +103,7 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
     show_training(config, fitted.approaches)
     if advice is not None:
         here = [fact.sentence for fact in condition_facts(campaign, condition)]
-        results.show_recommendation([advice.brief], dict.fromkeys([*advice.sentences, *here]))
+        results.show_recommendation([advice.brief], [*dict.fromkeys([*advice.sentences, *here])])
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", ["Pulses", "Over speed", "Next test"], key="predict_tab")
         best = by_preference(fitted.approaches)[0] if advice is None else advice.approach
@@ -257,7 +257,8 @@ def _show_pulses(
         with pulse:
             show()
         with metrics:
-            results.show_metrics(about, *[LABELS[own.approach] for own in estimates[-1:] if own.by_fold])
+            mixed = [LABELS[own.approach] for own in estimates[-1:] if own.by_fold]  # both folds stand beside it
+            results.show_metrics(about, *mixed, beside=True)
     weight = f"{view.display.weight(condition.mass_kg)} in all."
     results.show_details(about, [weight, *nearest_sentences(view.campaign, condition), *about.sentences["whole"]])
 
