@@ -19,13 +19,14 @@ from .errors import UsageError as UsageError
 from .execution.cache import Cache as Cache
 from .execution.progress import Watch as Watch
 from .execution.run import Run as Run
+from .execution.training_progress import watching as watching
 from .importing.campaign_import import import_source as import_source
 from .importing.detection import Choices as Choices
 from .importing.ratings import RatingChoices as RatingChoices
 from .importing.ratings import rate_channels as rate_channels
 from .importing.ratings import rate_files as rate_files
 from .importing.ratings import rate_pairs as rate_pairs
-from .importing.tables import ColumnChoice as ColumnChoice
+from .importing.sources import ColumnChoice as ColumnChoice
 from .readers.record import PartialCondition as PartialCondition
 from .results.display import Display as Display
 from .results.export.outgoing_pulses import PulseExport as PulseExport
@@ -34,7 +35,6 @@ from .results.figures import EarlierPrediction as EarlierPrediction
 from .results.previews import preview_source as preview_source
 from .results.render.html import ReportOptions as ReportOptions
 from .results.study import study_report as study_report
-from .results.training_progress import watching as watching
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.occupant import OccupantModel as OccupantModel
 from .signals.pulse import Pulse as Pulse

@@ -1,7 +1,6 @@
 """The CAE runs of a campaign: their conditions and pulses, what the solver says of them, what lies beyond them."""
 
 import hashlib
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -250,16 +249,13 @@ class QualityVerdict:
         advice = "" if self.left_out else "; leave_out_failing = true in campaign.toml leaves them out"
         return (f"Runs that fail: {', '.join(shown)}{more}. {fate}{advice}.",)
 
-    def _quantity(self, row: dict[str, object]) -> str:
-        name, missing = str(row["quantity"]), int(str(row["not_recorded"]))
-        unrecorded = f"not recorded for {missing:,} of {self.runs:,} runs" if missing else "recorded for every run"
-        start = f"{name[0].upper()}{name[1:]}"
+    def _quantity(self, row: dict[str, Any]) -> str:
+        start, missing = row["quantity"].capitalize(), row["not_recorded"]
         if missing == self.runs:
             return f"{start}: not recorded for any run."
-        limit = row["limit"]
-        limited = isinstance(limit, int | float) and not math.isnan(limit)
-        worst = f"at worst {number(100 * float(str(row['worst'])), '.3g')} % (run {row['worst_run']})"
-        judged = f"{row['passed']:,} pass, {row['failed']:,} fail; " if limited else ""
+        unrecorded = f"not recorded for {missing:,} of {self.runs:,} runs" if missing else "recorded for every run"
+        judged = f"{row['passed']:,} pass, {row['failed']:,} fail; " if (row["limit"] or 0.0) > 0 else ""
+        worst = f"at worst {number(100 * row['worst'], '.3g')} % (run {row['worst_run']})"
         return f"{start}: {judged}{worst}; {unrecorded}."
 
 
@@ -277,8 +273,16 @@ def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityV
     table = pd.DataFrame(rows, columns=["quantity", "limit", "passed", "failed", "not_recorded", "worst", "worst_run"])
     failed_runs = [(run, *(getattr(q, name) for name in QUALITIES), _beyond(q, failed)) for run, q, failed in failing]
     runs = pd.DataFrame(failed_runs, columns=["id", *QUALITIES, "fails"])
-    passed, ids = len(judged) - len(failing) - unknown, tuple(run for run, *_ in failing)
-    return QualityVerdict(limits, len(judged), passed, ids, unknown, bool(library.left_out), table, runs)
+    return QualityVerdict(
+        limits=limits,
+        runs=len(judged),
+        passed=len(judged) - len(failing) - unknown,
+        failing=tuple(run for run, *_ in failing),
+        unknown=unknown,
+        left_out=bool(library.left_out),
+        table=table,
+        failing_runs=runs,
+    )
 
 
 def _row(name: str, judged: list[tuple[str, RunQuality]], limits: QualityLimits) -> tuple[object, ...]:

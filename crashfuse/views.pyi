@@ -31,6 +31,7 @@ from .results.planning import sweep_result as sweep_result
 from .results.planning import sweep_table as sweep_table
 from .results.plots.conditions import next_tests_figure as next_tests_figure
 from .results.plots.conditions import sweep_figure as sweep_figure
+from .results.plots.learning import learning_curves as learning_curves
 from .results.plots.learning import over_number_of_tests as over_number_of_tests
 from .results.prediction import prediction_figure as prediction_figure
 from .results.prediction import prediction_result as prediction_result

@@ -14,10 +14,17 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.vehicle_archive import load_archive
 from tests.archives import NAMES, made_archive, prior
 from tests.conftest import not_none
+
+
+@pytest.fixture(scope="module")
+def errs(campaign: Campaign) -> FloatArray:
+    """What the bias of the small campaign teaches."""
+    return DisplacementDomain().fit(campaign).to_teach()
 
 
 def test_an_archive_is_read_as_it_was_saved(tmp_path: Path, campaign: Campaign) -> None:
@@ -69,9 +76,8 @@ def test_what_is_taught_is_part_of_a_campaigns_fingerprint(campaign: Campaign) -
 
 
 @pytest.mark.usefixtures("quick_networks")
-def test_the_displacement_domain_is_taught_alone(campaign: Campaign, tmp_path: Path) -> None:
+def test_the_displacement_domain_is_taught_alone(campaign: Campaign, errs: FloatArray, tmp_path: Path) -> None:
     """Within the mixture it is not: beside it or alone, the mixture predicts the same; what is restored, too."""
-    errs = DisplacementDomain().fit(campaign, Run(Cache(tmp_path))).to_teach()
     few, condition = campaign.without(["T3", "T4"]), campaign.test("T3").condition
     taught = replace(few, prior=prior("a", "b", "c", bias=errs))
     names = ("displacement_domain", "fused", "displacement_domain")
@@ -85,10 +91,11 @@ def test_the_displacement_domain_is_taught_alone(campaign: Campaign, tmp_path: P
 
 
 @pytest.mark.usefixtures("quick_networks")
-def test_an_archive_counts_where_the_vehicle_is_like_its_own(campaign: Campaign, tmp_path: Path) -> None:
+def test_an_archive_counts_where_the_vehicle_is_like_its_own(
+    campaign: Campaign, errs: FloatArray, tmp_path: Path
+) -> None:
     """Then weights, errors and the network are the archive's; else all is as without one, and a sentence says why."""
     cache = Cache(tmp_path)
-    errs = DisplacementDomain().fit(campaign, Run(cache)).to_teach()
     few = campaign.without(["T3", "T4"])
     condition = campaign.test("T3").condition
     without = Fused().fit(few, Run(cache))
@@ -98,9 +105,7 @@ def test_an_archive_counts_where_the_vehicle_is_like_its_own(campaign: Campaign,
     assert list(taught.usual_errors) == ["peak"]
     assert np.abs(taught.predict(condition).accel_mps2 - without.predict(condition).accel_mps2).max() > 0.1
     assert any("Taught by an archive of 3 past vehicles" in note for note in taught.predict(condition).notes)
-    again = Fused().restore(
-        replace(few, prior=prior("a", "b", "c", bias=errs, shift=0.2)), taught.learned(), Run(cache)
-    )
+    again = Fused().restore(few_taught, taught.learned(), Run(cache))
     np.testing.assert_array_equal(again.predict(condition).accel_mps2, taught.predict(condition).accel_mps2)
     for unlike in (prior("a", "b", bias=-3 * errs, shift=0.2), prior("a", "b", bias=errs, shift=0.2, helps=False)):
         alone = Fused().fit(replace(few, prior=unlike), Run(cache))

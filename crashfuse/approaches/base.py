@@ -309,6 +309,11 @@ class Approach(ABC):
         self._thinning = (f"Of {n} tests {MOST_TESTS} were learned from, evenly over speed.",) * (n > MOST_TESTS)
         return campaign.evenly_over_speed(MOST_TESTS)
 
+    def _require_tests(self, campaign: Campaign) -> None:
+        if not campaign.tests:
+            name = f"{self.in_words[0].upper()}{self.in_words[1:]}"
+            raise UsageError(f"{name} learns from tests; this campaign has none.")
+
     def _require(self, learned: str) -> None:
         if not hasattr(self, learned):
             raise NotFittedError(f"The approach {self.name} has not been fitted; call fit(campaign) first.")

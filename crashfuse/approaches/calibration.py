@@ -6,7 +6,15 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction, holds_whole, whole_interval
+from crashfuse.approaches.base import (
+    MOST_TESTS,
+    Approach,
+    FittedState,
+    Prediction,
+    central_interval,
+    holds_whole,
+    whole_interval,
+)
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
@@ -128,18 +136,9 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
 
 
 def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
-    """Whether values lie inside the central interval of draws, shape (n_draws, ...): by quantiles if need be."""
-    tail = (1 - LEVEL) / 2
-    end = int(tail * (len(draws) - 1))  # draws that lie beyond the interval's end for sure
-    true = np.asarray(true)
-    below, above = np.count_nonzero(draws < true, axis=0), np.count_nonzero(draws > true, axis=0)
-    beyond = np.minimum(below, above)
-    inside = np.asarray(beyond > end + 1)
-    unclear = ~inside & (len(draws) - np.maximum(below, above) > end)
-    if unclear.any():
-        lower, upper = np.quantile(draws[:, unclear], [tail, 1 - tail], axis=0)
-        inside[unclear] = (true[unclear] >= lower) & (true[unclear] <= upper)
-    return inside
+    """Whether values lie inside the central interval of draws, shape (n_draws, ...)."""
+    lower, upper = central_interval(draws, LEVEL)
+    return np.asarray((lower <= true) & (true <= upper))
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,17 +180,6 @@ class Calibration:
         known = shares[~np.isnan(shares)]
         return float(known.mean()) if known.size else float("nan")
 
-    @property
-    def counts(self) -> dict[str, object]:
-        """Shares of time and numbers of tests inside the band, as plain JSON values."""
-        shares = {name: self.share(name) for name in ("accel", "velocity", "rebound")}
-        return {
-            "left_out_tests": len(self.tests),
-            "holds": self.holds,
-            **{f"{name}_inside": None if np.isnan(share) else round(share, 3) for name, share in shares.items()},
-            **{f"{name}_inside": self.count(name) for name in ("crush", "peak", "whole")},
-        }
-
     def learned(self) -> FittedState:
         """The state to store."""
         inside = np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 6)
@@ -210,6 +198,17 @@ class Calibration:
         """The counts and the widening, as plain JSON values."""
         late = {} if self.late_widening is None else {"late_widening": self.late_widening}
         return {"widening": self.widening, **late, "far": round(self.far, 3), **self.counts}
+
+    @property
+    def counts(self) -> dict[str, object]:
+        """Shares of time and numbers of tests inside the band, as plain JSON values."""
+        shares = {name: self.share(name) for name in ("accel", "velocity", "rebound")}
+        return {
+            "left_out_tests": len(self.tests),
+            "holds": self.holds,
+            **{f"{name}_inside": None if np.isnan(share) else round(share, 3) for name, share in shares.items()},
+            **{f"{name}_inside": self.count(name) for name in ("crush", "peak", "whole")},
+        }
 
 
 def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[float] = WIDENINGS) -> Calibration:

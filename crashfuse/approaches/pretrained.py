@@ -27,7 +27,7 @@ from crashfuse.approaches.threads import single_thread
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.errors import CrashfuseError
 from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray, in_full
 from crashfuse.vehicle_archive import Prior
@@ -227,8 +227,7 @@ class Pretrained(BandedApproach):
 
     def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Take up the tests, and check the band on each, predicted from the others."""
-        if not campaign.tests:
-            raise UsageError("The pre-trained network learns from tests; this campaign has none.")
+        self._require_tests(campaign)
         campaign = self._begin(campaign, run)
         self.prior_ = self._choose(campaign.prior)
         self._all_tests = self._read()

@@ -17,9 +17,9 @@ from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
 from crashfuse.cli.output import opened, say, writing
 from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
+from crashfuse.execution.training_progress import watching
 from crashfuse.results.certification import certification_result
 from crashfuse.results.files import replaced, write_files
-from crashfuse.results.training_progress import watching
 
 
 def certify(arguments: argparse.Namespace) -> None:

@@ -13,10 +13,10 @@ from crashfuse.cli import output
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.errors import UsageError
 from crashfuse.execution.run import Run
+from crashfuse.execution.training_progress import watching
 from crashfuse.results.files import replaced, write_files, write_pulses, write_result
 from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.prediction import prediction_result
-from crashfuse.results.training_progress import watching
 from crashfuse.study import archive_learning
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit

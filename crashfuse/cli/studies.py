@@ -20,6 +20,7 @@ from crashfuse.cli import output
 from crashfuse.cli.models import given_settings, settings
 from crashfuse.cli.output import claim, opened, require_output, say_written, writing
 from crashfuse.errors import UsageError
+from crashfuse.execution.training_progress import watching
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes, read_csv_table
 from crashfuse.results.comparison import comparison_result, history_table, read_study
@@ -30,7 +31,6 @@ from crashfuse.results.render.html import ReportOptions, report
 from crashfuse.results.render.text import lines
 from crashfuse.results.result_tables import studies_table
 from crashfuse.results.study import study_result
-from crashfuse.results.training_progress import watching
 from crashfuse.study import learning_curve as curves
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.history import PastResult, StudyComparison, keep, past_results

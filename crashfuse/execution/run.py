@@ -41,24 +41,12 @@ class Workers:
 
 
 class RunOptions(TypedDict, total=False):
-    """How a computation is to run, which changes no number; whatever asks for one takes these keywords.
+    """How a computation is to run, which changes no number: keywords of whatever asks for one."""
 
-    Attributes
-    ----------
-    cache : Cache, optional
-        Keeps what is finished: an interrupted computation continues where it stopped. By default the campaign's.
-    watch : Watch, optional
-        Hears of the progress, and cancels. That of a study is shown what is known each time that more is.
-    workers : int, optional
-        Number of processes; default one per core.
-    scheduler : str, optional
-        Address of a Dask scheduler (``tcp://host:port``), whose workers then compute.
-    """
-
-    cache: Cache | None
-    watch: Watch
-    workers: int | None
-    scheduler: str | None
+    cache: Cache | None  # keeps what is finished: what was stopped goes on there; by default the campaign's
+    watch: Watch  # hears of the progress, and cancels; that of a study is shown what is known, each time that more is
+    workers: int | None  # number of processes; by default one per core
+    scheduler: str | None  # address of a Dask scheduler (tcp://host:port), whose workers then compute
 
 
 @dataclass(frozen=True, slots=True)

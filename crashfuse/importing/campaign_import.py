@@ -19,8 +19,7 @@ from crashfuse.crash_test import TUNED
 from crashfuse.errors import DataError, Problem, UsageError, as_path, one_of, refusal, refuse_all, require_a
 from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
 from crashfuse.importing.pulse_conversion import Lacking, Settled, joint_problems, missing_values, settle
-from crashfuse.importing.sources import Reading, format_of, is_archive, iter_records
-from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
+from crashfuse.importing.sources import ColumnChoice, OneCrashOrSeveral, Reading, format_of, is_archive, iter_records
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import Travel, mentions, plain, speed, words
@@ -91,8 +90,7 @@ def _require_tests(source: str, records: Sequence[Label], usual: Role) -> None:
         return
     others = listed([name for name in parts if name not in runs])
     advice = f"name those that are (--cae {shlex.join(runs)})" if others else "say that they are (--as cae)"
-    if not others or not any(simulated):  # what says of itself that it is simulated is no test
-        advice += ", or give --as tests"
+    advice += ", or give --as tests" * (not others or not any(simulated))  # what is simulated by itself is no test
     found = f"what looks like CAE runs ({listed(runs)}){f' beside {others}' if others else ''}"
     raise refusal(source, "tests", found, advice)
 
@@ -155,7 +153,7 @@ def import_source(
     except OneCrashOrSeveral as error:
         problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
         if role != "cae" and not cae and all(label.is_simulated for label in labels):
-            found, advice = "simulated ones, by their own account", "import them as CAE runs (--as cae)"
+            found, advice = "simulated ones", "import them as CAE runs (--as cae)"
             problems.append(Problem(source.name, "measured accelerations", found, advice))
     except DataError as error:
         problems = [*error.problems, *problems]
@@ -239,12 +237,10 @@ def _of_one_crash(settled: Sequence[Settled], *, given_once: bool) -> tuple[Sett
 
 
 def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
-    changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled]
-    if not changes or max(changes) <= _ONE_SPEED * min(changes):
-        return tuple(settled)
+    changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled] or [0.0]
     template = f"Careful: one speed for all {len(settled)} records, but changes of velocity of {{}}."
-    note = Sentence(template, speed(min(changes), max(changes)))
-    return tuple(replace(one, steps=(*one.steps, note)) for one in settled)
+    notes = [Sentence(template, speed(min(changes), max(changes)))] * (max(changes) > _ONE_SPEED * min(changes))
+    return tuple(replace(one, steps=(*one.steps, *notes)) for one in settled)
 
 
 def add_settled(out: Path, settled: Sequence[Settled], cae_tuned: bool | None = None) -> tuple[Added, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
 from crashfuse.campaign_folder.pulse_files import UNEVEN
-from crashfuse.errors import DataError, Problem, printable, refusal
+from crashfuse.errors import Problem, collecting, printable, refusal, refuse_if
 from crashfuse.importing.detection import Case, Choices, around_peak, delta_v, stated_zero
 from crashfuse.readers.members import ONE_CLOCK
 from crashfuse.readers.record import Channels, Record, RecordedChannel
@@ -38,25 +38,20 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     place = f"{where}, {channel.name}"
     time, values = np.asarray(channel.time_s, dtype=np.float64), np.asarray(channel.values, dtype=np.float64)
     finite = np.flatnonzero(np.isfinite(values))
-    if time.shape != values.shape or finite.size < _FEWEST:
-        raise refusal(place, f"at least {_FEWEST} samples", f"{finite.size}", "export the whole record")
-    inside = slice(finite[0], finite[-1] + 1)
-    time, values = time[inside], values[inside]
-    if not (np.isfinite(values).all() and np.isfinite(time).all()):
-        raise refusal(place, "a number in each sample", "samples without one", "repair the record")
+    n, is_few = finite.size, time.shape != values.shape or finite.size < _FEWEST
+    refuse_if(is_few, place, f"at least {_FEWEST} samples", f"{n}", "export the whole record")
+    time, values = (of[finite[0] : finite[-1] + 1] for of in (time, values))
+    lacks, repair = not np.isfinite([time, values]).all(), "repair the record"
+    refuse_if(lacks, place, "a number in each sample", "samples without one", repair)
     for numbers, most, what in ((time, _LATEST_S, "times in s"), (values, _STRONGEST, "accelerations")):
-        if (largest := float(np.abs(numbers).max())) > most:
-            raise refusal(place, f"{what} of a crash", f"{largest:.3g}", "repair the record")
+        largest = float(np.abs(numbers).max())
+        refuse_if(largest > most, place, f"{what} of a crash", f"{largest:.3g}", repair)
     steps = np.diff(time)
-    if steps.min() <= 0:
-        at = int(np.argmax(steps <= 0))
-        found = f"{time_text(time[at + 1], 6)} in sample {at + 2}, after {time_text(time[at], 6)}"
-        advice = f"{ONE_CLOCK}, or more digits"
-        raise refusal(place, "time that increases from sample to sample", found, advice)
-    step = float(np.median(steps))
-    if steps.max() > _GAP * step:
-        found = f"a step of {time_text(steps.max())} among steps of {time_text(step)}"
-        raise refusal(place, "evenly sampled time", found, "export the record without gaps")
+    at, step = int(np.argmax(steps <= 0)), float(np.median(steps))
+    found = f"{time_text(time[at + 1], 6)} in sample {at + 2}, after {time_text(time[at], 6)}"
+    refuse_if(steps.min() <= 0, place, "time that increases", found, f"{ONE_CLOCK}, or more digits")
+    found = f"a step of {time_text(steps.max())} among steps of {time_text(step)}"
+    refuse_if(steps.max() > _GAP * step, place, "evenly sampled time", found, "export the record without gaps")
     clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
     if clock.size == time.size and np.abs(steps - step).max() <= UNEVEN * step:
         return clock, values, ""
@@ -106,18 +101,16 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
         expected = f"the unit of the acceleration of {record.id}"
-        missing.append(Problem(record.source, expected, "none", "give it, unless the speed tells it (--unit)"))
+        missing.append(Problem(record.source, expected, "none", "give it (--unit)"))
     return missing
 
 
 def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
     """The problem of a test whose channels, as the file says of itself, nobody measured."""
     simulated = [channel for channel in record.chosen(choices.channels) if channel.is_simulated]
-    if not simulated:
-        return []
-    found = ", ".join(f"{channel.name} ({channel.remark})" for channel in simulated)
-    advice = "import it as a CAE run (--as cae, --cae FILE), or correct it"
-    return [Problem(record.source, f"measured channels of {record.id}", f"by its own account {found}", advice)]
+    found = f"by its own account {', '.join(f'{channel.name} ({channel.remark})' for channel in simulated)}"
+    problem = Problem(record.source, f"measured channels of {record.id}", found, "import it as a CAE run (--as cae)")
+    return [problem] * bool(simulated)
 
 
 def agreeing_channels(case: Case) -> Channels:
@@ -153,7 +146,7 @@ def agreeing_channels(case: Case) -> Channels:
         steps.append(Sentence(careful, joined(texts, "; ")))
         return chosen
     if not majority:
-        expected = f"channels of {record.id} that agree in time, shape and change of velocity"
+        expected = f"channels of {record.id} that agree"
         raise refusal(record.source, expected, joined(texts, "; "), _choose(reference))
     if not near.all():
         odd = joined([text for text, agrees in zip(texts, near, strict=True) if not agrees], "; ")
@@ -165,17 +158,16 @@ def agreeing_channels(case: Case) -> Channels:
 
 
 def _usable(record: Record, proposed: Channels, steps: list[str]) -> Channels:
-    problems: dict[str, Problem] = {}
+    problems: dict[str, list[Problem]] = {channel.name: [] for channel in proposed}
     for channel in proposed:
-        try:
+        with collecting(problems[channel.name]):
             resample_evenly(channel, record.source)
-        except DataError as error:
-            problems[channel.name] = error.problems[0]
-    if not 0 < len(problems) < len(proposed):
+    usable = tuple(channel for channel in proposed if not problems[channel.name])
+    if not 0 < len(usable) < len(proposed):
         return proposed
-    faults = "; ".join(f"{name} ({one.found})" for name, one in problems.items())
+    faults = "; ".join(f"{name} ({of[0].found})" for name, of in problems.items() if of)
     steps.append(f"Careful: left out as unusable: {faults}.")
-    return tuple(channel for channel in proposed if channel.name not in problems)
+    return usable
 
 
 def _in_one_unit(channels: Channels, choices: Choices) -> Channels:

@@ -5,9 +5,10 @@ from typing import Literal
 
 import numpy as np
 
+from crashfuse import errors
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LEAST_M, STOPS, gap_s
-from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, require_number, several
+from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, refuse_if, require_a
 from crashfuse.readers.record import Channels, PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, USUAL_UNITS, acceleration_unit, speed
 from crashfuse.signals.filters import CFC60_NOISE, CLASSES, free_travel_s, noise_share, onset
@@ -29,35 +30,19 @@ _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """User settings that replace detection; None or empty means detect. A UsageError refuses what cannot be.
+    """User settings that replace detection; None or empty means detect. A UsageError refuses what cannot be."""
 
-    Parameters
-    ----------
-    channels : tuple of str
-        Names of the channels to average.
-    unit : str, optional
-        Unit of the acceleration, however it is spelt.
-    deceleration_sign : {"negative", "positive"}, optional
-        How the file writes deceleration.
-    time_zero_s : float, optional
-        Time of first contact in the file's own time.
-    gap_m : float, optional
-        Distance that CAE runs move before they meet the barrier; a run that decelerates before is left as it is.
-    front_share : float, optional
-        Share of the mass on the front axle.
-    """
-
-    channels: tuple[str, ...] = ()
-    unit: str | None = None
-    deceleration_sign: Literal["negative", "positive"] | None = None
-    time_zero_s: float | None = None
-    gap_m: float | None = None
+    channels: tuple[str, ...] = ()  # to average, by name
+    unit: str | None = None  # of the acceleration, however it is spelt
+    deceleration_sign: Literal["negative", "positive"] | None = None  # how the file writes deceleration
+    time_zero_s: float | None = None  # of first contact, in the file's own time
+    gap_m: float | None = None  # that CAE runs move before the barrier; one that decelerates before is left as it is
     channel_filter_class: float | Literal["none"] | None = None
     condition: PartialCondition = field(default_factory=PartialCondition)
-    front_share: float | None = None
+    front_share: float | None = None  # of the mass
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "channels", several(self.channels))
+        object.__setattr__(self, "channels", errors.several(self.channels))
         if self.unit is not None:
             object.__setattr__(self, "unit", acceleration_unit(self.unit))
         if self.deceleration_sign is not None:
@@ -68,7 +53,7 @@ class Choices:
         require_a(PartialCondition, self.condition, "crashfuse.PartialCondition()")
         for name in ("time_zero_s", "gap_m", "front_share"):
             if (value := getattr(self, name)) is not None:
-                require_number(name, value)
+                errors.require_number(name, value)
         if self.gap_m is not None and not 0 <= self.gap_m <= _LONGEST_GAP_M:
             raise UsageError(f"gap_m is from 0 to {_LONGEST_GAP_M:g} m, not {self.gap_m:g}.")
 
@@ -121,13 +106,11 @@ def unit_and_sign(case: Case, channels: Channels, time_s: FloatArray, values: Fl
     asked = case if label else replace(case, role="tests")  # a unit is not told by a CAE run that may be odd
     fitting = [name for name in dict.fromkeys((label or "", *USUAL_UNITS)) if name and asked.fits_in(name, gain)]
     if label is None:
-        if what := _unlike_an_acceleration(values):
-            expected, found = "an acceleration, which begins and ends near 0", f"{channels[0].name}, {what}"
-            raise DataError(Problem(case.record.source, expected, found, "export that, or give its unit (--unit)"))
+        what, advice = _unlike_an_acceleration(values), "give its unit (--unit)"
+        refuse_if(what, case.record.source, "an acceleration", f"{channels[0].name}, {what}", advice)
         if len(fitting) != 1:
-            expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
-            found = "a unit that neither file nor speed tells"
-            raise DataError(UnknownUnit(case.record.source, expected, found, "give its unit (--unit), or convert it"))
+            expected, found = f"one of {', '.join(ACCELERATION_UNITS)}", "a unit that neither file nor speed tells"
+            raise DataError(UnknownUnit(case.record.source, expected, found, advice))
         label = fitting[0]
         steps.append(f"Unit {label}, by the change of velocity; the file names none.")
     else:
@@ -137,9 +120,9 @@ def unit_and_sign(case: Case, channels: Channels, time_s: FloatArray, values: Fl
         raise DataError(_unlike(case, time_s, change, label, f"check the unit: {fitting[0]} would fit (--unit)"))
     found = "negative" if gain <= 0 or case.speed_mps <= CREEP_MPS else "positive"
     sign = choices.deceleration_sign or found
-    if case.is_moving and sign != found:
-        other, advice = Sentence("a change of {}", speed(change)), "remove --deceleration-sign"
-        raise DataError(Problem(case.record.source, f"{sign} deceleration, as chosen", other, advice))
+    other, is_other = Sentence("a change of {}", speed(change)), case.is_moving and sign != found
+    expected, advice = f"{sign} deceleration, as chosen", "remove --deceleration-sign"
+    refuse_if(is_other, case.record.source, expected, other, advice)
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
     steps.append(Sentence(f"Sign {turned}: the file's change of velocity is {{}}.", speed(change)))
     return label, sign
@@ -164,7 +147,7 @@ def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str)
 def crash_advice(record: Record, doubtful: str) -> str:
     """What to do then; the crash may be of another kind."""
     setup = f" (the file calls it {record.other_setup!r})" if record.other_setup else ""
-    return f"check {doubtful}; leave it out if it is no full-frontal barrier crash{setup}"
+    return f"check {doubtful}; leave out other crashes{setup}"
 
 
 def _unlike(case: Case, time_s: FloatArray, change_mps: float, unit: str, advice: str) -> Problem:
@@ -197,10 +180,9 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
         zero, why = start, "the record begins at contact"
     else:
         zero, why = begins.calm_s, "deceleration begins there"
-    if not start - step_of(time_s) <= zero <= end:
-        found = f"a record from {number(start / MS, '.4g')} to {time_text(end)}"
-        expected, advice = f"time zero at {time_text(zero)} ({why})", "give that of first contact (--time-zero-ms)"
-        raise DataError(Problem(case.record.source, expected, found, advice))
+    is_outside, found = not start - step_of(time_s) <= zero <= end, f"{number(start / MS, '.4g')} to {time_text(end)}"
+    expected, advice = f"time zero at {time_text(zero)} ({why})", "give that of first contact (--time-zero-ms)"
+    refuse_if(is_outside, case.record.source, expected, f"a record from {found}", advice)
     steps.append(f"Time zero at {time_text(zero)} of the file: {why}; deceleration {began}.")
     if begins is not None and role == "tests" and abs(begins.calm_s - zero) > _SUSPICIOUS_S:
         steps.append("Careful: deceleration begins far from time zero; check it.")

@@ -14,7 +14,7 @@ from crashfuse.campaign_folder.condition_tables import Role, listed
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVING, STOPS, WHICH_AXLE
 from crashfuse.campaign_folder.pulse_files import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.condition import About, Condition
-from crashfuse.errors import DataError, Problem, UsageError, collecting, refusal
+from crashfuse.errors import DataError, Problem, UsageError, collecting, refusal, refuse_if
 from crashfuse.importing import detection
 from crashfuse.importing.channels import agreeing_channels, average, measurement_problems, missing_choices
 from crashfuse.importing.detection import Case, Choices, UnknownUnit
@@ -28,16 +28,14 @@ from crashfuse.units import MS, G, Sentence, number, time_text
 _FASTEST_MPS = 100.0
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
-_GIVE_EACH = "add a row for each to a table of conditions (--conditions TABLE)"
+_GIVE_EACH = "give a table of conditions (--conditions TABLE)"
 _GIVE_SPEED = "give the speed (--speed-kph V, --speed-mph V)"
-_GIVE_WEIGHTS = (
-    "give two of mass, axle weights and front share (--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
-)
+_GIVE_WEIGHTS = "give two (--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
 _LONGER = {
-    "tests": "export the whole record; or check time zero",
-    "cae": "run it to 100 ms, and copy all files; or check time zero",
+    "tests": "export the whole record; check time zero",
+    "cae": "run it to 100 ms, and copy all files; check time zero",
 }
-_LONGEST_S = 0.2
+_LONGEST_S, _LEAST = 0.2, "at least 60 ms from contact"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,19 +50,16 @@ def complete_condition(
     record: Record, choices: Choices, steps: list[str], *, role: Role, also_missing: Sequence[Problem] = ()
 ) -> Condition:
     """The condition of a record with the user's values; a DataError says what lacks, ``also_missing`` too."""
-    given, front_share = choices.stated, choices.front_share
-    if front_share is not None and not _LEAST_SHARE <= front_share <= _MOST_SHARE:
-        found = f"{front_share:.4g} ({100 * front_share:.4g} %)"
-        raise UsageError(f"The front axle carries a share of 0.2 to 0.8, not {found}.")
+    given, of_front = choices.stated, choices.front_share
+    if of_front is not None and not _LEAST_SHARE <= of_front <= _MOST_SHARE:
+        raise UsageError(f"The front axle carries a share of 0.2 to 0.8, not {of_front:.4g} ({100 * of_front:.4g} %).")
     if choices.condition != PartialCondition():
         steps.append("Of the condition, what the user gave overrules the file.")
     if contradiction := given.contradiction():
         raise UsageError(Sentence("The given weights do not add up: {}; leave one out.", contradiction))
-    weights = record.condition.weights_by(given)
-    if contradiction := weights.contradiction():
-        expected = f"weights of {record.id} that add up"
-        raise refusal(record.source, expected, contradiction, f"correct the file, or {_GIVE_WEIGHTS}")
-    overruled = record.condition.overruled(given)
+    weights, overruled = record.condition.weights_by(given), record.condition.overruled(given)
+    contradiction, advice = weights.contradiction(), f"correct the file, or {_GIVE_WEIGHTS}"
+    refuse_if(contradiction, record.source, f"weights of {record.id} that add up", contradiction, advice)
     front, rear = weights.axles()
     speed_mps, share, mass_kg = overruled.speed_mps, weights.front_share, weights.mass_kg
     stated = replace(weights, speed_mps=speed_mps)
@@ -83,22 +78,24 @@ def missing_values(source: str, record_id: str, stated: PartialCondition, no_spe
     def lacking(quantity: str, found: str, advice: str) -> Lacking:
         return Lacking(source, f"{quantity} of {record_id}", found, advice, quantity=quantity, record_id=record_id)
 
-    speed = [lacking("the impact speed", no_speed or "none", _GIVE_SPEED)] if stated.speed_mps is None else []
-    lacks_weights = None in stated.axles()
-    return [*speed, *([lacking("the weights on both axles", stated.stated, _GIVE_WEIGHTS)] if lacks_weights else [])]
+    speed = lacking("the impact speed", no_speed or "none", _GIVE_SPEED)
+    weights = lacking("the weights on both axles", stated.stated, _GIVE_WEIGHTS)
+    return [*[speed] * (stated.speed_mps is None), *[weights] * (None in stated.axles())]
 
 
 def joint_problems(problems: Sequence[Problem]) -> list[Problem]:
     """The problems of several records, with what their conditions lack told once."""
     alike: dict[tuple[str, str], list[Lacking]] = {}
+    joint, others = list[Problem](), list[Problem]()
     for problem in problems:
         if isinstance(problem, Lacking):
             alike.setdefault((problem.quantity, problem.found), []).append(problem)
-    joint: list[Problem] = []
+        else:
+            others.append(problem)
     for (quantity, found), several in alike.items():
         where = " to ".join(dict.fromkeys((several[0].where, several[-1].where)))
         joint.append(Problem(where, f"{quantity} of {listed([one.record_id for one in several])}", found, _GIVE_EACH))
-    return [*joint, *(problem for problem in problems if not isinstance(problem, Lacking))]
+    return joint + others
 
 
 def _speed_problems(record: Record, speed_mps: float | None, role: Role) -> list[Problem]:
@@ -120,7 +117,7 @@ def _weights_problems(record: Record, weights: PartialCondition) -> list[Problem
         least = weight(_LIGHTEST_AXLE_KG)
         expected, wrong = Sentence("axles of {} that carry at least {}", record.id, least), min(axles)
     elif len(axles) > 1 and not _LEAST_SHARE <= (share := axles[0] / sum(axles)) <= _MOST_SHARE:
-        carries = f"a front axle of {record.id} that carries 20 to 80 % of the mass"
+        carries = f"20 to 80 % of the mass of {record.id} in front"
         return [Problem(record.source, carries, f"{100 * share:.0f} %", WHICH_AXLE)]
     found, advice = Sentence("{}", weight(wrong, form=".4g")), "check the weights and their unit"
     return [Problem(record.source, expected, found, advice)] if expected else []
@@ -131,25 +128,22 @@ def _refuse_short(case: Case, time_s: FloatArray) -> None:
     zero_s = case.choices.time_zero_s
     earliest = 0.0 if detection.stated_zero(case.record, time_s) else float(time_s[0])
     end_s = float(time_s[-1]) - (earliest if zero_s is None else zero_s)
-    if 0 < end_s < SHORTEST_S - detection.step_of(time_s):
-        raise _too_short(case, end_s, advice_if_short(float(time_s[-1] - time_s[0]), _LONGER[case.role]))
-
-
-def _too_short(case: Case, end_s: float, advice: str) -> DataError:
-    expected = "at least 60 ms from contact (100 ms is best)"
-    return refusal(case.record.source, expected, time_text(end_s), advice)
+    is_short = 0 < end_s < SHORTEST_S - detection.step_of(time_s)
+    advice = advice_if_short(float(time_s[-1] - time_s[0]), _LONGER[case.role])
+    refuse_if(is_short, case.record.source, _LEAST, time_text(end_s), advice)
 
 
 def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
     """A record that ends before 60 ms, or before 100 ms while the vehicle moves, is refused."""
     first, last, end = float(motion.velocity_mps[0]), float(motion.velocity_mps[-1]), time_text(end_s)
     sentences: list[str] = []
-    if end_s < SHORTEST_S - motion.dt_s:
-        raise _too_short(case, end_s, _LONGER[case.role])
+    refuse_if(end_s < SHORTEST_S - motion.dt_s, case.record.source, _LEAST, end, _LONGER[case.role])
     if end_s < GRID_S[-1] - motion.dt_s:
-        if first > CREEP_MPS and last > MOVING * first:
-            found = Sentence(f"{{}} left at its end, {end}", speed(last))
-            raise refusal(case.record.source, LONG_ENOUGH, found, _LONGER[case.role])
+        moves, found = (
+            first > CREEP_MPS and last > MOVING * first,
+            Sentence(f"{{}} left at its end, {end}", speed(last)),
+        )
+        refuse_if(moves, case.record.source, LONG_ENOUGH, found, _LONGER[case.role])
         last_g, better = number(motion.accel_mps2[-1] / G, "+.2g"), _LONGER[case.role].partition(";")[0]
         ends = f"Careful: the record ends {end} after contact at {last_g} g; it goes on with no acceleration, which"
         sentences.append(f"{ends} nobody measured. Better {better}.")
@@ -259,11 +253,10 @@ def settled_at(
     quality = record.quality if role == "cae" else RunQuality()
     about = record.about_with(channels if role == "tests" else ())
     wall: Wall | None = None
-    if record.wall is not None:
-        try:
-            wall = record.wall.from_contact(zero_s)
-        except DataError as error:
-            steps.append(f"Careful: the force of the barrier is left out: {error.problems[0].found}.")
+    problems: list[Problem] = []
+    with collecting(problems):
+        wall = None if record.wall is None else record.wall.from_contact(zero_s)
+    steps += [f"Careful: the force of the barrier is left out: {problem.found}." for problem in problems[:1]]
     done = unit, sign, zero_s, cfc, tuple(steps)
     return Settled(record.id, record.source, condition, pulse, names, *done, quality, role, about, wall)
 
@@ -288,8 +281,7 @@ def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
         raise DataError(unlike)
     low, high = STOPS[case.role]
     taken = (speed_mps - motion.velocity_mps.min()) / max(speed_mps, 1e-9)
-    if case.is_moving and not low <= taken <= high:
-        expected = Sentence(f"{detection.NEAR_SPEED} from contact on", speed(speed_mps))
-        advice = detection.crash_advice(record, "time zero, unit and channels")
-        raise refusal(record.source, expected, f"{100 * taken:.0f} % of it", advice)
+    expected = Sentence(f"{detection.NEAR_SPEED} from contact on", speed(speed_mps))
+    is_other, advice = not low <= taken <= high, detection.crash_advice(record, "time zero, unit and channels")
+    refuse_if(case.is_moving and is_other, record.source, expected, f"{100 * taken:.0f} % of it", advice)
     case.steps.extend(sentences)

@@ -89,17 +89,10 @@ def rate_files(
     *,
     choices: RatingChoices = RatingChoices(),
 ) -> pd.DataFrame:
-    """Rate one file against another by ISO/TS 18571: columns :data:`COLUMNS`, one row for each window.
+    """Rate one file against another by ISO/TS 18571: columns :data:`COLUMNS`, one row for each window from 0 in ms.
 
-    Parameters
-    ----------
-    reference, comparison : str or Path
-        The test and what is compared with it, one of any kind that the import reads.
-    windows_ms : sequence of float
-        Rated are 0 to each of these, in ms.
-
-    A DataError refuses a file that cannot be read as one pulse, or ends within a window; a UsageError a channel or unit
-    that does not exist.
+    ``reference`` is the test, of any kind that the import reads. A DataError refuses a file that cannot be read as one
+    pulse, or ends within a window; a UsageError a channel or unit that does not exist.
     """
     one, other = as_path(reference, "the reference"), as_path(comparison, "the comparison")
     return _pair_table(one, other, windows_ms, choices, _curve)
@@ -131,19 +124,17 @@ def rate_pairs(
     path = as_path(table, "the table of pairs")
     refuse_if(not path.is_file(), str(path), "a table of pairs", "no such file", "check the path")
     names, rows, numbers = read_rows(path, path.name)
-    unknown = [name for name in names if name not in _PAIR_COLUMNS]
-    if unknown or not {"reference", "comparison"} <= set(names) or len(set(names)) < len(names):
-        expected = f"the columns reference and comparison, and at most {', '.join(_PAIR_COLUMNS[2:])}"
-        raise refusal(path.name, expected, ", ".join(names), "name the columns so")
-    if not rows or len(rows) > _MOST_PAIRS:
-        raise refusal(path.name, f"1 to {_MOST_PAIRS} pairs", f"{len(rows)}", "one pair a row")
+    is_other = not {*_PAIR_COLUMNS[:2]} <= {*names} <= {*_PAIR_COLUMNS} or len(set(names)) < len(names)
+    expected = f"the columns reference, comparison, at most {', '.join(_PAIR_COLUMNS[2:])}"
+    refuse_if(is_other, path.name, expected, ", ".join(names), "name the columns so")
+    is_empty = not 0 < len(rows) <= _MOST_PAIRS
+    refuse_if(is_empty, path.name, f"1 to {_MOST_PAIRS} pairs", f"{len(rows)}", "one pair a row")
     read = lru_cache(_KEPT)(_curve)
     parts = []
     for cells, number in zip(rows, numbers, strict=True):
         row = dict(zip(names, cells, strict=True))
-        one, other = (row[name].strip() for name in ("reference", "comparison"))
-        if not (one and other):
-            raise refusal(path.name, "two files", "an empty cell", "name both files of the pair", row=number)
+        one, other = (row[name].strip() for name in _PAIR_COLUMNS[:2])
+        refuse_if(not (one and other), path.name, "two files", "an empty cell", "name both", row=number)
         channels = _split(row.get("reference_channel", "")) or choices.channels
         others = _split(row.get("comparison_channel", "")) or choices.comparison_channels
         of_pair = replace(choices, channels=channels, comparison_channels=others)
@@ -200,9 +191,8 @@ def _curve(path: Path, channels: tuple[str, ...], choices: RatingChoices) -> _Cu
         return _filtered(read_pulse(path), choices.channel_filter_class)
     fmt = format_of(path)
     records = read_records(Reading(path, fmt, together=bool(channels)))
-    if len(records) != 1:
-        ids = ", ".join(record.id for record in records[:10])
-        raise refusal(path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one")
+    ids = ", ".join(record.id for record in records[:10])
+    refuse_if(len(records) != 1, path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one")
     record, given = records[0], Choices(channels, choices.unit, channel_filter_class=choices.channel_filter_class)
     if missing := missing_choices(record, given):
         raise DataError(missing)
@@ -285,9 +275,8 @@ def rate_channels(
         raise UsageError("Channels are rated as they are: choose nothing.")
     reference, comparison = as_path(reference, "the reference"), as_path(comparison, "the comparison")
     sides = [_channels(path) for path in (reference, comparison)]
-    if not set(sides[0]) & set(sides[1]):
-        found = "codes that occur in one of them only"
-        raise refusal(comparison.name, f"channels of {reference.name}", found, "rate their pulses instead")
+    are_others, expected = not set(sides[0]) & set(sides[1]), f"channels of {reference.name}"
+    refuse_if(are_others, comparison.name, expected, "codes of one only", "rate their pulses instead")
     rows: list[_Row] = []
     for code, n in sorted(sides[0], key=lambda key: key not in sides[1]):
         name = code if n == 1 else f"{code} ({n})"

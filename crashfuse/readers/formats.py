@@ -33,7 +33,7 @@ class Format:
     label: str  # on the page and in messages
     files: str  # its files, as named in messages
     names: str
-    reader: str = ""  # empty for tables, which crashfuse.importing.tables reads
+    reader: str = ""  # empty for tables, which crashfuse.importing.sources reads
     one_a_file: bool = False  # each of these files is one test, and the reader takes only one
     role: "Role" = "tests"  # the likeliest of its records
     axes: bool = False  # its files may hold motion along any axis

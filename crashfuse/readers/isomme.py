@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
@@ -22,7 +23,7 @@ from crashfuse.errors import DataError, Problem, collecting, printable, refusal,
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import vocabulary
 from crashfuse.readers.members import ONE_TEST, as_text, is_numbered, opened_members
-from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, read_sound, summed_wall
 from crashfuse.readers.vocabulary import ISOMME, UNITS, UNPLACED, ChannelCode, Doubt
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import Sentence
@@ -88,7 +89,11 @@ def _first_of(pairs: Pairs, name: str) -> str:
 
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
     """Read one ISO-MME test: its folder, its ``.mme`` file or a zip. A failed channel may have no samples."""
-    with opened_members(path, _is_text, "an ISO-MME folder or zip", limits) as (members, budget):
+
+    def is_text(file: PurePath) -> bool:
+        return file.suffix.lower() in (".mme", ".chn") or is_numbered(file)
+
+    with opened_members(path, is_text, "an ISO-MME test (.mme)", limits) as (members, budget):
         if path.suffix.lower() == ".mme" and path.is_file():
             members = [m for m in members if m.path.suffix.lower() != ".mme" or m.path == PurePosixPath(path.name)]
         return _read(members, path.name, budget)
@@ -112,7 +117,7 @@ def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
             channels.append((channel, clock))
             clocks |= {name: channel for name in (member.path.suffix[1:], channel.name, channel.code) if name}
     refuse_all(problems, name)
-    refuse_if(not channels, name, "channel files .001, .002 … in Channel/", "none", "export them too")
+    refuse_if(not channels, name, "channel files (.001 …)", "none", "export them too")
     timed = tuple(_timed(channel, clocks.get(reference or "")) for channel, reference in channels)
     descriptors = _descriptors(_lines_in(headers[0], budget), headers[0].where)
     return IsommeTest(headers[0].path.stem, tuple(descriptors), timed)
@@ -128,12 +133,12 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     values: FloatArray = np.empty(0)
     with suppress(DataError) if Doubt.FAILED in doubts else nullcontext():
         samples, count = _numbers(lines[end:], where), _number_in(header, "Number of samples", where)
-        if count not in (None, samples.size):
-            raise refusal(where, f"{count:g} samples, as its header says", f"{samples.size}", _AGAIN)
+        is_other = count not in (None, samples.size)
+        refuse_if(is_other, where, f"{count or 0:g} samples, as stated", f"{samples.size}", _AGAIN)
         values = samples
     interval = _seconds_in(header, _STEP, where)
-    if interval is not None:
-        refuse_if(interval <= 0, where, "a number above 0", f"{interval:g}", _CORRECT, _STEP)
+    is_wrong = interval is not None and interval <= 0
+    refuse_if(is_wrong, where, "a number above 0", f"{interval or 0:g}", _CORRECT, _STEP)
     code, _, name = _first_of(listed, f"Name of channel {member.path.suffix[1:]}").partition("/")
     channel = Channel(
         code=_first_of(header, "Channel code") or code.strip(),
@@ -156,17 +161,15 @@ def _timed(channel: Channel, clock: Channel | None) -> Channel:
     if clock is None or clock.values.shape != channel.values.shape or clock.values.size < 2:
         return channel
     time_s = clock.values * UNITS["time"][vocabulary.unit_named(clock.unit, "time") or "s"]
-    steps = np.diff(time_s)
-    mean = float(steps.mean())
-    if not (mean > 0 and np.abs(steps - mean).max() <= _UNEVEN * mean):
+    mean = float(np.diff(time_s).mean())
+    if not (mean > 0 and np.abs(np.diff(time_s) - mean).max() <= _UNEVEN * mean):
         return replace(channel, interval_s=None)
     return replace(channel, interval_s=mean, start_s=float(time_s[0]))
 
 
 def _lines_in(member: Member, budget: Budget) -> list[str]:
     text = as_text(member.content(budget)).replace("\r\n", "\n").replace("\r", "\n")
-    if text.count("\n") > _MOST_LINES:
-        raise refusal(member.where, f"at most {_MOST_LINES} lines", "more", "export a shorter record")
+    refuse_if(text.count("\n") > _MOST_LINES, member.where, f"at most {_MOST_LINES} lines", "more", "export fewer")
     return text.split("\n")  # splitlines() would also split at the … of Windows-1252 read as Latin-1
 
 
@@ -185,7 +188,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
         found = "an infinite one" if np.isinf(values).any() else ""
     except ValueError as error:
         found = printable(str(error).rpartition(":")[2].strip())
-    refuse_if(found, where, "one number a line after the header", found, _AGAIN)
+    refuse_if(found, where, "one number a line", found, _AGAIN)
     return values
 
 
@@ -205,13 +208,9 @@ def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
     unit = _first_of(header, name).split()[1:]
     if value is None or not unit:
         return value
-    if (named := vocabulary.unit_named(unit[0], "time")) is None:
-        raise refusal(where, "a time in s or ms", printable(unit[0]), _CORRECT, name)
+    named = vocabulary.unit_named(unit[0], "time") or ""
+    refuse_if(not named, where, "a time in s or ms", printable(unit[0]), _CORRECT, name)
     return value * UNITS["time"][named]
-
-
-def _is_text(path: PurePath) -> bool:
-    return path.suffix.lower() in (".mme", ".chn") or is_numbered(path)
 
 
 def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
@@ -224,27 +223,17 @@ def record_of(test: IsommeTest, source: str) -> Record:
     coded = [(code, channel) for channel in test.channels if (code := ChannelCode.parsed(channel.code))]
     along_x = [(code, channel) for code, channel in coded if code.is_acceleration and code.is_along_x]
     on_vehicles = [pair for pair in along_x if pair[0].text[0].isdigit() and not pair[0].is_of_a_dummy]
-    if not on_vehicles:
-        expected = "an X acceleration of the vehicle (as 10VEHC000000ACXD)"
-        raise refusal(source, expected, f"none in {len(test.channels)} channels", "export it too")
+    none = f"none in {len(test.channels)} channels"
+    refuse_if(not on_vehicles, source, "an X acceleration of the vehicle", none, "export it too")
     objects = {code.text[0] for code, _ in on_vehicles}
     vehicle = min({code.text[0] for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.text[0] == vehicle])
     texts = [test.descriptor(name) for name in ISOMME["kind"]]
     values = (value for _, value in test.descriptors)
     origin = next(filter(vocabulary.is_simulated, texts), "") or vocabulary.statement_of_simulation(values)
-    recorded, untimed = dict[str, RecordedChannel](), dict[str, Problem]()
-    for name, (code, channel) in named.items():
-        if (time_s := channel.time_s) is None:
-            expected, advice = "an even time, as long as the channel", "export its sampling interval"
-            untimed[name] = Problem(f"{source}, {name}", expected, "none such", advice)
-            continue
-        label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
-        status = code.status(channel.status)
-        words = "the file", channel.source or origin, status, channel.sensor, channel.prefilter, channel.remark
-        recorded[name] = RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, *words)
-    if not recorded:
-        raise DataError(list(untimed.values()))
+    read = {name: partial(_recorded, name, *of, f"{source}, {name}", origin) for name, of in named.items()}
+    recorded, untimed = read_sound(read)
+    refuse_all([] if recorded else [*untimed.values()], source)
     chosen, why = proposal(recorded, lambda names: vocabulary.propose_by_code({name: named[name][0] for name in names}))
     condition, steps = _condition(test, vehicle)
     if objects != {"1"}:
@@ -258,18 +247,26 @@ def record_of(test: IsommeTest, source: str) -> Record:
         steps.append("No time of the first sample; find time zero.")
         zero = ""
     side = test.descriptor(f"Impact side test object {vehicle}")
-    other = vocabulary.other_setup(texts) or (
-        f"impact side {printable(side)}" if side.upper() in ISOMME["other_side"] else ""
-    )
+    is_other = side.upper() in ISOMME["other_side"]
+    other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if is_other else "")
     about = {name: test.descriptor(descriptor) for name, descriptor in ISOMME["about"].items()}
-    barrier = ((f"0{one.code[1:]}", one) for one in test.channels if one.code[:1].upper() == "B")  # its test object
-    codes = [(ChannelCode.parsed(text), one) for text, one in barrier]
+    barrier = (one for one in test.channels if one.code[:1].upper() == "B")  # its test object
+    codes = ((ChannelCode.parsed(f"0{one.code[1:]}"), one) for one in barrier)
     cells = [(code, one) for code, one in codes if code and code.text[12:14] == "FO" and code.is_along_x]
     rawest = {pair[0].sensor: pair for pair in sorted(cells, key=lambda pair: pair[0].order, reverse=True)}
     steps += why
-    wall = summed_wall([LoadCell(_force(one), code.sums) for code, one in rawest.values()], steps)
+    wall = summed_wall([(_force(one), code.sums) for code, one in rawest.values()], steps)
     found = test.name, source, condition, tuple(recorded.values()), chosen, tuple(steps), zero
     return Record(*found, unread=untimed, other_setup=other, about=about, wall=wall)
+
+
+def _recorded(name: str, code: ChannelCode, channel: Channel, where: str, origin: str) -> RecordedChannel:
+    if (time_s := channel.time_s) is None:
+        raise refusal(where, "an even time", "none such", "export its sampling interval")
+    label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
+    status, origin = code.status(channel.status), channel.source or origin
+    words = "the file", origin, status, channel.sensor, channel.prefilter, channel.remark
+    return RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, *words)
 
 
 def _force(cell: Channel) -> tuple[FloatArray, FloatArray] | None:

@@ -16,7 +16,7 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import refusal, refuse_if
+from crashfuse.errors import refuse_if
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
 from crashfuse.readers.lsdyna_binout import read_binout
@@ -67,33 +67,25 @@ class _RunFiles:
     zipped: bool = False
 
     def families(self) -> list[list[Member]]:
-        families = []
-        for _, files in sorted(self.binout.items()):
+        families = [sorted(files.items()) for _, files in sorted(self.binout.items())]
+        for files in families:
             followers = [(0, 0)]
-            for (restarts, part), member in sorted(files.items()):
-                if (restarts, part) not in followers:
-                    base, (before, lacking) = re.sub(r"_*(%\d+)?$", "", member.path.name), followers[0]
-                    expected = f"{base}{'_' * before}{f'%{lacking:03d}' if lacking else ''} before it"
-                    raise refusal(member.where, expected, "none", COPY_ALL)
+            for (restarts, part), member in files:
+                base, (before, lacking) = re.sub(r"_*(%\d+)?$", "", member.path.name), followers[0]
+                expected = f"{base}{'_' * before}{f'%{lacking:03d}' if lacking else ''} before it"
+                refuse_if((restarts, part) not in followers, member.where, expected, "none", COPY_ALL)
                 followers = [(restarts, part + 1), (restarts + 1, 0)]
-            families.append([member for _, member in sorted(files.items())])
-        return families
+        return [[member for _, member in files] for files in families]
 
     def add(self, name: _FileName, member: Member) -> None:
         files: dict[Any, Member] = self.binout[name.family] if name.kind == "binout" else self.text
-        key = name.place if name.kind == "binout" else name.kind
-        if key in files:
-            expected, found = f"one {name.kind} of a run", f"{files[key].where} beside it"
-            raise refusal(member.where, expected, found, solver_run.KEEP_APART)
-        files[key] = member
+        first = files.setdefault(name.place if name.kind == "binout" else name.kind, member)
+        found = f"{first.where} beside it"
+        refuse_if(first is not member, member.where, f"one {name.kind} of a run", found, solver_run.KEEP_APART)
 
     @property
     def has_nodes(self) -> bool:
         return bool(self.binout) or any(kind in self.text for kind in _NODES)
-
-    @property
-    def first(self) -> str:
-        return next(chain(*(files.values() for files in self.binout.values()), self.text.values())).where
 
 
 def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
@@ -104,13 +96,11 @@ def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
     runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(lambda: _RunFiles(decks=decks, zipped=zipped))
     for member in members:
         folder, name = member.path.parts[:-1], _named(member.path)
-        if name is None:
+        if name is None or (chosen is not None and folder):
             continue
-        if chosen is not None and (folder or name.kind in _NODES):
-            of_its_run = name.kind == chosen.kind == "binout" and name.job == chosen.job
-            if folder or not (of_its_run or member.path.name == path.name):
-                continue
-        runs[(*folder, name.job)].add(name, member)
+        of_its_run = chosen is None or (name.kind == chosen.kind == "binout" and name.job == chosen.job)
+        if of_its_run or name.kind not in _NODES or member.path.name == path.name:
+            runs[(*folder, name.job)].add(name, member)
     for place in [place for place, files in runs.items() if not files.has_nodes]:
         energies = runs.pop(place)  # alone they are no run; beside a single one they are its own
         neighbours = [files for other, files in runs.items() if other[:-1] == place[:-1] and files.has_nodes]
@@ -202,11 +192,11 @@ def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | Non
                 run = replace(run, nodes=nodes, total=max(len(nodes), more.total, run.total))
             else:
                 run = more
-    if not glstat and (whole := files.text.get("glstat")) is not None:
-        glstat = energies_text(whole.chunks(budget), whole.where)
-    if not matsum and (parts := files.text.get("matsum")) is not None:
-        matsum = energies_text(parts.chunks(budget), parts.where)
-    refuse_if(not run.nodes, files.first, "accelerations of nodes (nodout) or rigid bodies", "none", ASK)
+    for kind, states in (("glstat", glstat), ("matsum", matsum)):
+        if not states and (whole := files.text.get(kind)) is not None:
+            states |= energies_text(whole.chunks(budget), whole.where)
+    first = next(chain(*(members.values() for members in files.binout.values()), files.text.values()))
+    refuse_if(not run.nodes, first.where, "accelerations of nodes or rigid bodies", "none", ASK)
     began = float(run.nodes[0].time[0])
     if run.is_cut:  # energies of what was before are not the crash's
         glstat, matsum = (
@@ -223,8 +213,7 @@ def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | Non
 def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
     content = BytesIO()
     for chunk in file.chunks(budget):
-        if content.tell() + len(chunk) > _MOST_UNZIPPED:
-            expected = f"a binout of at most {_MOST_UNZIPPED >> 20} MiB in a zip"
-            raise refusal(file.where, expected, "more", "unpack the zip")
+        expected, is_larger = f"at most {_MOST_UNZIPPED >> 20} MiB", content.tell() + len(chunk) > _MOST_UNZIPPED
+        refuse_if(is_larger, file.where, expected, "more", "unpack the zip")
         content.write(chunk)
     return content

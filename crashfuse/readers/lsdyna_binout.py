@@ -9,12 +9,13 @@ import struct
 from array import array
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import IO, Any
+from itertools import product
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, printable, refusal
+from crashfuse.errors import printable, refuse_if
 from crashfuse.readers import lsdyna_histories
 from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, Histories, States
 from crashfuse.readers.members import ASK, COPY_AGAIN, COPY_ALL, CUT_SHORT, OTHER_KIND
@@ -59,8 +60,8 @@ class _LsdaFile:
         self._stream, self._where = stream, where
         self._size = stream.seek(0, 2)
         header = self._exactly(_HEADER_BYTES, 0)
-        if header[0] < _HEADER_BYTES or not set(header[1:5]) <= _INTEGERS.keys() or header[5] > 1 or header[6]:
-            raise self._damaged(OTHER_KIND)
+        is_known = header[0] >= _HEADER_BYTES and set(header[1:5]) <= _INTEGERS.keys() and header[5] <= 1
+        self._refuse_if(not is_known or header[6], OTHER_KIND)
         length, offset, command, kind = (_INTEGERS[size] for size in header[1:5])
         self._order = "<" if header[5] else ">"
         self._record = struct.Struct(f"{self._order}{length}{command}")
@@ -79,29 +80,23 @@ class _LsdaFile:
         numbers = np.dtype(f"{self._order}{_TYPES[kind]}")
         label = name.encode("latin-1")
         ahead = self._record.size + self._kind.size + len(label)
-        if count * numbers.itemsize <= _MOST_BYTES:
-            content = self._exactly(ahead + count * numbers.itemsize, offset)
-            head = self._record.unpack_from(content)[1], self._kind.unpack_from(content, self._record.size)[0]
-            if head == (_DATA, kind) and content[ahead - len(label) : ahead] == label:
-                return np.frombuffer(content, numbers, offset=ahead)
-        raise self._damaged(f"no data of {name} in their place")
+        self._refuse_if(count * numbers.itemsize > _MOST_BYTES, f"no data of {name}")
+        content = self._exactly(ahead + count * numbers.itemsize, offset)
+        head = self._record.unpack_from(content)[1], self._kind.unpack_from(content, self._record.size)[0]
+        is_data = head == (_DATA, kind) and content[ahead - len(label) : ahead] == label
+        self._refuse_if(not is_data, f"no data of {name}")
+        return np.frombuffer(content, numbers, offset=ahead)
 
     def _read_tables(self, at: int, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
-        if self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET:
-            raise self._damaged(OTHER_KIND)
+        self._refuse_if(self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET, OTHER_KIND)
         folder: _Folder = ()
         names = wanted(folder)
         offset = self._offset.unpack(self._exactly(self._offset.size))[0]
-        seen: set[int] = set()
         left = self._size  # tables do not overlap, so all of them together are no longer than the file
         while offset:
-            if offset in seen:
-                raise self._damaged("symbol tables in a circle")
-            seen.add(offset)
             for command, body in self._table(offset):
                 left -= self._record.size + len(body)
-                if left < 0:
-                    raise self._damaged("symbol tables that overlap")
+                self._refuse_if(left < 0, "symbol tables in a circle")
                 if command == _CD:
                     folder = _changed(folder, body.decode("latin-1"))
                     names = wanted(folder)
@@ -112,16 +107,15 @@ class _LsdaFile:
 
     def _table(self, offset: int) -> Iterator[tuple[int, bytes]]:
         length, command = self._record.unpack(self._exactly(self._record.size, offset))
-        if command != _BEGIN_TABLE:
-            raise self._damaged("no symbol table in its place")
+        self._refuse_if(command != _BEGIN_TABLE, "no symbol table")
         ahead, at = self._record.size, 0
         block = self._stream.read(min(length, _BLOCK))
         while command != _END_TABLE:
             block, at = self._with_more(block, at, ahead)
             length, command = self._record.unpack_from(block, at)
             length = ahead + self._offset.size if command == _END_TABLE else length
-            if command not in (_CD, _VARIABLE, _END_TABLE) or not ahead <= length <= ahead + _LONGEST_RECORD:
-                raise self._damaged("a senseless symbol table")
+            is_known = command in (_CD, _VARIABLE, _END_TABLE) and ahead <= length <= ahead + _LONGEST_RECORD
+            self._refuse_if(not is_known, "a senseless symbol table")
             block, at = self._with_more(block, at, length)
             yield command, block[at + ahead : at + length]
             at += length
@@ -130,34 +124,30 @@ class _LsdaFile:
         if at + count <= len(block):
             return block, at
         block = block[at:] + self._stream.read(_BLOCK if at else _LONGEST_RECORD)
-        if count > len(block):
-            raise self._damaged(CUT_SHORT)
+        self._refuse_if(count > len(block), CUT_SHORT)
         return block, 0
 
     def _list(self, folder: _Folder, names: frozenset[str], body: bytes) -> None:
-        at = len(body) - self._symbol.size
-        name = body[: max(at, 0)].decode("latin-1")
+        name, symbol = body[: -self._symbol.size].decode("latin-1"), body[-self._symbol.size :]
         if name not in names:
             return
-        kind, offset, count = self._symbol.unpack_from(body, at)
-        if kind not in _TYPES:
-            return
-        self.folders.setdefault(folder, {})[name] = len(self._listed)
-        self._listed.extend((kind, count, offset))
-        if len(self._listed) > 3 * _MOST_WANTED or len(self.folders) > _MOST_FOLDERS:
-            expected = f"at most {_MOST_FOLDERS:,} states with {_MOST_WANTED:,} variables"
-            raise refusal(self._where, expected, "more", "write fewer states (DT in *DATABASE_NODOUT)")
+        kind, offset, count = self._symbol.unpack(symbol)
+        if kind in _TYPES:
+            self.folders.setdefault(folder, {})[name] = len(self._listed)
+            self._listed.extend((kind, count, offset))
+        are_many = len(self._listed) > 3 * _MOST_WANTED or len(self.folders) > _MOST_FOLDERS
+        expected = f"at most {_MOST_FOLDERS:,} states with {_MOST_WANTED:,} variables"
+        refuse_if(are_many, self._where, expected, "more", "write fewer states")
 
     def _exactly(self, count: int, offset: int | None = None) -> bytes:
         if offset is not None:
             self._stream.seek(min(offset, self._size))
         content = self._stream.read(count)
-        if len(content) < count:
-            raise self._damaged(CUT_SHORT)
+        self._refuse_if(len(content) < count, CUT_SHORT)
         return content
 
-    def _damaged(self, found: str) -> DataError:
-        return refusal(self._where, "a sound binout file of LS-DYNA", found, COPY_AGAIN)
+    def _refuse_if(self, wrong: object, found: str) -> None:
+        refuse_if(wrong, self._where, "a sound binout", found, COPY_AGAIN)
 
 
 def _changed(folder: _Folder, path: str) -> _Folder:
@@ -170,10 +160,7 @@ def _changed(folder: _Folder, path: str) -> _Folder:
     return tuple(parts[:8])
 
 
-@dataclass
-class _Metadata:
-    """Of the nodes of a database; a continuation file leaves it to the first of its family."""
-
+class _Metadata(NamedTuple):  # of the nodes of a database; a continuation file leaves it to the first of its family
     title: str
     ids: npt.NDArray[np.integer[Any]]
     titles: dict[str, str]
@@ -196,9 +183,8 @@ class _Part:
         values = self.file.read(state, name)
         if values is None and self.after is not None and name in self._torn(state):
             values = self.after.read(state, name)
-        if values is not None and values.size != self.of.ids.size:
-            expected = f"{name} of {self.of.ids.size} nodes in each state"
-            raise refusal(self.where, expected, f"{values.size} in {state[1]}", COPY_AGAIN)
+        n, size = self.of.ids.size, self.of.ids.size if values is None else values.size
+        refuse_if(size != n, self.where, f"{name} of {n} nodes in each state", f"{size} in {state[1]}", COPY_AGAIN)
         return values
 
     def names(self, state: _Folder) -> set[str]:
@@ -210,11 +196,8 @@ class _Part:
         return () if "time" in variables else variables
 
     def velocities(self, state: _Folder) -> FloatArray:
-        velocities = np.full((3, self.of.ids.size), np.nan)
-        for row, axis in zip(velocities, AXES, strict=True):
-            if (value := self.value(state, _DATABASES[self.database][1].format(axis))) is not None:
-                row[:] = value
-        return velocities
+        rows = (self.value(state, _DATABASES[self.database][1].format(axis)) for axis in AXES)
+        return np.array([np.full(self.of.ids.size, np.nan) if row is None else row for row in rows])
 
 
 def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -> tuple[Histories, States, States]:
@@ -251,9 +234,8 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     run = Histories(title, nodes, total, start, fastest, notes, about=parts[0].of.about, walls=walls)
 
     def velocities(begin: float) -> FloatArray:
-        lasting = [part for part in parts if part.time[-1] >= begin]
-        states = [part.states[int(np.searchsorted(part.time, begin))] for part in lasting]
-        return np.concatenate([part.velocities(state) for part, state in zip(lasting, states, strict=True)], axis=1)
+        lasting = [(part, int(np.searchsorted(part.time, begin))) for part in parts if part.time[-1] >= begin]
+        return np.concatenate([part.velocities(part.states[place]) for part, place in lasting], axis=1)
 
     return run.since_departure(travel, velocities), glstat, matsum
 
@@ -296,8 +278,7 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
                 metadata[database] = _Metadata(printable(title), ids, _titles(file, database), about)
             if not states[database]:
                 continue
-            if database not in metadata:
-                raise refusal(where, f"the numbers of the nodes of {database} (metadata)", "none", COPY_ALL)
+            refuse_if(database not in metadata, where, f"the numbers of nodes of {database}", "none", COPY_ALL)
             times = (file.read(state, "time") for state in states[database])
             time = np.array([np.nan if values is None or values.size != 1 else float(values[0]) for values in times])
             order = lsdyna_histories.latest(time.tolist())
@@ -310,12 +291,11 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
 
 
 def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
-    for part in parts:
-        for other in others:
-            at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
-            if part.database == other.database and at_once and np.intersect1d(part.of.ids, other.of.ids).size:
-                expected, found = f"{part.database} of one run in a folder", f"the same nodes as in {part.where}"
-                raise refusal(other.where, expected, found, KEEP_APART)
+    for part, other in product(parts, others):
+        at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
+        alike = part.database == other.database and at_once and np.intersect1d(part.of.ids, other.of.ids).size
+        expected, found = f"{part.database} of one run in a folder", f"the same nodes as in {part.where}"
+        refuse_if(alike, other.where, expected, found, KEEP_APART)
 
 
 def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
@@ -337,18 +317,15 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
     values = np.full((2, len(places), len(part.states)), np.nan)
     with np.errstate(invalid="ignore"):  # damaged data may hold any number
         forms = _DATABASES[part.database]
-        there = [form for form in forms if form.format(axis) in part.names(part.states[0])]
-        if forms[1] not in there:
-            raise refusal(part.where, "velocities of nodes, and accelerations", f"none in {part.database}", ASK)
-        for of, name in zip(values, forms, strict=True):
-            if name not in there:
-                continue  # the velocities tell
-            for place, state in enumerate(part.states):
-                row = part.value(state, name.format(axis))
-                if row is not None:
-                    of[:, place] = row[places]
-                elif place + 1 < len(part.states):
-                    raise refusal(part.where, f"{name.format(axis)} in each state", f"none in {state[1]}", COPY_AGAIN)
+        there = part.names(part.states[0])
+        lacks = forms[1].format(axis) not in there
+        refuse_if(lacks, part.where, "velocities of nodes, and accelerations", f"none in {part.database}", ASK)
+        for of, name in zip(values, (form.format(axis) for form in forms), strict=True):
+            for place, state in enumerate(part.states if name in there else ()):  # else the velocities tell
+                row, is_last = part.value(state, name), place + 1 == len(part.states)
+                is_lost = row is None and not is_last
+                refuse_if(is_lost, part.where, f"{name} in each state", f"none in {state[1]}", COPY_AGAIN)
+                of[:, place] = np.nan if row is None else row[places]
     return [
         History(labels[place], part.of.titles.get(labels[place], ""), part.time, accel, velocity)
         for place, accel, velocity in zip(places, *values, strict=True)
@@ -360,12 +337,9 @@ def _titles(file: _LsdaFile, database: str) -> dict[str, str]:
     ids, text = file.read(folder, "legend_ids"), _text(file, folder, "legend")
     if ids is None or ids.dtype.kind not in "iu":
         return {}
+    titles = (printable(text[at : at + _TITLE_BYTES].strip()) for at in range(0, len(text), _TITLE_BYTES))
     prefix = _PREFIX.get(database, "")
-    cut = range(0, min(len(text), _TITLE_BYTES * ids.size), _TITLE_BYTES)
-    return {
-        f"{prefix}{int(number)}": printable(text[at : at + _TITLE_BYTES].strip())
-        for number, at in zip(ids, cut, strict=False)
-    }
+    return {f"{prefix}{int(number)}": title for number, title in zip(ids, titles, strict=False)}
 
 
 def _text(file: _LsdaFile, folder: _Folder, name: str) -> str:

@@ -10,11 +10,12 @@ from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
-from crashfuse.errors import DataError, printable, refusal, refuse_if
+from crashfuse.errors import printable, refusal, refuse_if
 from crashfuse.readers.members import COPY_AGAIN
 from crashfuse.readers.solver_run import CUT, STAMP, History, axis_of_travel, departure_time, quality_by_histories
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
@@ -80,9 +81,8 @@ def latest(times: Sequence[float]) -> list[int]:
 
 def add_state(states: States, time: float, values: dict[str, float]) -> dict[str, float]:
     """Add a state as written, in the place of those that a restart repeats."""
-    if states and time <= next(reversed(states)):
-        for later in [other for other in states if other >= time]:
-            del states[later]
+    while states and time <= next(reversed(states)):
+        states.popitem()
     states[time] = values
     return values
 
@@ -94,9 +94,8 @@ def nodes_to_keep(names: Sequence[str], titles: Mapping[str, str], most: int) ->
 
 def check_count(values: int, where: str) -> None:
     """Raise a DataError for more values than are kept per run."""
-    if values > MOST_VALUES:
-        expected = f"at most {MOST_VALUES:,} states times nodes"
-        raise refusal(where, expected, "more", "write fewer nodes (*DATABASE_HISTORY_NODE) or states")
+    expected, advice = f"at most {MOST_VALUES:,} states times nodes", "write fewer (*DATABASE_HISTORY_NODE)"
+    refuse_if(values > MOST_VALUES, where, expected, "more", advice)
 
 
 def _lines_of(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
@@ -104,10 +103,8 @@ def _lines_of(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
     for chunk in chunks:
         *whole, rest = (rest + chunk).split(b"\n")
         yield from whole
-        if len(rest) > _LONGEST_LINE:
-            raise refusal(where, "lines of text", "one without an end", f"choose the {where} of a run")
-    if rest:
-        yield rest
+        refuse_if(len(rest) > _LONGEST_LINE, where, "lines of text", "one without end", f"choose the {where} of a run")
+    yield rest
 
 
 def _number(cell: bytes, where: str) -> float:
@@ -134,8 +131,9 @@ def energies_text(chunks: Iterable[bytes], where: str) -> States:
 
 def quality_of(glstat: States, matsum: States) -> RunQuality:
     """The quality of a run; what ``glstat`` lacks is taken from ``matsum``."""
-    both = {time: state for time, state in glstat.items() if {"total_energy", "external_work"} <= state.keys()}
-    total, work = _column(both, "total_energy"), _column(both, "external_work")  # a killed run's last state lacks some
+    names = "total_energy", "external_work"  # a killed run's last state lacks some
+    both = {time: state for time, state in glstat.items() if set(names) <= state.keys()}
+    total, work = (_column(both, name) for name in names)
     whole = quality_by_histories(total, work, *_strain(glstat), _column(glstat, "percent_increase"))
     parts = quality_by_histories(None, None, *_strain(matsum))
     return RunQuality(*(getattr(parts if getattr(whole, name) is None else whole, name) for name in QUALITIES))
@@ -153,16 +151,13 @@ def _column(states: States, name: str) -> FloatArray | None:
 
 def read_nodout(chunks: Iterable[bytes], where: str, most: int, travel: Travel | None) -> Histories:
     """Read the translation of at most so many nodes from an ASCII ``nodout`` as a stream."""
-    reader = _Nodout(where, most, travel)
-    lines = _lines_of(chunks, where)
-    first, second = (next(lines, b"").decode("latin-1") for _ in range(2))
-    title, stamp = printable(first.strip()), STAMP.search(f"{first}\n{second}")
-    reader.take(second.encode("latin-1"))
-    for line in lines:
+    reader, lines = _Nodout(where, most, travel), _lines_of(chunks, where)
+    first, second = next(lines, b""), next(lines, b"")
+    for line in chain([second], lines):
         reader.take(line)
-    histories = reader.histories(title)
+    stamp = STAMP.search(b"\n".join((first, second)).decode("latin-1"))
     about = {"version": stamp[2], "date": iso_date(stamp[3], "%m/%d/%Y")} if stamp else {}
-    return replace(histories, about=about)
+    return replace(reader.histories(printable(first.decode("latin-1").strip())), about=about)
 
 
 class _Nodout:
@@ -197,36 +192,32 @@ class _Nodout:
             if self._width:
                 self._begin_state(columns)
         elif self._width and (row := _ROW.match(line)) is not None:
-            if self._unread:
-                raise self._damaged()
+            self._refuse_if(self._unread)
             self._unread = not self._take_row(row.group(1).decode("latin-1"), row.group(2))
 
-    def _damaged(self) -> DataError:
-        whole = min((len(values) for values in self._series.values()), default=0) // 6
-        found = f"one that cannot be read after state {whole}"
-        return refusal(self._where, "rows with all values of each node", found, COPY_AGAIN)
+    def _refuse_if(self, wrong: bool) -> None:
+        whole = min((len(values) for values in self._series.values()), default=0) // 6 if wrong else 0
+        refuse_if(wrong, self._where, "whole rows", f"damage after state {whole}", COPY_AGAIN)
 
     def histories(self, title: str) -> Histories:
         if len(self._times) == 1:
             self._choose()
         counts = {len(values) // 6 for values in self._series.values()}
         whole, states = min(counts, default=0), len(self._times)
-        if whole < states - 1 or max(counts, default=0) > states:
-            raise self._damaged()
-        if not whole:
-            expected = "velocities and accelerations of nodes (x-vel, x-accl …)"
-            raise refusal(self._where, expected, "none", "choose the nodout of a run")
-        time = np.array(self._times[:whole])
-        # kinds (acceleration, velocity), axes, nodes, states
-        values = np.array([of[: 6 * whole] for of in self._series.values()])
-        values = values.reshape(-1, whole, 2, 3).transpose(2, 3, 0, 1)
+        self._refuse_if(whole < states - 1 or max(counts, default=0) > states)
+        expected = "velocities and accelerations (x-vel, x-accl)"
+        refuse_if(not whole, self._where, expected, "none", "choose the nodout of a run")
+        time, values = np.array(self._times[:whole]), np.array([of[: 6 * whole] for of in self._series.values()])
+        values = values.reshape(-1, whole, 2, 3).transpose(
+            2, 3, 0, 1
+        )  # kinds (acceleration first), axes, nodes, states
         fastest = np.maximum(np.abs(self._start).max(axis=1), np.abs(values[1]).max(axis=(1, 2)))
         along = values[:, axis_of_travel(self._start, self._travel, fastest)]
         nodes = tuple(
             History(name, self._titles.get(name, ""), time, accel, velocity)
             for name, accel, velocity in zip(self._series, *along, strict=True)
         )
-        notes = (*self._notes, CUT) if whole < states else tuple(self._notes)
+        notes = (*self._notes, *[CUT] * (whole < states))
         run = Histories(title, nodes, len(self._first), self._start, fastest, notes)
         return run.since_departure(self._travel, lambda begin: values[1][..., int(np.searchsorted(time, begin))])
 
@@ -244,8 +235,7 @@ class _Nodout:
             self._choose()
         if self._times and self._now <= self._times[-1]:
             self._rewind()
-        elif self._unread:
-            raise self._damaged()
+        self._refuse_if(self._unread)
         self._times.append(self._now)
         self._places = [columns.index(column) for column in _WANTED]
         check_count(3 * len(self._times) * max(len(self._series), 1), self._where)
@@ -265,8 +255,5 @@ class _Nodout:
         if len(cells) != self._width or (first and name in self._first):
             return False
         values = [_number(cells[place], self._where) for place in self._places]
-        if first:
-            self._first[name] = values
-            return True
-        self._series[name].extend(values)
+        (self._first.setdefault(name, []) if first else self._series[name]).extend(values)
         return True

@@ -1,6 +1,7 @@
 """The files of a source (a folder, one of its files, or a zip of it), and the records of all that are in it."""
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath, PurePosixPath
@@ -21,15 +22,15 @@ def opened_members(
 ) -> Iterator[tuple[list[Member], Budget]]:
     """Open the files of a folder, a zip, or beside a file that are ``wanted``; and the budget for reading them.
 
-    ``kind`` is the expected source in messages ("an ISO-MME folder or zip").
+    ``kind`` is the expected source in messages ("an ISO-MME test (.mme)").
     """
     if path.suffix.lower() == ".zip" and path.is_file():
         with path.open("rb") as stream:
             members = [member for member in zip_members(stream, path.name, limits) if wanted(member.path)]
             yield members, Budget(limits, path.stat().st_size)
         return
-    if path.is_file() and not wanted(path):
-        raise refusal(path.name, kind, "a file of another kind", "choose its folder, or another format")
+    is_other = path.is_file() and not wanted(path)
+    refuse_if(is_other, path.name, kind, "a file of another kind", "choose its folder")
     folder = path.parent if path.is_file() else path
     refuse_if(not folder.is_dir(), str(path), kind, "no such folder or file", CHECK_PATH)
     members, size = [], 0
@@ -57,19 +58,19 @@ def files_below(folder: Path) -> Iterator[Path]:
     """Yield the files in a folder and those in it but the system's; a DataError for an unreadable one."""
 
     def refuse(error: OSError) -> None:
-        found, advice = error.strerror or str(error), "ask for the right to read it"
-        raise refusal(str(error.filename), "a folder that can be read", found, advice) from error
+        found = error.strerror or str(error)
+        raise refusal(str(error.filename), "a readable folder", found, "ask for access") from error
 
     for home, folders, names in os.walk(folder, onerror=refuse):
         folders[:] = [name for name in folders if not left_by_the_system(name)]
         yield from (Path(home, name) for name in names if not left_by_the_system(name))
 
 
-ONE_CLOCK = "export it again with one time that goes on"
+ONE_CLOCK = "export it with one time"
 OTHER_KIND, CUT_SHORT = "another kind of file", "one that was cut short"
-COPY_AGAIN, COPY_ALL = "copy it again from the run", "copy all files of the run"
-ASK = "ask the solver for them (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
-ONE_TEST = "choose the file or folder of one test"
+COPY_AGAIN, COPY_ALL = "copy it again", "copy all files"
+ASK = "ask the solver (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
+ONE_TEST = "choose one test"
 
 
 def as_text(content: bytes) -> str:
@@ -87,5 +88,4 @@ def _on_disk(path: Path, folder: Path) -> Member:
 
 def is_numbered(path: PurePath) -> bool:
     """Whether a name ends in the number of a channel, as ``T1.001`` does."""
-    number = path.suffix[1:]
-    return len(number) >= 3 and number.isascii() and number.isdecimal()
+    return re.fullmatch(r"\.\d{3,}", path.suffix, re.ASCII) is not None

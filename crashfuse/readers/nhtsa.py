@@ -18,11 +18,11 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, printable, refusal, refuse_all, refuse_if
+from crashfuse.errors import DataError, printable, refuse_all, refuse_if
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import ONE_TEST, is_numbered, opened_members
-from crashfuse.readers.record import LoadCell, PartialCondition, Record, RecordedChannel, proposal, summed_wall
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, read_sound, summed_wall
 from crashfuse.readers.vocabulary import NHTSA, Doubt, doubt_in, doubt_of, iso_date, speed, sums_of, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS, Sentence
@@ -35,12 +35,7 @@ LACKING = "X accelerations of the vehicle", "download all channels of the test" 
 _AGAIN = "download it again"
 
 _TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
-_WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
-_SPEED = 41
 _CODES = ("sensor", "occupant", "attachment", "axis", "unit", "status")
-_FIELDS = {"vehicle": 0, "sensor": 2, "occupant": 3, "attachment": 4, "axis": 5, "unit": 7, "cutoff": 8, "maker": 9}
-_FIELDS |= {"status": 17, "kind": 18, "comment": 19}
-_ABOUT = {"laboratory": 4, "test_number": 0, "reference": 6, "date": 3}  # fields of TEST; the number is the file's
 _MOST_LINES = 20_000  # of a specification
 _MOST_SAMPLES = 1_000_000
 _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
@@ -107,8 +102,7 @@ class Sensor:
 def number_in(value: str | float) -> float:
     """Return a number above 0; otherwise 0, NHTSA's own code for unknown."""
     with suppress(ValueError):
-        number = float(value)
-        return number if 0 < number < math.inf else 0.0
+        return number if 0 < (number := float(value)) < math.inf else 0.0
     return 0.0
 
 
@@ -140,27 +134,37 @@ def nhtsa_record(
     ``stem`` is v and the number of the test. The DataError of a function in ``sensors``, which reads a channel, is
     passed on only for a channel that would be proposed, or if no other is left.
     """
-    channels, damaged = dict[Sensor, RecordedChannel](), dict[Sensor, Problem]()
-    for sensor, read in sensors.items():
-        try:
-            channels[sensor] = replace(read(), status=sensor.quality, sensor=sensor.maker)
-        except DataError as error:
-            damaged[sensor] = error.problems[0]
-    wanted, _ = _at_best_place([entry for entry in sensors if not entry.doubt])
-    if set(wanted) & set(damaged) or not channels:
-        refuse_all([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
-    left_out = (f"Left out as damaged or empty: {', '.join(entry.shown for entry in damaged)}.",) if damaged else ()
-    proposed, why = _proposed(channels)
-    steps = (*notes, *left_out, *why)
+    channels, damaged = read_sound({str(sensor.number): read for sensor, read in sensors.items()})
+    by_name = {str(sensor.number): sensor for sensor in sensors}
+    for name, channel in channels.items():
+        channels[name] = replace(channel, status=by_name[name].quality, sensor=by_name[name].maker)
+    wanted = [str(sensor.number) for sensor in _at_best_place([one for one in sensors if not one.doubt])[0]]
+    if {*wanted} & {*damaged} or not channels:
+        refuse_all([damaged[name] for name in wanted if name in damaged] or [*damaged.values()], source)
+    notes = [
+        *notes,
+        *[f"Left out as damaged or empty: {', '.join(by_name[name].shown for name in damaged)}."] * bool(damaged),
+    ]
 
-    def likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
+    def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
+        times = {by_name[name]: channels[name].time_s for name in names}
+        chosen, what = _at_best_place([one for one, t in times.items() if t[-1] >= _LONGEST_S - 2 * (t[1] - t[0])])
+        if not chosen:
+            return (), "No channel is on the rear floor or at the centre of gravity; choose one."
+        why = f"Channels {what}, averaged: {', '.join(sensor.shown for sensor in chosen)}."
+        return tuple(str(sensor.number) for sensor in chosen), why
+
+    def likelihood(name: str) -> tuple[bool, bool, bool]:
+        sensor = by_name[name]
         return bool(sensor.doubt), not sensor.is_at_the_rear, sensor.attachment != _CENTRE
 
-    number, ordered = stem.lstrip("vV"), tuple(channels[sensor] for sensor in sorted(channels, key=likelihood))
+    proposed, why = proposal(channels, at_best_place)
+    number = stem.lstrip("vV")
     about = {**about, "test_number": number, "date": iso_date(about["date"], "%d/%b/%Y")}
-    found = number, source, condition, ordered, proposed, steps, "0 is first contact, by the format's definition"
-    unread = {str(entry.number): problem for entry, problem in damaged.items()}
-    return Record(*found, unread=unread, other_setup=other_setup, about=about)
+    ordered = tuple(channels[name] for name in sorted(channels, key=likelihood))
+    zero = "0 is first contact, by the format's definition"
+    found = number, source, condition, ordered, proposed, (*notes, *why), zero
+    return Record(*found, unread=damaged, other_setup=other_setup, about=about)
 
 
 def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
@@ -176,30 +180,15 @@ def other_vehicles(sensors: Sequence[Sensor]) -> list[str]:
     return [f"Channels of vehicle {printable(first)}; those of vehicle {left_out} are left out."] if others else []
 
 
-def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    sensors = {str(sensor.number): sensor for sensor in channels}
-
-    def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
-        times = {sensors[name]: channels[sensors[name]].time_s for name in names}
-        chosen, what = _at_best_place([one for one, t in times.items() if t[-1] >= _LONGEST_S - 2 * (t[1] - t[0])])
-        if not chosen:
-            return (), "No channel is on the rear floor or at the centre of gravity; choose one."
-        why = f"Channels {what}, averaged: {', '.join(sensor.shown for sensor in chosen)}."
-        return tuple(str(sensor.number) for sensor in chosen), why
-
-    return proposal({name: channels[sensor] for name, sensor in sensors.items()}, at_best_place)
-
-
 def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
-    rear = [entry for entry in sound if entry.is_at_the_rear]
-    if rear:
+    if rear := [sensor for sensor in sound if sensor.is_at_the_rear]:
         return rear, "on the rear crossmember or floor, behind the crush"
-    return [entry for entry in sound if entry.attachment == _CENTRE], "at the centre of gravity"
+    return [sensor for sensor in sound if sensor.attachment == _CENTRE], "at the centre of gravity"
 
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read one NHTSA test: its folder, its ``.EV5`` file, or a zip."""
-    kind = "an NHTSA folder or zip (.EV5)"
+    kind = "an NHTSA test (.EV5)"
 
     def wanted(file: PurePath) -> bool:
         return FORMATS["nhtsa"].has(file) or is_numbered(file)
@@ -211,43 +200,41 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         files = {int(m.path.suffix[1:]): m for m in members if is_numbered(m.path) and m.path.stem.lower() == stem}
         listed = [_listed(fields, specification.where) for fields in sections.get("INSTRUMENTATION", [])]
         candidates = of_first_vehicle(list({one.number: one for one in listed if one.number in files}.values()))
-        if not candidates:
-            have = f"{sum(entry.is_of_the_vehicle for entry in listed)} listed, none of them beside it"
-            raise refusal(specification.where, LACKING[0], have, LACKING[1])
+        have = f"{sum(entry.is_of_the_vehicle for entry in listed)} listed, none of them beside it"
+        refuse_if(not candidates, specification.where, LACKING[0], have, LACKING[1])
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
         condition, steps = _condition(sections, candidates[0].vehicle, specification.where)
         steps += other_vehicles([one for one in listed if one.number in files])
         test = sections["TEST"][0]
         other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
-        about = {name: _field(test, index) for name, index in _ABOUT.items()}
+        about = {name: _field(test, index) for name, index in NHTSA["field"]["about"].items()}
         wall = summed_wall([_load_cell(one, files, budget) for one in listed if one.is_of_the_barrier], steps)
         record = nhtsa_record(specification.path.stem, path.name, sensors, condition, steps, other, about)
         return (replace(record, wall=wall),)
 
 
-def _load_cell(entry: Sensor, files: Mapping[int, Member], budget: Budget) -> LoadCell:
-    sums = sums_of(entry.comment)
+def _load_cell(
+    entry: Sensor, files: Mapping[int, Member], budget: Budget
+) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
     with suppress(DataError, KeyError):
-        return LoadCell(None if entry.doubt == Doubt.FAILED else _samples(files[entry.number], budget), sums)
-    return LoadCell(None, sums)
+        if entry.doubt < Doubt.FAILED:
+            return _samples(files[entry.number], budget), sums_of(entry.comment)
+    return None, sums_of(entry.comment)
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:
     found = [member for member in members if member.path.suffix.upper() == ".EV5"]
     if path.suffix.upper() == ".EV5":
         found = [member for member in found if member.path.name == path.name]
-    if len(found) != 1:
-        advice = ONE_TEST if found else "download the specification (EV5) too"
-        raise refusal(path.name, "one .EV5 file", f"{len(found) or 'none'}", advice)
+    advice = ONE_TEST if found else "download it too"
+    refuse_if(len(found) != 1, path.name, "one .EV5 file", f"{len(found) or 'none'}", advice)
     return found[0]
 
 
 def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
-    lines = _lines(member, budget)
-    refuse_if(len(lines) > _MOST_LINES, member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", _AGAIN)
     sections: dict[str, list[list[str]]] = {}
     current: list[list[str]] = []
-    for line in lines:
+    for line in _lines(member, budget, _MOST_LINES):
         if line.startswith("-----"):
             current = sections.setdefault(line.strip("- "), [])
         elif "|" in line:
@@ -258,10 +245,10 @@ def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
 
 
 def _listed(fields: list[str], where: str) -> Sensor:
-    if len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6):
-        expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {printable('|'.join(fields))!r}"
-        raise refusal(where, expected, found, _AGAIN)
-    return Sensor.of(int(fields[1]), {name: fields[index] for name, index in _FIELDS.items()})
+    is_wrong = len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6)
+    found = f"{len(fields)} in {printable('|'.join(fields))!r}"
+    refuse_if(is_wrong, where, "20 fields a line", found, _AGAIN)
+    return Sensor.of(int(fields[1]), {name: fields[index] for name, index in NHTSA["field"]["sensor"].items()})
 
 
 def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
@@ -271,23 +258,20 @@ def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
 
 
 def _samples(member: Member, budget: Budget) -> tuple[FloatArray, FloatArray]:
-    lines = [line for line in _lines(member, budget) if line.strip()]
-    if not 2 <= len(lines) <= _MOST_SAMPLES:
-        raise refusal(member.where, f"2 to {_MOST_SAMPLES} samples", f"{len(lines)}", _AGAIN)
-    try:
+    lines = [line for line in _lines(member, budget, _MOST_SAMPLES) if line.strip()]
+    n, table = len(lines), np.empty((0, 0))
+    refuse_if(not 2 <= n <= _MOST_SAMPLES, member.where, f"2 to {_MOST_SAMPLES} samples", f"{n}", _AGAIN)
+    with suppress(ValueError):
         table = np.array([line.split() for line in lines], dtype=np.float64)
-    except ValueError:
-        table = np.empty((0, 0))
-    if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
-        raise refusal(member.where, "time and value on each line", "something else", _AGAIN)
+    is_wrong = table.shape != (n, 2) or not np.isfinite(table).all()
+    refuse_if(is_wrong, member.where, "time and value on each line", "something else", _AGAIN)
     return table[:, 0].copy(), table[:, 1].copy()
 
 
 def _condition(sections: dict[str, list[list[str]]], vehicle: str, where: str) -> tuple[PartialCondition, list[str]]:
     test = sections["TEST"][0]
     car = next((fields for fields in sections["VEHICLE"] if fields[0] == vehicle), sections["VEHICLE"][0])
-    fields = _SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY
-    speed, mass, wheelbase, behind = (number_in(_field(car, index)) for index in fields)
+    speed, mass, wheelbase, behind = (number_in(_field(car, index)) for index in NHTSA["field"]["vehicle"].values())
     front = rear = None
     has_axles = mass and wheelbase and 0 < behind < wheelbase
     notes = [f"NHTSA test, {printable(_field(test, _TITLE))}."]
@@ -304,5 +288,8 @@ def _field(fields: list[str], index: int) -> str:
     return fields[index] if index < len(fields) else ""
 
 
-def _lines(member: Member, budget: Budget) -> list[str]:
-    return member.content(budget).decode("latin-1").split("\n")  # splitlines() would also split at control characters
+def _lines(member: Member, budget: Budget, most: int) -> list[str]:
+    content = member.content(budget)
+    n = content.count(b"\n")
+    refuse_if(n > most, member.where, f"at most {most} lines", f"{n}", _AGAIN)
+    return content.decode("latin-1").split("\n")  # splitlines() would also split at control characters

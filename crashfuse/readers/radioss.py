@@ -16,14 +16,14 @@ import struct
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from itertools import accumulate, dropwhile
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.errors import CHECK_PATH, DataError, printable, refusal, refuse_if
+from crashfuse.errors import CHECK_PATH, printable, refusal, refuse_if
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.readers import radioss_history
 from crashfuse.readers.formats import FORMATS
@@ -31,18 +31,18 @@ from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND, opened_
 from crashfuse.readers.radioss_history import ACCELEROMETER, GLOBAL, MOST_VALUES, TimeHistory, Watched
 from crashfuse.readers.record import Record
 from crashfuse.readers.solver_run import CUT, read_listing, sha256_of
-from crashfuse.readers.vocabulary import Travel, iso_date
+from crashfuse.readers.vocabulary import RADIOSS, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
-_KIND = "a time history of Radioss (T01), or its CSV"
+_KIND = "a Radioss time history (T01, CSV)"
 _NODES, _WALLS, _ACCELEROMETERS = 0, 102, 108
-_VARIABLES: Mapping[int, Mapping[int, str]] = {
-    _NODES: {1: "DX", 2: "DY", 3: "DZ", 4: "VX", 5: "VY", 6: "VZ", 7: "AX", 8: "AY", 9: "AZ"},
-    _ACCELEROMETERS: {1: "AX", 2: "AY", 3: "AZ", 4: "WX", 5: "WY", 6: "WZ"},
-}  # names of the variables that are read, by the kind of a group and their codes
+_VARIABLES = {
+    _NODES: RADIOSS["node"],
+    _ACCELEROMETERS: RADIOSS["accelerometer"],
+}  # that are read, by the kind of a group
 _UNREAD = {101: "interfaces", 103: "rigid bodies", 104: "sections", 105: "joints"}
 _MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 100_000
-_AGAIN = f"{COPY_AGAIN}, write it in the default form (/TFILE/4), or convert it (th_to_csv)"
+_AGAIN = f"{COPY_AGAIN}, or write it in the default form (/TFILE/4)"
 _BEGINS = re.compile(rb'\s*"?time"?\s*,\s*"?INTERNAL ENERGY"?\s*,\s*"?KINETIC ENERGY', re.IGNORECASE)
 _UNNAMED = re.compile(r"(.*\S)\s+var\s+(\d{1,9})")
 _NAMED = re.compile(r"(.*\S)\s+(\S+)")
@@ -50,7 +50,7 @@ _STRAY = re.compile(r"[^ -~\xa1-\xff]+")
 _WIDTHS = (100, 80, 40)  # of titles
 _CURVE_NAME = re.compile(r"[DVA][XYZ]|W[XYZ]")
 _LONGEST_LABELS, _LONGEST_LABEL, _MOST_COLUMNS = 16 << 20, 1000, 20_000
-_IMPORT = "import the time history itself (T01)"
+_IMPORT = "import the T01 itself"
 _NAME = re.compile(
     r"(?P<run>.*[^.])T(?P<part>\d\d)(?P<more>[a-i]?)|(?P<new_run>.+)_(?P<new_part>\d{4})(_(?P<new_more>[a-i]))?\.thy",
     re.IGNORECASE | re.DOTALL,
@@ -76,62 +76,64 @@ class _Group:
 class _BinaryFile:
     def __init__(self, content: bytes, where: str) -> None:
         self._where = where
-        records = self._records(content)
-        first = self._next(records)
-        if len(first) != 84 or not 1000 <= _ints(first[:4])[0] <= 9999:
-            raise self._damaged(OTHER_KIND)
-        self.title = _text(first[4:])
-        self._about = _about(_text(self._next(records)))
-        counts = self._next(records)
+        self._records = self._framed(content)
+        first = self._next()
+        self._refuse_if(len(first) != 84 or not 1000 <= _ints(first[:4])[0] <= 9999, OTHER_KIND)
+        self.title, self._about = _text(first[4:]), _about(_text(self._next()))
+        counts = self._next()
         self._factors: tuple[float, ...] = ()
         if len(counts) == 4:  # newer forms: how many records follow here, the length of titles, factors of the units
-            for _ in range(min(self._counts(counts, 1)[0], 10)):
-                extra = self._next(records)
-                self._factors = struct.unpack(">3f", extra) if len(extra) == 12 else self._factors
-            counts = self._next(records)
+            extras = [self._next() for _ in range(min(self._counts(counts, 1)[0], 10))]
+            self._factors = next((struct.unpack(">3f", extra) for extra in extras[::-1] if len(extra) == 12), ())
+            counts = self._next()
         parts, materials, sections, subsets, groups, globals_ = self._counts(counts, 6)
-        self._codes = _ints(self._next(records)) if globals_ else ()
-        sizes = [1, globals_, sum(self._parts(records, parts))]
-        self._skip(records, materials + sections)
-        sizes.append(sum(self._subsets(records, subsets)))
-        self._groups = [self._group(records) for _ in range(groups)]
+        self._codes = _ints(self._next()) if globals_ else ()
+        sizes = [1, globals_, sum(self._variables() for _ in range(parts))]
+        self._skip(materials + sections)
+        sizes.append(sum(self._variables(lists=2) for _ in range(subsets)))
+        self._groups = [self._group() for _ in range(groups)]
         sizes += [group.elements * len(group.codes) for group in self._groups]
         self._blocks = [size for size in sizes if size]
         written = [group for group in self._groups if group.elements and group.codes]
         self._written = list(enumerate(written, start=len(self._blocks) - len(written)))  # groups and their blocks
         self._places = [0, *accumulate(size + 2 for size in self._blocks)]  # of each record in a state, in words
-        self._states, self._left_over = self._data(content)
+        self._states, self._is_cut = self._data(content)
 
     def time_history(self) -> TimeHistory:
         time = self._block(0)[:, 0].astype(np.float64)
         codes = {name: code for code, name in enumerate(GLOBAL, start=1) if code in self._codes}
-        model = {name: self._block(1)[:, self._codes.index(code)].astype(np.float64) for name, code in codes.items()}
         unread = dict.fromkeys(f"impulses of {_UNREAD[one.kind]}" for one in self._groups if one.kind in _UNREAD)
-        factors = self._factors if all(0 < factor < 1e6 for factor in self._factors) else ()
-        notes = (CUT,) if self._left_over else ()
-        read = self.title, time, model, self._watched(time), tuple(unread), factors, notes, self._about, self._walls()
-        return TimeHistory(*read)
+        return TimeHistory(
+            title=self.title,
+            time=time,
+            model={name: self._block(1)[:, self._codes.index(code)].astype(np.float64) for name, code in codes.items()},
+            watched=self._watched(time),
+            unread=tuple(unread),
+            unit_factors=self._factors if all(0 < factor < 1e6 for factor in self._factors) else (),
+            notes=(CUT,) * self._is_cut,
+            about=self._about,
+            walls=self._walls(),
+        )
 
     def _walls(self) -> dict[str, FloatArray]:
         """Impulses by axis, normal (codes 1 to 3) and tangential (4 to 6) ones of all rigid walls."""
         found: dict[str, FloatArray] = {}
         for at, group in self._written:
-            for column, code in enumerate(group.codes if group.kind == _WALLS else ()):
-                if 1 <= code <= 6:
-                    axis = "XYZ"[(code - 1) % 3]
-                    values = self._block(at)[:, column :: len(group.codes)].sum(axis=1, dtype=np.float64)
-                    found[axis] = found.get(axis, 0.0) + values
+            codes = enumerate(group.codes if group.kind == _WALLS else ())
+            for column, axis in ((column, "XYZ"[(code - 1) % 3]) for column, code in codes if 1 <= code <= 6):
+                values = self._block(at)[:, column :: len(group.codes)].sum(axis=1, dtype=np.float64)
+                found[axis] = found.get(axis, 0.0) + values
         return found
 
     def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
         found, titles, curves = dict[str, dict[str, FloatArray]](), dict[str, str](), 0
         for at, group in self._written:
-            names = _VARIABLES.get(group.kind, {})
-            columns = {name: group.codes.index(code) for code, name in names.items() if code in group.codes}
+            names = enumerate(_VARIABLES.get(group.kind, ()), start=1)
+            columns = {name: group.codes.index(code) for code, name in names if code in group.codes}
             curves += len(columns) * group.elements
-            if curves > _MOST_CURVES or curves * len(time) > MOST_VALUES:
-                expected = f"at most {_MOST_CURVES:,} variables with {MOST_VALUES:,} values"
-                raise refusal(self._where, expected, "more", "watch fewer nodes (/TH/NODE)")
+            are_many = curves > _MOST_CURVES or curves * len(time) > MOST_VALUES
+            expected = f"at most {_MOST_CURVES:,} variables with {MOST_VALUES:,} values"
+            refuse_if(are_many, self._where, expected, "more", "watch fewer nodes (/TH/NODE)")
             values = self._block(at).reshape(len(time), group.elements, len(group.codes))
             for place, (number, title) in enumerate(group.names):
                 name = f"{ACCELEROMETER}{number}" if group.kind == _ACCELEROMETERS else str(number)
@@ -148,64 +150,56 @@ class _BinaryFile:
     def _data(self, content: bytes) -> tuple[npt.NDArray[np.float32], bool]:
         words = self._places[-1]
         states, left_over = divmod(len(content) - self._at, 4 * words)
-        if not states:
-            raise self._damaged("no state")
+        self._refuse_if(not states, "no state")
         raw = np.frombuffer(content, ">i4", count=states * words, offset=self._at).reshape(states, words)
-        for place, size in zip(self._places[:-1], self._blocks, strict=True):
-            if (raw[:, [place, place + size + 1]] != 4 * size).any():
-                raise self._damaged("states that are not alike")
+        places = zip(self._places[:-1], self._blocks, strict=True)
+        unlike = any((raw[:, [place, place + size + 1]] != 4 * size).any() for place, size in places)
+        self._refuse_if(unlike, "states that are not alike")
         return raw.view(">f4"), bool(left_over)
 
-    def _skip(self, records: Iterator[bytes], count: int) -> list[bytes]:
+    def _skip(self, count: int) -> None:
         for _ in range(count):
-            self._next(records)
-        return []
+            self._next()
 
-    def _parts(self, records: Iterator[bytes], count: int) -> Iterator[int]:
-        for _ in range(count):
-            yield (variables := self._counts(self._next(records)[-4:], 1)[0])
-            self._skip(records, bool(variables))
+    def _variables(self, *, lists: int = 0) -> int:
+        """Of a part, or of a subset, before which stand the lists of its children and parts."""
+        record = self._next()
+        counts = self._counts(record, 5)[-1 - lists :] if lists else self._counts(record[-4:], 1)
+        self._skip(sum(map(bool, counts)))
+        return counts[-1]
 
-    def _subsets(self, records: Iterator[bytes], count: int) -> Iterator[int]:
-        for _ in range(count):
-            *_, children, parts, variables = self._counts(self._next(records), 5)
-            yield variables
-            self._skip(records, sum(map(bool, (children, parts, variables))))
-
-    def _group(self, records: Iterator[bytes]) -> _Group:
-        head = self._next(records)
+    def _group(self) -> _Group:
+        head = self._next()
         _, kind, _, elements, variables = self._counts(head, 5)
-        bodies = [self._next(records) for _ in range(elements)] if kind in _VARIABLES else self._skip(records, elements)
-        names = tuple((_ints(body[:4])[0], _text(body[4:]) or _text(head[20:])) for body in bodies)
-        return _Group(kind, elements, names, _ints(self._next(records)) if variables else ())
+        bodies = (self._next() for _ in range(elements))
+        names = [(_ints(body[:4])[0], _text(body[4:]) or _text(head[20:])) for body in bodies if kind in _VARIABLES]
+        return _Group(kind, elements, tuple(names), _ints(self._next()) if variables else ())
 
-    def _records(self, content: bytes) -> Iterator[bytes]:
+    def _framed(self, content: bytes) -> Iterator[bytes]:
         self._at = 0
         for _ in range(_MOST_RECORDS):
             if self._at + 8 > len(content):
                 return
             size = struct.unpack_from(">i", content, self._at)[0]
-            end = self._at + 4 + size
+            begin, end = self._at + 4, self._at + 4 + size
             if size < 0 or end + 4 > len(content) or struct.unpack_from(">i", content, end)[0] != size:
                 return
-            record = content[self._at + 4 : end]
             self._at = end + 4
-            yield record
+            yield content[begin:end]
 
-    def _next(self, records: Iterator[bytes]) -> bytes:
-        record = next(records, b"")
-        if len(record) < 4:
-            raise self._damaged(f"{CUT_SHORT}, or {OTHER_KIND}")
+    def _next(self) -> bytes:
+        record = next(self._records, b"")
+        self._refuse_if(len(record) < 4, f"{CUT_SHORT}, or {OTHER_KIND}")
         return record
 
     def _counts(self, record: bytes, count: int) -> tuple[int, ...]:
         found = _ints(record[: 4 * count])
-        if len(record) < 4 * count or any(not 0 <= number <= _MOST_COUNT for number in found[-2:]):
-            raise self._damaged("a header that makes no sense")
+        is_short = len(record) < 4 * count
+        self._refuse_if(is_short or not all(0 <= n <= _MOST_COUNT for n in found[-2:]), "a senseless header")
         return found
 
-    def _damaged(self, found: str) -> DataError:
-        return refusal(self._where, _KIND, found, _AGAIN)
+    def _refuse_if(self, wrong: object, found: str) -> None:
+        refuse_if(wrong, self._where, _KIND, found, _AGAIN)
 
 
 def _about(text: str) -> dict[str, str]:
@@ -228,30 +222,30 @@ def read_converted(content: bytes, where: str) -> TimeHistory:
     labels, start = _labels(content, where)
     table, cut = _numbers(content[start:], where)
     names = {name.casefold() for name in GLOBAL} | {"no name"}
-    first = 1 + next((i for i, label in enumerate(labels[1:]) if label.casefold() not in names), len(labels) - 1)
-    others = labels[first:]
+    others = [*dropwhile(lambda label: label.casefold() in names, labels[1:])]
     count = table.shape[1] - 1 - len(others)  # global histories that were written
     refuse_if(count < 0, where, f"at least {1 + len(others)} columns", f"{table.shape[1]}", _IMPORT)
     time = table[:, 0]
-    if not np.isfinite(time).all() or (np.diff(time) <= 0).any():
-        row = int(np.argmin(np.diff(time, prepend=-np.inf) > 0))
-        raise refusal(where, "a time that increases", f"{time[row]:g}", _IMPORT, "time", row + 2)
+    row, is_finite = int(np.argmin(np.diff(time, prepend=-np.inf) > 0)), np.isfinite(time).all()
+    refuse_if(row or not is_finite, where, "a time that increases", f"{time[row]:g}", _IMPORT, "time", row + 2)
     model = {name: table[:, 1 + i] for i, name in enumerate(GLOBAL[:count])}
     watched, unread = _watched_of_csv(table, others, 1 + count, where)
     return TimeHistory("", time, model, tuple(watched), tuple(unread), notes=(CUT,) if cut else ())
 
 
 def _watched_of_csv(table: FloatArray, labels: list[str], start: int, where: str) -> tuple[list[Watched], list[str]]:
-    objects: dict[str, dict[str, FloatArray]] = {}
+    objects = defaultdict[str, dict[str, FloatArray]](dict)
     for place, label in enumerate(labels, start):
         name, variable = _object_and_variable(label, place, where)
-        objects.setdefault(name, {})[variable] = table[:, place]
+        objects[name][variable] = table[:, place]
     watched: dict[str, Watched] = {}
     unread: list[str] = []
     for label, variables in objects.items():
-        if (split := _split(label)) is None:
-            continue  # a part or subset
-        group, number, title = split
+        forms = (*(rf"(.{{{width}}}) (\d{{1,10}})(?: (.*))?" for width in _WIDTHS), r"(.*?)\s+(\d{1,10})(?:\s+(.*))?")
+        match = next(filter(None, (re.fullmatch(form, label) for form in forms)), None)
+        if match is None:
+            continue  # a part or subset, which has no number
+        group, number, title = ((text or "").strip() for text in match.groups())
         named = {name: values for name, values in variables.items() if not name.startswith("var ")}
         curves = {name: values for name, values in named.items() if _CURVE_NAME.fullmatch(name)} if named else variables
         if not curves:
@@ -265,8 +259,7 @@ def _watched_of_csv(table: FloatArray, labels: list[str], start: int, where: str
 
 def _labels(content: bytes, where: str) -> tuple[list[str], int]:
     """The labels, and where the numbers begin; a label may hold a line break."""
-    if _BEGINS.match(content[:_HEAD]) is None:
-        raise refusal(where, _KIND, OTHER_KIND, _IMPORT)
+    refuse_if(_BEGINS.match(content[:_HEAD]) is None, where, _KIND, OTHER_KIND, _IMPORT)
     end, quotes, breaks = 0, 0, 0
     while not end or quotes % 2:  # to the first line break outside quotes
         begin, end, breaks = end, content.find(b"\n", end, _LONGEST_LABELS) + 1, breaks + 1
@@ -277,8 +270,8 @@ def _labels(content: bytes, where: str) -> tuple[list[str], int]:
         labels = next(csv.reader(io.StringIO(text)), [])
     except csv.Error as error:
         raise refusal(where, _KIND, str(error), _IMPORT) from error
-    if max(len(labels), content[end : end + _LONGEST_LABELS].partition(b"\n")[0].count(b",")) > _MOST_COLUMNS:
-        raise refusal(where, f"at most {_MOST_COLUMNS:,} columns", "more", _IMPORT)
+    width = max(len(labels), content[end : end + _LONGEST_LABELS].partition(b"\n")[0].count(b","))
+    refuse_if(width > _MOST_COLUMNS, where, f"at most {_MOST_COLUMNS:,} columns", "more", _IMPORT)
     labels = [label[:_LONGEST_LABEL].strip() for label in labels]
     while labels and not labels[-1]:
         labels.pop()
@@ -288,10 +281,9 @@ def _labels(content: bytes, where: str) -> tuple[list[str], int]:
 def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
     cut = not content.endswith(b"\n") and b"\n" in content
     whole = content[: content.rfind(b"\n") + 1] if cut else content
-    first = whole.partition(b"\n")[0]
-    width = first.rstrip(b"\r,").count(b",") + 1
-    if width * whole.count(b"\n") > MOST_VALUES:
-        raise refusal(where, "the values of a run", "more than any has", "convert fewer of them")
+    width = whole.partition(b"\n")[0].rstrip(b"\r,").count(b",") + 1
+    are_many = width * whole.count(b"\n") > MOST_VALUES
+    refuse_if(are_many, where, f"at most {MOST_VALUES:,} values", "more", "convert fewer of them")
     try:
         frame = pd.read_csv(io.BytesIO(whole), header=None, dtype=np.float64, engine="c", index_col=False)
         table = frame.to_numpy(np.float64)[:, :width]
@@ -304,19 +296,12 @@ def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
 
 
 def _object_and_variable(label: str, place: int, where: str) -> tuple[str, str]:
-    if found := _UNNAMED.fullmatch(label):
-        if int(found[2]) != place:
-            raise refusal(where, f"this label over column {found[2]}", f"it over column {place}", _IMPORT, label)
-        return found[1], f"var {place}"
-    found = _NAMED.fullmatch(label)
-    return (found[1], found[2]) if found else (label, f"var {place}")
-
-
-def _split(label: str) -> tuple[str, str, str] | None:
-    """Group, number and title; None of a part or subset, which has no number."""
-    forms = (*(rf"(.{{{width}}}) (\d{{1,10}})(?: (.*))?" for width in _WIDTHS), r"(.*?)\s+(\d{1,10})(?:\s+(.*))?")
-    found = next((match for form in forms if (match := re.fullmatch(form, label))), None)
-    return None if found is None else (found[1].strip(), found[2], (found[3] or "").strip())
+    if unnamed := _UNNAMED.fullmatch(label):
+        is_elsewhere, expected = int(unnamed[2]) != place, f"this label over column {unnamed[2]}"
+        refuse_if(is_elsewhere, where, expected, f"it over column {place}", _IMPORT, label)
+        return unnamed[1], f"var {place}"
+    named = _NAMED.fullmatch(label)
+    return (named[1], named[2]) if named else (label, f"var {place}")
 
 
 def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFAULT_LIMITS) -> tuple[Record, ...]:
@@ -342,9 +327,9 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
 def _with_listing(history: TimeHistory, first: PurePosixPath, others: _Members, budget: Budget) -> TimeHistory:
     run, about = _parts_of_name(first.name)[0], dict(history.about)
     mine = [path for path in sorted(others) if path.parent == first.parent and path.name.startswith(f"{run}_")]
-    if listings := [path for path in mine if path.suffix.lower() == ".out"]:
-        about |= read_listing(others[listings[-1]].chunks(budget))
-    for path in (path for path in mine if path not in listings):
+    for path in [path for path in mine if path.suffix.lower() == ".out"][-1:]:
+        about |= read_listing(others[path].chunks(budget))
+    for path in (path for path in mine if path.suffix.lower() != ".out"):
         about |= {"deck": path.name, "deck_sha256": sha256_of(others[path].chunks(budget))}
     return replace(history, about=about)
 
@@ -367,38 +352,35 @@ def _parts_of_name(name: str) -> tuple[str, int, str]:
 
 def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
     """A CSV beside its original is left out."""
-    has = FORMATS["radioss"].has
-    chosen = (not has(path), _parts_of_name(path.name)[0])
+    has, is_one = FORMATS["radioss"].has, path.is_file() and path.suffix.lower() != ".zip"
+    chosen = (True, not has(path), _parts_of_name(path.name)[0])
     original = {member.path for member in members if has(member.path)}
-    found: defaultdict[tuple[str, str], list[Member]] = defaultdict(list)
+    found = defaultdict[tuple[str, str], list[Member]](list)
     for member in members:
         run, copied = _parts_of_name(member.path.name)[0], member.path not in original
-        if path.is_file() and path.suffix.lower() != ".zip":
-            is_wanted = len(member.path.parts) == 1 and (copied, run) == chosen
-        else:
-            is_wanted = not (copied and member.path.with_suffix("") in original)
-        if is_wanted:
+        is_copy = copied and member.path.with_suffix("") in original
+        if (len(member.path.parts) == 1, copied, run) == chosen if is_one else not is_copy:
             found["-".join(member.path.parts[:-1]), run].append(member)
     alone = len({run for _, run in found}) == len(found)
     return {run if alone or not folder else f"{folder}-{run}": files for (folder, run), files in found.items()}
 
 
 def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
-    by_file: defaultdict[str, list[tuple[int, Member]]] = defaultdict(list)
+    by_file = defaultdict[str, list[tuple[int, str, Member]]](list)
     for file in files:
         _, part, more = _parts_of_name(file.path.name)
-        by_file[more].append((part, file))
+        by_file[more].append((part, file.where, file))
     histories = []
-    for more in sorted(by_file):
-        parts = sorted(by_file[more], key=lambda part: (part[0], part[1].where))
-        numbers, names = [number for number, _ in parts], [file.path.name for _, file in parts]
-        if numbers != list(range(1, len(parts) + 1)):
-            expected, advice = "every part of the run once, from T01 on", "add those that are missing"
-            raise refusal(names[0], expected, " and ".join(names), advice)
-        read = []
-        for _, file in parts:
-            content = file.content(budget)
-            is_converted = file.path.suffix.lower() == ".csv" and _BEGINS.match(content[:_HEAD])
-            read.append((read_converted if is_converted else read_binary)(content, file.path.name))
-        histories.append(radioss_history.join_parts(read, names))
+    for _, parts in sorted(by_file.items()):
+        numbers, _, members = zip(*sorted(parts, key=lambda part: part[:2]), strict=True)
+        names = [file.path.name for file in members]
+        lacks, expected = numbers != (*range(1, len(parts) + 1),), "every part once, from T01 on"
+        refuse_if(lacks, names[0], expected, " and ".join(names), "add those that are missing")
+        histories.append(radioss_history.join_parts([_read_part(file, budget) for file in members], names))
     return radioss_history.with_names(radioss_history.join_files(histories))
+
+
+def _read_part(file: Member, budget: Budget) -> TimeHistory:
+    content = file.content(budget)
+    is_converted = file.path.suffix.lower() == ".csv" and _BEGINS.match(content[:_HEAD])
+    return (read_converted if is_converted else read_binary)(content, file.path.name)

@@ -10,22 +10,16 @@ import numpy as np
 
 from crashfuse.cae_library import RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
-from crashfuse.errors import DataError, Problem, refusal
+from crashfuse.errors import DataError, Problem, refuse_if
 from crashfuse.readers import solver_run
 from crashfuse.readers.record import Record
 from crashfuse.readers.solver_run import FASTEST_MPS, LONGEST_S, History, Units
-from crashfuse.readers.vocabulary import AXES, Travel
+from crashfuse.readers.vocabulary import AXES, RADIOSS, Travel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
-# the global histories in the order of their codes, 1 first, as the solver's converter calls them
-GLOBAL = (
-    *("INTERNAL ENERGY", "KINETIC ENERGY", "X-MOMENTUM", "Y-MOMENTUM", "Z-MOMENTUM", "MASS", "TIME STEP"),
-    *("ROTATION ENERGY", "EXTERNAL WORK", "SPRING ENERGY", "CONTACT ENERGY", "HOURGLASS ENERGY"),
-    *(f"{kind} CONTACT ENERGY" for kind in ("ELASTIC", "FRICTIONAL", "DAMPING")),
-    *("PLASTIC WORK", "ADDED MASS", "PERCENTAGE ADDED MASS", "INLET MASS", "OUTLET MASS", "INLET ENERGY"),
-    "OUTLET ENERGY",
-)
+GLOBAL = RADIOSS["global"]
+"""The global histories in the order of their codes, 1 first, as the solver's converter calls them."""
 
 MOST_VALUES = 40_000_000  # states times values kept of a file
 ACCELEROMETER = "accelerometer "  # what the names of accelerometers begin with; those of nodes are numbers
@@ -93,11 +87,9 @@ class TimeHistory:
             return None
         kinetic, *momentum = (float(self.model[name][0]) for name in needed)
         size = float(np.linalg.norm(momentum))
-        if kinetic == 0:
-            return np.zeros(3)
-        if not (np.isfinite([kinetic, size]).all() and size > 0 and kinetic > 0):
+        if kinetic and not (np.isfinite([kinetic, size]).all() and size > 0 and kinetic > 0):
             return None
-        velocity = 2 * kinetic * np.array(momentum) / size**2
+        velocity = 2 * kinetic * np.array(momentum) / size**2 if kinetic else np.zeros(3)
         return np.where(np.abs(velocity) > _LARGEST_SHARE * np.abs(velocity).max(), velocity, 0.0)
 
 
@@ -105,15 +97,14 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
     """A run that was stopped and restarted; a later part replaces what it computed anew."""
     whole = parts[0]
     for part, name in zip(parts[1:], names[1:], strict=True):
-        if _watched_curves(part) != _watched_curves(whole):
-            raise refusal(name, f"nodes and accelerometers as in {names[0]}", "others", solver_run.KEEP_APART)
+        first, second = ([(one.name, *one.curves) for one in of.watched] for of in (whole, part))
+        refuse_if(first != second, name, f"nodes as in {names[0]}", "others", solver_run.KEEP_APART)
         start = float(part.time[0])
         early = whole.time < start
         last = whole.time[early][-3:]
-        steps = np.diff(last)
-        if not last.size or (steps.size and start - last[-1] > _STEPS * steps.max()):
-            expected = f"states from {last[-1]:g} on" if last.size else "states after those before it"
-            raise refusal(name, expected, f"the first at {start:g}", "add the file that lies between")
+        gap = not last.size or start - last[-1] > _STEPS * np.diff(last).max(initial=0.0 if last.size > 1 else np.inf)
+        expected = f"states from {last[-1]:g} on" if last.size else "states after those before it"
+        refuse_if(gap, name, expected, f"the first at {start:g}", "add the missing file")
         watched = []
         for one, later in zip(whole.watched, part.watched, strict=True):
             kept = one.time < start
@@ -124,13 +115,8 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
         time, notes = np.concatenate([whole.time[early], part.time]), dict.fromkeys((*whole.notes, *part.notes))
         # impulses of walls may be counted anew
         whole = replace(whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={})
-    if len(parts) > 1:
-        whole = replace(whole, notes=(f"Joined from {', '.join(names)}.", *whole.notes))
-    return whole
-
-
-def _watched_curves(history: TimeHistory) -> list[tuple[str, list[str]]]:
-    return [(one.name, [*one.curves]) for one in history.watched]
+    joined = (f"Joined from {', '.join(names)}.",) * (len(parts) > 1)
+    return replace(whole, notes=(*joined, *whole.notes))
 
 
 def join_files(histories: Sequence[TimeHistory]) -> TimeHistory:
@@ -147,19 +133,17 @@ def join_files(histories: Sequence[TimeHistory]) -> TimeHistory:
 
 def with_names(history: TimeHistory) -> TimeHistory:
     """Name the curves that have no names; those that cannot be told go unread."""
-    watched, unread, guessed = [], list(history.unread), False
+    watched, unread, notes = [], list(history.unread), dict.fromkeys(history.notes)
     for one in history.watched:
         if not any(name.startswith("var ") for name in one.curves):
             watched.append(one)
         elif curves := _named(history, one):
-            guessed = True
+            notes["Unnamed variables are told by initial velocity and integrals."] = None
             is_node = any(name.startswith("V") for name in curves)
             watched.append(replace(one, name=one.name if is_node else f"{ACCELEROMETER}{one.name}", curves=curves))
         else:
             unread.append(f"unnamed columns of {one.title or 'node'} ({one.name})")
-    note = "Unnamed variables are told by initial velocity and integrals."
-    notes = (*history.notes, note) if guessed else history.notes
-    return replace(history, watched=tuple(watched), unread=tuple(unread), notes=notes)
+    return replace(history, watched=tuple(watched), unread=tuple(unread), notes=tuple(notes))
 
 
 def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
@@ -176,18 +160,15 @@ def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
     # velocity of the centre of gravity of what moves
     vehicle = np.interp(time, history.time, momentum / momentum[0] * speed)
     alive = [column for column in columns if np.ptp(column) > 0]
-    velocities = [
-        place
-        for place, column in enumerate(alive)
-        if abs(column[0] - speed) <= _SAME_VELOCITY * abs(speed)
-        and np.abs(column - vehicle).max() <= _NEAR * abs(speed)
-    ]
+    starts = [abs(column[0] - speed) <= _SAME_VELOCITY * abs(speed) for column in alive]
+    near = [np.abs(column - vehicle).max() <= _NEAR * abs(speed) for column in alive]
+    velocities = np.flatnonzero(np.logical_and(starts, near)).tolist()
     if not velocities:
         stopping = [column for column in alive if _stops(column, vehicle, time)]
         return {f"A{letter}": stopping[0]} if len(stopping) == 1 else {}
+    place, velocity = velocities[0], alive[velocities[0]]
     if len(velocities) > 1:
         return {}
-    place, velocity = velocities[0], alive[velocities[0]]
     found = {f"V{letter}": velocity}
     travel = solver_run.integral(velocity, time)
     for before in alive[:place]:
@@ -231,8 +212,9 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     steps.append(why)
     if run.unread:
         steps.append(f"Not read: {listed(run.unread)}.")
-    if mass is not None and solver_run.mass_unit_kg(mass, units[1] or "m/s²") is None:
-        raise refusal(source, "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g", "choose another run")
+    is_none = mass is not None and solver_run.mass_unit_kg(mass, units[1] or "m/s²") is None
+    found = f"{mass:.4g}" if mass is not None else ""
+    refuse_if(is_none, source, "a vehicle of 300 kg to 60 t", found, "choose another run")
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
     steps += solver_run.note_of_kept(len(kept), len(nodes))
     impulse = run.walls.get("XYZ"[axis])  # walls are written as impulses, not as forces
@@ -243,21 +225,18 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
 
 def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:
     """Velocities when the run begins, shape (3, n_nodes), or of all that moves; the largest along each axis, (3,)."""
-    velocities = [[one.curves.get(f"V{letter}") for letter in "XYZ"] for one in run.watched]
-    velocities = [row for row in velocities if any(of is not None for of in row)]
-    if not velocities:
+    names = [f"V{letter}" for letter in "XYZ"]
+    rows = [[one.curves.get(name, np.zeros(1)) for name in names] for one in run.watched if {*names} & {*one.curves}]
+    if not rows:
         initial = run.initial_velocity
-        start = np.zeros((3, 1)) if initial is None else initial[:, None]
-        return start, np.abs(start).max(axis=1)
-    start = np.array([[0.0 if of is None else of[0] for of in row] for row in velocities]).T
-    fastest = np.array([[0.0 if of is None else np.abs(of).max() for of in row] for row in velocities])
-    return start, fastest.max(axis=0)
+        rows = [[np.zeros(1)] * 3 if initial is None else list(initial[:, None])]
+    start = np.array([[of[0] for of in row] for row in rows]).T
+    return start, np.max([[np.abs(of).max() for of in row] for row in rows], axis=0)
 
 
 def _along(one: Watched, axis: int, initial: FloatArray | None) -> History | None:
     """An accelerometer has its own skew: read is the direction of largest ΔV, turned to where the vehicle travels."""
-    letter = "XYZ"[axis]
-    accel, velocity = one.curves.get(f"A{letter}"), one.curves.get(f"V{letter}")
+    accel, velocity = (one.curves.get(f"{kind}{'XYZ'[axis]}") for kind in "AV")
     if one.is_accelerometer:
         accelerations = [of for name, of in one.curves.items() if name[0] == "A"]
         accel = max(accelerations, key=lambda of: float(np.abs(solver_run.integral(of, one.time)).max()), default=None)
@@ -283,16 +262,14 @@ def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[lis
     node = max([node for node in stopping if not solver_run.is_on_a_dummy(node)] or stopping, key=_behind)
     name = node.name.capitalize() if node.name.startswith(ACCELEROMETER) else f"Node {node.name}"
     left = f"; {len(nodes) - len(stopping)} left out, whose ΔV is no vehicle's" if len(stopping) < len(nodes) else ""
-    why = f"{name} of {len(nodes)} stops last and rebounds least, as behind the crush{left}."
-    return [node], why
+    return [node], f"{name} of {len(nodes)} stops last and rebounds least, as behind the crush{left}."
 
 
 def _may_be_the_pulse(node: History, initial: FloatArray | None) -> bool:
     """Crossed columns of an accelerometer do not stop as a vehicle does."""
     if not node.name.startswith(ACCELEROMETER) or initial is None or not initial.any():
         return True
-    at_start = float(np.abs(node.velocity[0]))
-    change = float(np.abs(node.velocity - node.velocity[0]).max())
+    change, at_start = float(np.abs(node.velocity - node.velocity[0]).max()), float(np.abs(node.velocity[0]))
     return _LEAST_CHANGE * at_start <= change <= _MOST_CHANGE * at_start
 
 
@@ -334,6 +311,5 @@ def _no_node(run: TimeHistory, axis: int, source: str) -> Problem:
     found = listed(sorted({name for one in run.watched for name in one.curves}) or run.unread) or "none"
     if not run.watched and run.initial_velocity is not None and not run.initial_velocity.any():
         found = "a model at rest when the run begins"
-    expected = f"velocities or accelerations of nodes along {AXES[axis]}, or accelerometers"
-    advice = f"import the T01 itself, or ask the solver for V{letter} and A{letter} of the node (/TH/NODE, /TH/TITLE)"
-    return Problem(source, expected, found, advice)
+    advice = f"import the T01 itself, or ask for V{letter} and A{letter} of the node (/TH/NODE, /TH/TITLE)"
+    return Problem(source, f"velocities or accelerations along {AXES[axis]}, or accelerometers", found, advice)

@@ -5,7 +5,6 @@ Numbers and signs are as found. Time zero, sign and unit are settled in one plac
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -149,8 +148,8 @@ class RecordedChannel:
     @property
     def doubt(self) -> Doubt:
         """What speaks against it, by the file."""
-        stated = max(doubt for _, doubt in self._accounts)
-        return max(stated, Doubt.SOME if mentions(self.origin, "computed") else Doubt.NONE)
+        is_computed = Doubt.SOME if mentions(self.origin, "computed") else Doubt.NONE
+        return max(is_computed, *(doubt for _, doubt in self._accounts))
 
     @property
     def _accounts(self) -> list[tuple[str, Doubt]]:
@@ -168,15 +167,28 @@ class RecordedChannel:
 Channels = tuple[RecordedChannel, ...]
 
 
+def read_sound(
+    readers: Mapping[str, Callable[[], RecordedChannel]],
+) -> tuple[dict[str, RecordedChannel], dict[str, Problem]]:
+    """Channels by name, and the problems of those that cannot be read."""
+    channels, unread = dict[str, RecordedChannel](), dict[str, Problem]()
+    for name, read in readers.items():
+        try:
+            channels[name] = read()
+        except DataError as error:
+            unread[name] = error.problems[0]
+    return channels, unread
+
+
 def proposal(
     channels: Mapping[str, RecordedChannel], propose: Callable[[Sequence[str]], tuple[tuple[str, ...], str]]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Channels to average, and sentences: measured before simulated, sound before doubtful, failed never."""
-    measured = [name for name, one in channels.items() if not one.is_simulated]
-    candidates = measured or list(channels)
-    chosen, why = propose([name for name in candidates if not channels[name].doubt])
-    if not chosen:
-        chosen, why = propose([name for name in candidates if channels[name].doubt < Doubt.FAILED])
+    candidates = [name for name, one in channels.items() if not one.is_simulated] or list(channels)
+    for least in (Doubt.SOME, Doubt.FAILED):
+        chosen, why = propose([name for name in candidates if channels[name].doubt < least])
+        if chosen:
+            break
     remarks = {name: f"{printable(name)} ({one.remark})" for name, one in channels.items() if one.remark}
     steps = [why]
     if passed_over := [text for name, text in remarks.items() if name not in chosen]:
@@ -186,31 +198,26 @@ def proposal(
     return chosen, tuple(steps)
 
 
-class LoadCell(NamedTuple):
-    """A load cell of a barrier, or a sum of some; None where it fails."""
+def summed_wall(cells: Sequence[tuple[_Signal | None, int]], steps: list[str]) -> Wall | None:
+    """The force of a barrier, told in ``steps``: of its cells, or where one fails of their sum in the file.
 
-    signal: _Signal | None
-    sums: int = 0  # 1: some cells, 2: all of them
-
-
-def summed_wall(cells: Sequence[LoadCell], steps: list[str]) -> Wall | None:
-    """The force of a barrier, told in ``steps``: of its cells, or where one fails of their sum in the file."""
-    ranks = [[cell.signal for cell in cells if cell.sums == rank] for rank in range(3)]
+    Beside the signal of a cell, None where it fails, stands whether it is a sum of some cells (1) or of all (2).
+    """
+    ranks = [[signal for signal, sums in cells if sums == rank] for rank in range(3)]
     single, n = _total(ranks[0]), len(ranks[0])
     if single is not None and n > 2 and (largest := _sum_among(ranks[0])) is not None:
         single, n = largest, n - 1
     stated = [force for force in (*(_total([signal]) for signal in ranks[2]), _total(ranks[1])) if force is not None]
-    stated.sort(key=_impulse)
-    if single is not None and not (stated and _impulse(stated[-1]) > (1 + _UNLIKE) * _impulse(single)):
+    most = max(stated, key=_impulse, default=None)
+    if single is not None and not (most and _impulse(most) > (1 + _UNLIKE) * _impulse(single)):
         steps.append(f"Force of the barrier: {n} load cells summed.")
         return single
-    if stated:
+    if most:
         why = "" if not n else " Cells fail." if single is None else f" The {n} load cells add up to less."
         steps.append(f"{'Careful: ' * bool(why)}Force of the barrier: the sum in the file.{why}")
-        return stated[-1]
-    if any(ranks[0]):
+    elif any(ranks[0]):
         steps.append(f"Careful: not all {n} load cells can be summed; the barrier's force is left out.")
-    return None
+    return most
 
 
 def _total(signals: Sequence[_Signal | None]) -> Wall | None:

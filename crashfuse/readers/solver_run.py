@@ -7,13 +7,14 @@ are proposed. LS-DYNA records no units either: duration, speed and the size of a
 import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
-from crashfuse.errors import refusal
+from crashfuse.errors import refuse_if
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, PLACES_BY_TITLE, Travel, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
@@ -21,7 +22,7 @@ from crashfuse.signals.wall import Wall
 from crashfuse.units import KPH, MS, G, Sentence, number
 
 CUT = "The last state is cut short and left out."
-KEEP_APART = "keep each run in a folder of its own"
+KEEP_APART = "keep runs in separate folders"
 
 _ALIASED = 0.05  # of the velocity
 _ALIKE = 0.1  # of the median travel
@@ -70,10 +71,10 @@ def read_listing(chunks: Iterable[bytes]) -> dict[str, str]:
         for match in _ENDED.finditer(before[-_OVERLAP:] + chunk):
             ended = match[1].replace(b" ", b"").decode().lower() if match[1] else "killed"
         before = chunk
-    versions, found = _VERSION.findall(head)[:2], {name: words.search(head) for name, words in _STATED.items()}
-    stated = {name: match[1].strip() for name, match in found.items() if match}
-    stated["date"], stated["version"] = iso_date(stated.get("date", ""), "%m/%d/%Y"), " ".join(dict.fromkeys(versions))
-    return {**{name: text for name, text in stated.items() if text}, "termination": ended}
+    stated = {name: line[1].strip() for name, words in _STATED.items() if (line := words.search(head))}
+    version = " ".join(dict.fromkeys(_VERSION.findall(head)[:2]))
+    stated |= {"date": iso_date(stated.get("date", ""), "%m/%d/%Y"), "version": version, "termination": ended}
+    return {name: text for name, text in stated.items() if text}
 
 
 def sha256_of(chunks: Iterable[bytes]) -> str:
@@ -97,8 +98,8 @@ class History:
     def since(self, time: float) -> "History":
         """Its states from a time on."""
         late = self.time >= time
-        columns = self.time[late], self.acceleration[late], self.velocity[late]
-        return History(self.name, self.title, *columns)
+        velocity = self.velocity[late]
+        return replace(self, time=self.time[late], acceleration=self.acceleration[late], velocity=velocity)
 
     @property
     def lacks_acceleration(self) -> bool:
@@ -108,13 +109,13 @@ class History:
 
 def _is_aliased(node: History) -> bool:
     """Whether accelerations, sampled once per output interval, lack or fail to reproduce the velocity."""
-    change = node.velocity - node.velocity[0]
+    change, goes_on = node.velocity - node.velocity[0], bool((np.diff(node.time) > 0).all())
     if node.lacks_acceleration and node.time.size > 1:
-        return bool((np.diff(node.time) > 0).all())
-    if not np.isfinite(change).all() or not np.isfinite(node.acceleration).all() or node.time.size < 3:
+        return goes_on
+    if not goes_on or not np.isfinite([change, node.acceleration]).all() or node.time.size < 3:
         return False
     error = np.abs(integral(node.acceleration, node.time) - change).max()
-    return bool(error > _ALIASED * np.abs(node.velocity).max()) and bool((np.diff(node.time) > 0).all())
+    return bool(error > _ALIASED * np.abs(node.velocity).max())
 
 
 def integral(values: FloatArray, time: FloatArray) -> FloatArray:
@@ -125,10 +126,8 @@ def integral(values: FloatArray, time: FloatArray) -> FloatArray:
 def titled_nodes(nodes: Sequence[History]) -> tuple[list[History], str] | None:
     """The nodes whose titles name a place of accelerometers, and the reason; None if no title does."""
     for where, words in PLACES_BY_TITLE.items():
-        named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not is_on_a_dummy(node)]
-        if named:
-            named = _finest(named)
-            return named, f"Nodes {where}, averaged: {_listed(named)}."
+        if named := [n for n in nodes if re.search(words, _words(n.title), re.I) and not is_on_a_dummy(n)]:
+            return _finest(named), f"Nodes {where}, averaged: {_listed(_finest(named))}."
     return None
 
 
@@ -143,11 +142,9 @@ def proposed_nodes(nodes: Sequence[History]) -> tuple[list[History], str]:
         return titled
     nodes = _finest(nodes)
     travels = np.array([np.abs(integral(node.velocity, node.time)).max() for node in nodes])
-    chosen = nodes
-    if len(nodes) > 1 and np.isfinite(travels).any():
-        middle = np.nanmedian(travels)
-        alike = [n for n, travel in zip(nodes, travels, strict=True) if abs(travel - middle) <= _ALIKE * middle]
-        chosen = alike or nodes
+    middle = np.nanmedian(travels) if np.isfinite(travels).any() else np.nan
+    alike = [node for node, travel in zip(nodes, travels, strict=True) if abs(travel - middle) <= _ALIKE * middle]
+    chosen = alike or nodes
     why = f"No title names an accelerometer; averaged are {len(chosen)} of {len(nodes)} that travel alike"
     return chosen, f"{why}: {_listed(chosen)}. Choose others if some lie in the crush."
 
@@ -166,6 +163,9 @@ def _words(title: str) -> str:
     return re.sub(r"[_-]+|(?<=[a-z])(?=[A-Z])", " ", title)
 
 
+_finite = partial(np.nan_to_num, nan=0.0, posinf=0.0, neginf=0.0)
+
+
 def axis_of_travel(start: FloatArray, travel: Travel | None = None, fastest: FloatArray | None = None) -> int:
     """The axis given, else along which nodes set out fastest on average, or get fastest from rest (shape (3,))."""
     if travel is not None:
@@ -174,10 +174,6 @@ def axis_of_travel(start: FloatArray, travel: Travel | None = None, fastest: Flo
     if fastest is not None and speeds.max() <= _STILL * fastest.max():
         speeds = fastest
     return int(speeds.argmax())
-
-
-def _finite(start: FloatArray) -> FloatArray:
-    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def departure_time(nodes: Sequence[History], travel: Travel | None) -> float:
@@ -196,16 +192,14 @@ def departure_time(nodes: Sequence[History], travel: Travel | None) -> float:
     rest = int(at_rest[-1])
     set_in, braked_in = time[first] - time[rest], time[first + slow[0]] - time[first]
     change = np.median([integral(node.acceleration, node.time)[[rest, first]] for node in nodes], axis=0)
-    is_told = abs(abs(change[1] - change[0]) - top) < top / 2
-    is_set = _AT_ONCE * set_in <= braked_in and (travel is not None or not is_told)
-    return float(time[first] if is_set else time[0])
+    is_told = travel is None and abs(abs(change[1] - change[0]) - top) < top / 2
+    return float(time[first] if _AT_ONCE * set_in <= braked_in and not is_told else time[0])
 
 
 def units_of(nodes: Sequence[History], source: str, mass: float | None = None, *, imperial: bool = False) -> Units:
     """The units of a run, by how long it lasts and how fast its nodes are, and by its mass in the run's own unit."""
     end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
-    if not 0 < end <= _LONGEST_MS:
-        raise refusal(source, "a crash in s or ms", f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI")
+    refuse_if(not 0 < end <= _LONGEST_MS, source, "a crash in s or ms", f"one that ends at {end:g}", "choose another")
     step = (end - float(nodes[0].time[0])) / max(nodes[0].time.size - 1, 1)
     told = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
     if end > LONGEST_S or (step > _SLOWEST_S and not fastest >= _SLOWEST_MMPS):
@@ -256,17 +250,15 @@ def departure(
     # whether half of the nodes set out along another axis, too; of a wheel's, not all do
     middle = np.median(np.abs(start), axis=1)
     is_aslant = bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
-    if travel is None and (not moves or is_aslant):
-        expected = "a vehicle that travels along one axis" if moves else "nodes that are fastest when they set out"
-        advice = "choose a run in the vehicle's axes, or give axis and speed (--travel, --speed-kph)"
-        raise refusal(source, expected, f"{at_start} at the start, at most {at_most}", advice)
-    if travel is not None:
-        if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
-            expected = f"nodes that move along {travel}, as given"
-            raise refusal(source, expected, f"at most {at_most}", "check the direction (--travel)")
-        if moves and found != travel:
-            advice = f"check the direction (--travel {found})"
-            raise refusal(source, f"nodes that set out along {travel}", f"along {found}", advice)
+    expected = "a vehicle that travels along one axis" if moves else "nodes fastest at the start"
+    advice = "give axis and speed (--travel, --speed-kph)"
+    is_lost = travel is None and (not moves or is_aslant)
+    refuse_if(is_lost, source, expected, f"{at_start} at the start, at most {at_most}", advice)
+    is_still = not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0)
+    expected, advice = f"nodes that move along {travel}, as given", "check --travel"
+    refuse_if(travel is not None and is_still, source, expected, f"at most {at_most}", advice)
+    expected, advice = f"nodes that set out along {travel}", f"check the direction (--travel {found})"
+    refuse_if(moves and travel not in (None, found), source, expected, f"along {found}", advice)
     sentence = f"Travel along {travel or found}, {'as the nodes set out' if travel is None else 'given by the user'}."
     if is_aslant:
         sentence = f"Careful: travel along {travel}, given by the user, but nodes set out at {at_start} at most."
@@ -278,9 +270,8 @@ def departure(
 
 
 def _by_axis(speeds: FloatArray, per_mps: float | None) -> str:
-    scaled = (speeds * (per_mps or 1.0)).tolist()
-    speeds_text = ", ".join(f"{axis} {speed:.3g}" for axis, speed in zip(AXES, scaled, strict=True))
-    return f"{speeds_text} {'in the unit of the file' if per_mps is None else 'm/s'}"
+    texts = (f"{axis} {speed:.3g}" for axis, speed in zip(AXES, speeds * (per_mps or 1.0), strict=True))
+    return f"{', '.join(texts)} {'in the unit of the file' if per_mps is None else 'm/s'}"
 
 
 def note_of_kept(kept: int, total: int) -> list[str]:
@@ -358,7 +349,10 @@ def quality_by_histories(
     added_mass_percent: FloatArray | None = None,  # by mass scaling, of the mass without it
 ) -> RunQuality:
     """The quality of a run by its global histories, shape (n,); None where the solver did not write one."""
-    most_hourglass, most_internal, added = map(_largest, (hourglass, internal, added_mass_percent))
+    most_hourglass, most_internal, added = (
+        None if of is None or not of.size or not np.isfinite(of).all() else float(of.max())
+        for of in (hourglass, internal, added_mass_percent)
+    )
     share = None
     if most_hourglass is not None and most_internal is not None and most_internal > 0:
         share = most_hourglass / most_internal
@@ -367,9 +361,3 @@ def quality_by_histories(
         change = (total - work) - (total[0] - work[0])
         gained = float(change[np.abs(change).argmax()] / total[0]) if np.isfinite(change).all() else None
     return RunQuality.of(gained, share, None if added is None else added / 100)
-
-
-def _largest(values: FloatArray | None) -> float | None:
-    if values is None or not values.size or not np.isfinite(values).all():
-        return None
-    return float(values.max())

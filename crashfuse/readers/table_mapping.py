@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, refusal
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, refusal, refuse_all, refuse_if
 from crashfuse.files.csv_text import MOST_ROWS
 from crashfuse.readers.members import ONE_CLOCK
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
@@ -102,17 +102,14 @@ def _along(sheet: Sheet, axis: str) -> Mapping:
         for place, use in enumerate(uses):
             if (use.is_unknown or use.role == "id") and numbers_rows(sample.column(use.column)):
                 uses[place] = ColumnUse(use.column, "ignored", None, "it numbers the rows")
-    times = _clocks(sample, uses)
-    if not times:
+    if not (times := _clocks(sample, uses)):
         return Mapping(tuple(_of_conditions(uses)))
-    uses = [
-        use if use.column in times else _beside_clock(sheet, sample, use, unit, axis)
-        for use, unit in zip(uses, sheet.units, strict=True)
-    ]
+    pairs = zip(uses, sheet.units, strict=True)
+    uses = [use if use.column in times else _beside_clock(sheet, sample, use, unit, axis) for use, unit in pairs]
     if not any(use.unit in UNITS["acceleration"] or use.role == "acceleration" for use in uses):
-        unknown = {use.column for use in uses if use.is_unknown and use.column not in times}
-        why = "beside the time"
-        uses = [ColumnUse(u.column, "acceleration", None, why) if u.column in unknown else u for u in uses]
+        beside = [use.is_unknown and use.column not in times for use in uses]
+        of_a = [ColumnUse(use.column, "acceleration", None, "beside the time") for use in uses]
+        uses = [new if is_beside else use for use, new, is_beside in zip(uses, of_a, beside, strict=True)]
     return Mapping(tuple(_of_pulses(uses, times)))
 
 
@@ -170,9 +167,8 @@ def _runs(values: FloatArray) -> bool:
 
 def _runs_evenly(values: FloatArray) -> bool:
     steps = np.diff(values)
-    if values.size <= 50 or not np.isfinite(steps).all():
-        return False
-    return bool(steps.min() > 0 and np.ptp(steps) < 0.1 * steps.mean())
+    is_long = values.size > 50 and np.isfinite(steps).all()
+    return bool(is_long and steps.min() > 0 and np.ptp(steps) < 0.1 * steps.mean())
 
 
 def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUse]:
@@ -226,13 +222,10 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     proposed = [use.column for use in accelerations if use.why != _CHOSEN]
     ahead = {column for column in proposed if any(Heading(text).is_ahead for text in sheet.said_of(column))}
     behind = tuple(use for use in accelerations if use.column not in ahead)
-    excluded = any(use.why.startswith((OTHER_DIRECTION, OF_A_DUMMY)) for use in mapping.of("ignored"))
-    noted = ""
+    excluded, noted = any(use.why.startswith((OTHER_DIRECTION, OF_A_DUMMY)) for use in mapping.of("ignored")), ""
     if behind and ahead and not together:
-        noted = _AHEAD.format(", ".join(map(printable, sorted(ahead))))
-        accelerations = behind
+        noted, accelerations = _AHEAD.format(", ".join(map(printable, sorted(ahead)))), behind
     values = {use.column: _decimal(sheet, use.column) for use in accelerations}
-
     others = [f"{printable(use.column, 60)} ({use.why})" for use in mapping.of("ignored") if use.why]
     more = f" and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
     left_out = f"Left out: {', '.join(others[:_LISTED])}{more}." if others else ""
@@ -291,19 +284,17 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     ids = mapping.of("id")
     if len(ids) != 1:
         raise DataError(_one_column(sheet, "id", ids))
-    if len(sheet.cells) > MOST_ROWS:
-        raise refusal(sheet.name, f"conditions in at most {MOST_ROWS:,} rows", "more", "leave some out")
+    are_many = len(sheet.cells) > MOST_ROWS
+    refuse_if(are_many, sheet.name, f"conditions in at most {MOST_ROWS:,} rows", "more", "leave some out")
     names = sheet.text(ids[0].column)
     name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
-    if times != 1:
-        found = f"{printable(name, 40)!r} {times} times" if times else "none"
-        raise refusal(sheet.name, "each id once", found, "correct the ids", ids[0].column)
+    found = f"{printable(name, 40)!r} {times} times" if times else "none"
+    refuse_if(times != 1, sheet.name, "each id once", found, "correct the ids", ids[0].column)
     columns, problems = list[FloatArray | None](), list[Problem]()
     for role in (*_OF_CONDITIONS, "front_share"):
         with collecting(problems):
             columns.append(_quantity(sheet, mapping, role))
-    if problems:
-        raise DataError(problems)
+    refuse_all(problems, sheet.name)
     factors = [(use.column, sheet.text(use.column)) for use in mapping.of("factor")]
     conditions = {}
     for row, name in enumerate(names):
@@ -324,7 +315,7 @@ def mapping_steps(mapping: Mapping) -> tuple[str, ...]:
 
 def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> Problem:
     have = ", ".join(printable(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
-    advice = "map the columns (--column COLUMN=ROLE:UNIT, of others COLUMN=factor)"
+    advice = "map the columns (--column COLUMN=ROLE:UNIT)"
     return Problem(sheet.name, f"one column that is the {role}", have, advice)
 
 
@@ -337,9 +328,9 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
     if is_mixed and np.abs(finite).max() < 1000 and np.abs(broken).min() >= 1:
         cells = [cell for cell in sheet.text(column) if cell]
         grouped = re.compile(rf"[-+]?\d{{1,3}}({re.escape(sheet.decimal)}\d{{3}})?")
-        if all(map(grouped.fullmatch, cells)):
-            found = f"thousands separators, as in {max(cells, key=lambda cell: sheet.decimal in cell)}"
-            raise refusal(sheet.name, "decimal signs", found, "export without them", printable(column))
+        found = f"thousands separators, as in {max(cells, key=lambda cell: sheet.decimal in cell)}"
+        are_grouped, where = all(map(grouped.fullmatch, cells)), (sheet.name, printable(column))
+        refuse_if(are_grouped, where[0], "decimal signs", found, "export without them", where[1])
     return numbers
 
 
@@ -351,7 +342,7 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows, *,
         return
     expected, advice = "time that increases", f"map the column of ids (--column COLUMN=id), or {ONE_CLOCK}"
     if once:
-        expected, advice = "each time once", f"delete the duplicates ({places.size}), or export more digits"
+        expected, advice = "each time once", f"export more digits ({places.size} duplicates)"
     texts, pair = sheet.text(use.column), rows[places[0] : places[0] + 2].tolist()
     before, after = (printable(texts[row], 20) for row in pair)
     column, row = printable(use.column), pair[1] + sheet.first_row
@@ -397,8 +388,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
     uses = mapping.of(role)
     if not uses:
         return None
-    if len(uses) > 1:
-        raise DataError(_one_column(sheet, role, uses))
+    refuse_all([_one_column(sheet, role, uses)] * (len(uses) > 1), sheet.name)
     use, quantity = uses[0], QUANTITIES[role]
     values = sheet.numbers(use.column)
     if quantity == "share" and use.unit != "1":  # Excel keeps 58 % as 0.58

@@ -48,7 +48,7 @@ _MOST_MARKS = {"xl/worksheets/": 4_000_000, "": 500_000}  # angle brackets, or e
 _LONGEST_TAG = 50_000  # bytes; a parser that waits for its end begins anew with each block
 _ENDLESS = re.compile(rb"<[^<>]{%d}" % _LONGEST_TAG)
 _FOREIGN = re.compile(rb"""<!DOCTYPE|\0|<\?xml[^>]*encoding\s*=\s*["'](?!utf-8|us-ascii)""", re.IGNORECASE)
-_AGAIN = "save it again as .xlsx or CSV"
+_AGAIN = "save it again"
 _NO_VALUE = re.compile(rb"<f\b[^<]*(?:/>|</f>)\s*(?:</c>|<v\s*/>|<v></v>)")
 
 
@@ -115,10 +115,8 @@ class Sheet:
             return numbers
         cells = self.column(column).str.strip()
         wrong = np.flatnonzero(~np.isfinite(numbers) & ~cells.str.lower().isin(["", "nan"]).to_numpy())
-        if wrong.size:
-            row = int(wrong[0])
-            found = repr(printable(cells.iloc[row], 40))
-            advice = "correct it, export without thousands separators, or map the column otherwise"
+        for row in wrong[:1].tolist():
+            found, advice = repr(printable(cells.iloc[row], 40)), "correct it, without thousands separators"
             raise refusal(self.name, "a number", found, advice, printable(column), row + self.first_row)
         return numbers
 
@@ -137,14 +135,14 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str, lines: Seq
     """Locate the first data row of a grid and what stands above it; ``lines`` are its rows as written, if text."""
     begin = _first_data_row(grid, decimal)
     if begin is None:
-        expected, found = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows", "none"
-        raise refusal(name, expected, found, "export it with one header")
+        expected = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows"
+        raise refusal(name, expected, "none", "export it with one header")
     lines = lines or ["\t".join(filter(None, row)) for row in grid[: begin + 1]]
     rows = zip(grid[:begin], lines, strict=False)
     above = [(_trimmed(row), line) for row, line in rows if any(cell.strip() for cell in row)]
     width, filled = len(grid[begin]), max(len(_trimmed(row)[: len(grid[begin])]) for row in grid[begin:])
-    if (widest := max(width, len(above[-1][0]) if above else 0)) > _MOST_COLUMNS:
-        raise refusal(name, f"at most {_MOST_COLUMNS} columns", f"{widest}", "export fewer columns")
+    widest = max(width, *(len(row) for row, _ in above[-1:]), 0)
+    refuse_if(widest > _MOST_COLUMNS, name, f"at most {_MOST_COLUMNS} columns", f"{widest}", "export fewer")
     index = above.pop()[0] if _names_an_index([row for row, _ in above], filled) else []
     units = _popped_units(above, width)
     last = above[-1][0] if above else []
@@ -189,8 +187,7 @@ def _popped_units(above: list[tuple[list[str], str]], width: int) -> list[str]:
 def _is_of_titles(row: Sequence[str], width: int, *, is_last: bool) -> bool:
     if all(map(_is_value, row[1:])) or len(row) > width or all(map(is_unnamed, row)):
         return False
-    is_named = not row[0] or Heading(row[0]).use.role == "time" or (is_last and not is_key(row[0]))
-    return width > 2 or is_named
+    return width > 2 or not row[0] or Heading(row[0]).use.role == "time" or (is_last and not is_key(row[0]))
 
 
 def _is_value(cell: str) -> bool:
@@ -218,11 +215,10 @@ def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form
     heading, origin = named_above(header.lines), statement_of_simulation(header.lines)
     sheet = Sheet(name, header.columns, header.units, cells, decimal, header.begin + 1, (), header.titles, heading)
     sheet = replace(sheet.of_columns(kept), origin=origin)
-    row_of_units = ", a row of units" if any(sheet.units) else ""
-    names = ", ".join(printable(name, 40) for name in sheet.columns[:12]) + (" …" if len(sheet.columns) > 12 else "")
+    row_of_units = ", a row of units" * any(sheet.units)
+    names = ", ".join(printable(name, 40) for name in sheet.columns[:12]) + " …" * (len(sheet.columns) > 12)
     layout = f"Data from row {sheet.first_row}{row_of_units}, columns: {names}."
-    left_out = ["Left out: the numbers of the rows."] if numbered else []
-    return replace(sheet, steps=(*form, layout, *left_out))
+    return replace(sheet, steps=(*form, layout, *["Left out: the numbers of the rows."] * numbered))
 
 
 def numbers_rows(cells: pd.Series) -> bool:
@@ -272,8 +268,7 @@ class _Block(NamedTuple):
 
 def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
     """Of the largest and widest block of rows with numbers; a remark or a gap in the data does not end it."""
-    blocks = _blocks(grid, decimal, 0.5) or _blocks(grid, decimal, 1e-9)
-    if not blocks:
+    if not (blocks := _blocks(grid, decimal, 0.5) or _blocks(grid, decimal, 1e-9)):
         return None
     most = max(blocks, key=lambda block: block.numbers * len(block.numeric))
     width = len(most.numeric)
@@ -294,11 +289,10 @@ def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_
     for number, row in enumerate([*grid, ["end"]]):
         cells = [is_number(cell, decimal) if cell.strip() else None for cell in row]
         filled = [cell for cell in cells if cell is not None]
-        if len(filled) > 1 and sum(filled) >= least * len(filled):
+        is_row = len(filled) > 1 and sum(filled) >= least * len(filled)
+        if is_row or (len(row) > 1 and filled == [True]):  # of two columns, one has a gap here
             begin = number if begin is None else begin
-            rows.append(cells)
-        elif len(row) > 1 and filled == [True]:  # of two columns, one has a gap here
-            begin = number if begin is None else begin
+            rows += [cells] * is_row
         elif filled:
             if begin is not None and (len(rows) >= _RUN or (rows and number == len(grid))):
                 counts = [sum(cell is True for cell in column) for column in zip_longest(*rows)]
@@ -357,9 +351,8 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
             warnings.catch_warnings(action="ignore"),  # what openpyxl leaves out is no table
             closing(load_workbook(path, read_only=True, data_only=True)) as book,
         ):
-            sheets = book.worksheets
-            if len(sheets) > (most := _MOST_SHEETS):
-                raise refusal(path.name, f"at most {most} sheets", f"{len(sheets)}", "leave out the others")
+            n, sheets = len(book.worksheets), book.worksheets
+            refuse_if(n > _MOST_SHEETS, path.name, f"at most {_MOST_SHEETS} sheets", f"{n}", "leave out others")
             hidden = [printable(sheet.title, 40) for sheet in sheets if sheet.sheet_state != "visible"]
             for sheet in sheets:
                 if sheet.sheet_state != "visible":
@@ -389,11 +382,10 @@ def _examined(member: Member, budget: Budget) -> bool:
     for chunk in member.chunks(budget):
         if not name.endswith((".xml", ".rels")):
             continue
-        marks = {mark: count + chunk.count(mark) for mark, count in marks.items()}
-        joined = end + chunk
-        if max(marks.values()) > most or _ENDLESS.search(joined) or _FOREIGN.search(joined):
-            found = f"more than {most // 2} elements, or what no workbook has"
-            raise refusal(member.where, "the XML of a workbook", found, _AS_CSV)
+        marks, joined = {mark: count + chunk.count(mark) for mark, count in marks.items()}, end + chunk
+        is_wrong = max(marks.values()) > most or _ENDLESS.search(joined) or _FOREIGN.search(joined)
+        found = f"more than {most // 2} elements, or what no workbook has"
+        refuse_if(is_wrong, member.where, "the XML of a workbook", found, _AS_CSV)
         uncalculated = uncalculated or _NO_VALUE.search(joined) is not None
         end = joined[-_LONGEST_TAG:]
     return uncalculated
@@ -421,12 +413,11 @@ def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Shee
     while body and not any(body[-1]):
         body.pop()
     cells = pd.DataFrame(body, columns=range(width), dtype=str)
-    left = [f"Left out as hidden: {', '.join(hidden)}."] if hidden else []
-    return sheet_of(name, header, cells, decimal, *left)
+    return sheet_of(name, header, cells, decimal, *[f"Left out as hidden: {', '.join(hidden)}."] * bool(hidden))
 
 
 def _explained(problem: Problem, rows: list[list[str]], uncalculated: list[bool]) -> Problem:
-    advice = f"{_AS_CSV}, or turn its cells into numbers"
+    advice = "turn its cells into numbers"
     if text := next((cell for row in rows for cell in row if "," in cell and is_number(cell, ",")), ""):
         return replace(problem, found=f"numbers kept as text, such as {text!r}", advice=advice)
     if any(uncalculated):

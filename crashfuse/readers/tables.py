@@ -57,7 +57,11 @@ _DIALECTS = (",.", ";,", ";.", "\t,", "\t.", "|.", " .", " ,", ",,")  # delimite
 
 
 def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
-    column = next((name for name in sheet.columns if _is_clock(sheet.column(name))), None)
+
+    def is_clock(cells: pd.Series) -> bool:
+        return len(cells) >= _FEWEST_TIMES and all(all(some.str.fullmatch(_CLOCK)) for some in (cells[:SAMPLE], cells))
+
+    column = next((name for name in sheet.columns if is_clock(sheet.column(name))), None)
     if column is None:
         return sheet
     signs, *parts = sheet.column(column).str.extract(_CLOCK).fillna("0").replace("[,:]", ".", regex=True).to_numpy().T
@@ -74,18 +78,14 @@ def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
             used.append(name)
     if not 0 < np.median(np.diff(time_s)) <= _LONGEST_STEP_S:
         return sheet
-    first_s = time_s[0] if time_s[0] > 0 else 0.0
+    first_s = max(time_s[0], 0.0)
     place, cells = sheet.columns.index(column), sheet.cells.copy()
-    cells.isetitem(place, pd.Series([repr(value) for value in (time_s - first_s).tolist()], dtype=str))
+    cells.isetitem(place, pd.Series(map(repr, (time_s - first_s).tolist()), dtype=str))
     units = (*sheet.units[:place], "s", *sheet.units[place + 1 :])
     names = " and ".join(printable(name, 40) for name in used)
     note = f"Time by the clock of {names}, from {time_text(time_s[0] - first_s)} on."
     sheet = replace(sheet, cells=cells, units=units, steps=(*sheet.steps, note))
     return sheet.of_columns([number for number, name in enumerate(sheet.columns) if name not in used[1:]])
-
-
-def _is_clock(cells: pd.Series) -> bool:
-    return len(cells) >= _FEWEST_TIMES and all(all(some.str.fullmatch(_CLOCK)) for some in (cells[:SAMPLE], cells))
 
 
 def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
@@ -98,9 +98,8 @@ def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
         return (sheet,)
     blocks = [(*range(times[0]), *range(*ends)) for ends in pairwise([*times, len(roles)])]
     cells = [[row[number] for row in sheet.titles for number in block if row[number]] for block in blocks]
-    named = [[cell for cell in of_block if HEADERS["test"].fullmatch(plain(cell))] for of_block in cells]
-    titles = [next(chain(tests, of_block), "") for tests, of_block in zip(named, cells, strict=True)]
-    tests = len(set(titles)) == len(titles) and all(named)
+    titles = [next((cell for cell in of if HEADERS["test"].fullmatch(plain(cell))), "") for of in cells]
+    tests = len(set(titles)) == len(titles) and all(titles)
     parts = []
     for block, title in zip(blocks, titles, strict=True):
         first = next(number for number in block if roles[number] == "acceleration")
@@ -139,14 +138,12 @@ class _Segment:
 
     def times(self, stated_s: FloatArray, channel: int, first: int, *, is_shared: bool) -> FloatArray:
         """Those stated left of it, if they are its own or of a channel that has the same clock."""
-        start_s, step_s = (self.number(tag, channel) for tag in ("X0", "Delta_X"))
-        clock_s = [self.number(tag, first) for tag in ("X0", "Delta_X")]
-        applies = not is_shared or np.allclose((start_s, step_s), clock_s, rtol=_SAME_S, atol=0, equal_nan=True)
+        clock_s, clocks_s = ([self.number(tag, one) for tag in ("X0", "Delta_X")] for one in (channel, first))
+        applies = not is_shared or np.allclose(clock_s, clocks_s, rtol=_SAME_S, atol=0, equal_nan=True)
         begin, first_begin = self.begin(channel), self.begin(first)
         late_s = (begin - first_begin).total_seconds() if begin and first_begin else 0.0
-        if applies and np.isfinite(stated_s).any():
-            return stated_s + late_s
-        return start_s + late_s + step_s * np.arange(stated_s.size)
+        counted_s = clock_s[0] + clock_s[1] * np.arange(stated_s.size)
+        return late_s + (stated_s if applies and np.isfinite(stated_s).any() else counted_s)
 
 
 def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
@@ -156,29 +153,28 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
     delimiter = _DELIMITERS.get(entries.get("Separator", ""), "\t")
     decimal = "," if "," in entries.get("Decimal_Separator", entries.get("Time", "")) else "."
     segments = _segments(lines, delimiter, decimal)
-    if not segments:
-        raise refusal(
-            name, f"samples below a row of names that begins with {_TIME}", "none", "save it with its headers"
-        )
-    width, n = len(segments[0].names), len(segments)
-    lines = list(chain.from_iterable(segment.lines for segment in segments))
-    if width > _MOST_COLUMNS or width * n > _MOST_COLUMNS_IN_ALL or width * len(lines) > _MOST_CELLS:
-        expected = f"at most {_MOST_COLUMNS} columns ({_MOST_COLUMNS_IN_ALL} in all segments) and {_MOST_CELLS} cells"
-        raise refusal(name, expected, f"{width} columns in {n} segments", "save fewer channels")
-    if odd := next((segment for segment in segments if segment.names != segments[0].names), None):
-        raise refusal(name, "the same channels in all segments", "others", _APART, row=odd.first_row - 1)
-    cells = _cells(lines, delimiter, width, name, segments[0].first_row)
+    expected = f"samples below names that begin with {_TIME}"
+    refuse_if(not segments, name, expected, "none", "save it with its headers")
+    first, n = segments[0], len(segments)
+    lines, width = list(chain.from_iterable(segment.lines for segment in segments)), len(first.names)
+    are_many = width > _MOST_COLUMNS or width * n > _MOST_COLUMNS_IN_ALL or width * len(lines) > _MOST_CELLS
+    expected = f"at most {_MOST_COLUMNS} columns ({_MOST_COLUMNS_IN_ALL} in all segments) and {_MOST_CELLS} cells"
+    refuse_if(are_many, name, expected, f"{width} columns in {n} segments", "save fewer channels")
+    for other in segments:
+        is_other, row = other.names != first.names, other.first_row - 1
+        refuse_if(is_other, name, "the same channels in all segments", "others", _APART, row=row)
+    cells = _cells(lines, delimiter, width, name, first.first_row)
     columns: list[_Column] = []
-    clock_s: FloatArray | None = None
+    clock_s = np.full(len(lines), np.inf)
     for channel, time_s in _channels(segments, cells, decimal, name):
-        if clock_s is None or not np.allclose(clock_s, time_s, rtol=0, atol=_SAME_S, equal_nan=True):
+        if not np.allclose(clock_s, time_s, rtol=0, atol=_SAME_S, equal_nan=True):
             clock_s = time_s
             _check_continues(clock_s, segments, name)
             texts = ["" if np.isnan(value) else repr(value) for value in clock_s.tolist()]
             columns.append((_TIME, "s", pd.Series(texts, dtype=str)))
         columns.append(channel)
     names, units, series = zip(*columns, strict=True)
-    header = Header(segments[0].first_row - 1, table_sheet.unique(names), units)
+    header = Header(first.first_row - 1, table_sheet.unique(names), units)
     form = ["A LabVIEW measurement.", *[f"{n} segments are joined."] * (n > 1)]
     return table_sheet.sheet_of(name, header, pd.concat(series, axis=1, ignore_index=True), decimal, *form)
 
@@ -220,8 +216,8 @@ def _channels(
         stated = np.split(pd.to_numeric(clock, errors="coerce").to_numpy(np.float64), ends)
         pairs, shared = zip(segments, stated, strict=True), len(times) == 1
         time_s = np.concatenate([one.times(of, number, channels[0], is_shared=shared) for one, of in pairs])
-        if not np.isfinite(time_s).any():
-            raise refusal(name, f"times, or X0 and Delta_X, of {printable(names[number], 60)}", "none", "save them too")
+        expected = f"times, or X0 and Delta_X, of {printable(names[number], 60)}"
+        refuse_if(not np.isfinite(time_s).any(), name, expected, "none", "save them too")
         unit = segments[0].cell("Y_Unit_Label", number)
         yield (names[number], unit, cells.iloc[:, number].reset_index(drop=True)), time_s
 
@@ -230,38 +226,38 @@ def _check_continues(time_s: FloatArray, segments: Sequence[_Segment], name: str
     begin = 0
     for one, other in pairwise(segments):
         begin += len(one.lines)
-        gap_s, step_s = time_s[begin] - time_s[begin - 1], np.diff(time_s[max(begin - 2, 0) : begin])
-        if not 0 < gap_s <= _LONGEST_GAP * (step_s[0] if step_s.size else np.inf):
-            found = f"one from {time_s[begin]:.6g} s on after one to {time_s[begin - 1]:.6g} s"
-            raise refusal(name, "segments that continue each other", found, _APART, row=other.first_row)
+        last_s, first_s, step_s = time_s[begin - 1], time_s[begin], np.diff(time_s[max(begin - 2, 0) : begin])
+        is_apart = not 0 < first_s - last_s <= _LONGEST_GAP * (step_s[0] if step_s.size else np.inf)
+        found = f"one from {first_s:.6g} s on after one to {last_s:.6g} s"
+        refuse_if(is_apart, name, "segments that continue each other", found, _APART, row=other.first_row)
 
 
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
     """The tables of a file: one per sheet, or one per time column in it."""
+    name, suffix = path.name, path.suffix.lower()
     refuse_if(not path.is_file(), str(path), "a table", NO_FILE, CHECK_PATH)
-    if path.stat().st_size > limits.member_bytes:
-        raise refusal(path.name, f"at most {limits.member_bytes >> 20} MiB a table", "more", _SHORTER)
-    if path.suffix.lower() in (".xlsx", ".xlsm"):
-        return tuple(part for sheet in table_sheet.read_workbook(path, limits) for part in _split_by_clock(sheet))
-    if path.suffix.lower() == ".xls":
-        raise refusal(path.name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx")
-    return _split_by_clock(_text_sheet(path, limits))
+    is_larger = path.stat().st_size > limits.member_bytes
+    refuse_if(is_larger, name, f"at most {limits.member_bytes >> 20} MiB a table", "more", _SHORTER)
+    refuse_if(suffix == ".xls", name, "an .xlsx workbook", "an .xls file", "save it as .xlsx")
+    is_book = suffix in (".xlsx", ".xlsm")
+    sheets = table_sheet.read_workbook(path, limits) if is_book else (_text_sheet(path, limits),)
+    return tuple(part for sheet in sheets for part in _split_by_clock(sheet))
 
 
 def _text_sheet(path: Path, limits: Limits) -> Sheet:
     content = path.read_bytes()
-    if content.count(b"\n") + content.count(b"\r") > 2 * limits.rows:
-        raise refusal(path.name, f"at most {limits.rows} rows", "more", _SHORTER)
+    are_many = content.count(b"\n") + content.count(b"\r") > 2 * limits.rows
+    refuse_if(are_many, path.name, f"at most {limits.rows} rows", "more", _SHORTER)
     text = _decoded(content, path.name)
     lines = _with_quoted_breaks_joined(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
     del content, text
-    if max(map(len, lines)) > _LONGEST_LINE:
-        raise refusal(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN)
+    is_longer = max(map(len, lines)) > _LONGEST_LINE
+    refuse_if(is_longer, path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN)
     sample = lines[: max(1, min(SAMPLE, _LARGEST_SAMPLE // (1 + max(map(len, lines[:SAMPLE])))))]
     if lines[0].startswith("LabVIEW Measurement"):
         return _labview_sheet(lines, path.name)
-    if lines[0].strip() == "Curveplot":
-        raise refusal(path.name, "a table", "a curve file of LS-PrePost", "save the curves as CSV")
+    is_plot = lines[0].strip() == "Curveplot"
+    refuse_if(is_plot, path.name, "a table", "a curve file of LS-PrePost", "save the curves as CSV")
     delimiter, decimal = _dialect([line for line in sample if line.strip()], path.name)
     grid = [_split(line, delimiter) for line in sample]
     if delimiter == " ":
@@ -274,8 +270,8 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     rest = lines[header.begin :]
     while rest and not rest[-1].strip(f" {delimiter}"):
         rest.pop()
-    if len(rest) * len(header.columns) > _MOST_CELLS:
-        raise refusal(path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns")
+    are_many = len(rest) * len(header.columns) > _MOST_CELLS
+    refuse_if(are_many, path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns")
     cells = _cells(rest, delimiter, len(header.columns), path.name, header.begin + 1)
     return table_sheet.sheet_of(path.name, header, cells, decimal, form)
 
@@ -303,8 +299,7 @@ def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_ro
         longer = list(islice((row for row in rows if len(row[1]) > width), SAMPLE))
         if delimiter == ",":
             _refuse_commas_in_numbers(longer, name, is_ragged=True)
-        found = " ".join(str(error).split())[:160]
-        advice = f"export it again (data begin in row {first_row})"
+        found, advice = " ".join(str(error).split())[:160], f"export it again (data begin in row {first_row})"
         raise refusal(name, f"{width} cells in each row", found, advice) from None
 
 
@@ -328,25 +323,22 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
         pairs = ((at, ",".join(pair)) for at, row in rows for pair in pairwise(row))
         has_points = any("." in cell for _, row in rows for cell in row)
         broken = [] if has_points else [(at, pair) for at, pair in pairs if _DECIMALS.fullmatch(pair)]
-    if broken:
-        at, number = broken[0]
-        expected, found = "a comma either between columns or in numbers", f"both, as in {number}"
-        advice = "export it with plain decimal points, or with semicolons"
-        raise refusal(name, expected, found, advice, row=at)
+    for at, number in broken:
+        expected, advice = "commas between columns or in numbers", "export it with semicolons"
+        raise refusal(name, expected, f"both, as in {number}", advice, row=at)
 
 
 def _decoded(content: bytes, name: str) -> str:
-    text = "\x00"
-    with suppress(UnicodeDecodeError):
-        is_utf16 = content[:2] in (b"\xff\xfe", b"\xfe\xff")
-        text = content.decode("utf-16") if is_utf16 else _in_likeliest_encoding(content)
-    refuse_if("\x00" in text, name, "a table as text", "bytes that are no text", f"{_AGAIN} in UTF-8")
+    encoding, text = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig", ""
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError:
+        text = "\0" if encoding == "utf-16" else _in_likeliest_encoding(content)
+    refuse_if("\0" in text, name, "a table as text", "bytes that are no text", f"{_AGAIN} in UTF-8")
     return text
 
 
 def _in_likeliest_encoding(content: bytes) -> str:
-    with suppress(UnicodeDecodeError):
-        return content.decode("utf-8-sig")
     known = {}  # the words that we know in the first lines
     for encoding in _ENCODINGS:
         with suppress(UnicodeDecodeError):
@@ -363,9 +355,8 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
         width = max(widths := Counter(len(row) for row in rows if len(row) > 1), key=widths.__getitem__, default=0)
         numbers = [sum(table_sheet.is_number(cell, decimal) for cell in row) for row in rows if len(row) == width]
         score = sum(count**2 for count in numbers) / max(width, 1)
-        if delimiter == " " and best.startswith("\t") and width == best_width:
-            continue  # they are the same columns, and names may hold blanks
-        if score > best_score:
+        are_same = delimiter == " " and best.startswith("\t") and width == best_width  # names may hold blanks
+        if score > best_score and not are_same:
             best, best_score, best_width = delimiter + decimal, score, width
     refuse_if(not best, name, "two columns of numbers", "none", _AGAIN)
     return best[0], best[1]

@@ -18,22 +18,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import CHECK_PATH, DataError, Problem, printable, refusal, refuse_if
+from crashfuse.errors import CHECK_PATH, printable, refusal, refuse_all, refuse_if
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import nhtsa, vocabulary
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import ONE_TEST, opened_members, read_all
 from crashfuse.readers.nhtsa import Sensor
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, read_sound
 from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse, Heading
 from crashfuse.readers.tdms_container import Properties, TdmsChannel, TdmsFile, parse_tdms
-from crashfuse.readers.vocabulary import PROPERTIES, UNITS, UNPLACED, ChannelCode
+from crashfuse.readers.vocabulary import NHTSA, PROPERTIES, UNITS, UNPLACED, ChannelCode
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, time_text
 
-_OF_NHTSA = {"laboratory": "tstprf", "test_number": "tstno", "reference": "tstref", "date": "tstdat"}
-_FIELDS = {"sensor": "sentyp", "occupant": "senloc", "attachment": "senatt", "axis": "axis", "unit": "yunits"}
-_FIELDS |= {"status": "dastat", "cutoff": "prefil", "maker": "insman", "kind": "chstat", "comment": "inscom"}
 _ABOUT = {name: PROPERTIES[name] for name in ("laboratory", "test_number", "date")}
 _SENSOR, _COMMENTS = (PROPERTIES[name].split(", ") for name in ("sensor", "comment"))
 _MOST_CHANNELS = 200  # of a test that could be its pulse
@@ -66,8 +63,8 @@ def _waveform(
         unit_s = UNITS["time"][vocabulary.unit_named(_text_of(properties, "wf_xunit_string"), "time") or "s"]
         clock = unit_s * (start + increment * np.arange(values.size))
     if clock is None or clock.size != values.size:
-        expected, advice = "samples and the time between them (wf_increment)", "export it with a channel of time"
-        raise refusal(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice)
+        place, found = f"{where}: {printable(channel.name)}", f"{values.size} samples"
+        raise refusal(place, "samples and their time (wf_increment)", found, "add a channel of time")
     unit = vocabulary.unit_named(_text_of(properties, "unit_string", "inst_yunits"), "acceleration")
     cutoff_hz = _number_of(properties, "inst_prefil") or None
     # descriptors of ISO-MME, which programs that convert it keep as properties, blanks or not
@@ -100,15 +97,31 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     found, what = [one for one in every if one.use.role == "acceleration"], "acceleration"
     if not found:
         unknown = [one for one in every if one.use.is_unknown and not _text_of(one.properties, "unit_string")]
-        found = [one for one in unknown if not Heading(one.channel.name).why_no_acceleration]
-        what = "channel"
-    if not found:
-        expected = "accelerations along X, by units (unit_string) and names"
-        raise refusal(where, expected, f"none of {len(every)}", "export them with their units")
+        found, what = [one for one in unknown if not Heading(one.channel.name).why_no_acceleration], "channel"
+    refuse_if(not found, where, "accelerations along X (unit_string)", f"none of {len(every)}", "export units")
     found = sorted(found, key=lambda one: Heading(one.channel.name).likelihood)
-    channels, unread, groups, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
-    if not channels:
-        raise DataError(list(unread.values()))
+    repeated = Counter(one.channel.name for one in found[:_MOST_CHANNELS])
+    named = {f"{one.channel.group}/{one.channel.name}": one for one in found[:_MOST_CHANNELS]}
+    named = {of.channel.name if repeated[of.channel.name] == 1 else name: of for name, of in named.items()}
+    is_large = sum(file.size(one.channel) for one in named.values()) > _MOST_VALUES
+    refuse_if(is_large, where, f"at most {_MOST_VALUES:,} values in all", "more", ONE_TEST)
+    clocks, times = [one for one in every if one.use.role == "time"][:_MOST_CLOCKS], dict[str, FloatArray]()
+
+    def read(name: str) -> RecordedChannel:
+        one = named[name]
+        has_wave = _number_of(one.properties, "wf_increment")
+        clock = None if has_wave else _clock_of(one, clocks, file, times)
+        channel = _waveform(file, one.channel, name, one.channel.name, where, clock)
+        unit = channel.unit or vocabulary.unit_named(one.use.unit or "", "acceleration")
+        return replace(channel, unit=unit, cutoff_hz=channel.cutoff_hz or Heading(one.channel.name).cutoff_hz)
+
+    channels, unread = read_sound({name: partial(read, name) for name in named})
+    refuse_all([] if channels else [*unread.values()], where)
+    groups, began_s = {name: one.channel.group for name, one in named.items()}, dict[str, float]()
+    for name in channels:
+        start = named[name].properties.get("wf_start_time")
+        if _number_of(named[name].properties, "wf_increment") and isinstance(start, float) and start > 0:  # 0: not set
+            began_s[name] = start
     tests = _groups_alike(channels, groups, began_s)
     condition, steps = _laboratory_condition(found[0].properties)
     speeds = {_laboratory_condition(one.properties)[0].speed_mps for one in found if one.channel.group in tests}
@@ -127,41 +140,12 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         channels = {name: replace(one, label=f"group {groups[name]}") for name, one in channels.items()}
     if chosen and (unused := {*groups.values()} - {groups[name] for name in chosen}):
         steps.append(f"Left out: accelerations of other groups: {', '.join(map(printable, sorted(unused)))}.")
-    about = [
-        text for name, text in file.properties.items() if isinstance(text, str) and re.search(PROPERTIES["test"], name)
-    ]
+    texts = ((name, text) for name, text in file.properties.items() if isinstance(text, str))
+    about = [text for name, text in texts if re.search(PROPERTIES["test"], name)]
     pairs = ((name, key) for name, words in _ABOUT.items() for key in file.properties if re.fullmatch(words, key))
     pedigree = {name: text for name, key in pairs if (text := _text_of(file.properties, key))}
     content = record_id, where, condition, tuple(channels.values()), chosen, (*steps, *why)
     return Record(*content, unread=unread, other_setup=vocabulary.other_setup(about), about=pedigree)
-
-
-def _read_channels(
-    file: TdmsFile, found: Sequence[_Candidate], every: Sequence[_Candidate], where: str
-) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, str], dict[str, float]]:
-    """Channels by name, those that cannot be read, the groups of either, and when recording began."""
-    repeated = Counter(one.channel.name for one in found)
-    clocks = [one for one in every if one.use.role == "time"][:_MOST_CLOCKS]
-    times: dict[str, FloatArray] = {}
-    channels, unread = dict[str, RecordedChannel](), dict[str, Problem]()
-    groups, began_s = dict[str, str](), dict[str, float]()
-    for one in found:
-        channel, start = one.channel, one.properties.get("wf_start_time")
-        name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
-        groups[name] = channel.group
-        try:
-            clock = None if _number_of(one.properties, "wf_increment") else _clock_of(one, clocks, file, times)
-            read = _waveform(file, channel, name, channel.name, where, clock)
-        except DataError as error:
-            unread[name] = error.problems[0]
-            continue
-        if clock is None and isinstance(start, float) and start > 0:  # 0 is not set
-            began_s[name] = start
-        unit = read.unit or vocabulary.unit_named(one.use.unit or "", "acceleration")
-        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or Heading(channel.name).cutoff_hz)
-        if sum(channel.values.size for channel in channels.values()) > _MOST_VALUES:
-            raise refusal(where, f"accelerations of at most {_MOST_VALUES:,} values in all", "more", ONE_TEST)
-    return channels, unread, groups, began_s
 
 
 def _groups_alike(channels: _Named, groups: Mapping[str, str], began_s: Mapping[str, float]) -> list[str]:
@@ -246,7 +230,7 @@ def _laboratory_condition(properties: Properties) -> tuple[PartialCondition, lis
 
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
     """Read TDMS files (one, a folder or a zip of them), one record each."""
-    kind = ".tdms files, a folder or zip of them"
+    kind = ".tdms files"
     of_the_format = FORMATS["tdms"].has
     with opened_members(path, of_the_format, kind, limits) as (members, budget):
         if of_the_format(path):
@@ -285,11 +269,11 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
     condition = PartialCondition(speed * KPH or None, mass or None)
     other = nhtsa.other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}
-    about = {name: _text_of(test, f"test_{key}") for name, key in _OF_NHTSA.items()}
+    about = {name: _text_of(test, f"test_{key}") for name, key in NHTSA["property"]["about"].items()}
     return nhtsa.nhtsa_record(stem, where, readers, condition, steps, other, about)
 
 
 def _sensor(place: int, properties: Properties) -> Sensor:
-    texts = {name: _text_of(properties, f"inst_{of}") for name, of in _FIELDS.items()}
+    texts = {name: _text_of(properties, f"inst_{of}") for name, of in NHTSA["property"]["sensor"].items()}
     texts |= {"vehicle": _text_of(properties, "veh_vehno") or "1", "comment": printable(texts["comment"])}
     return Sensor.of(int(_number_of(properties, "inst_curno")) or place, texts)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import DataError, printable, refusal, refuse_if
+from crashfuse.errors import printable, refusal, refuse_if
 from crashfuse.readers.members import CUT_SHORT, ONE_TEST, OTHER_KIND
 from crashfuse.signals.pulse import FloatArray
 
@@ -67,16 +67,14 @@ class _Scales:
         prefix = f"ni_scale[{index}]_{kind}_".lower()
 
         def number(name: str) -> float:
-            value = self._properties.get(prefix + name)
-            if not isinstance(value, float):
-                raise _UnusableScale(f"scale {index} ({kind}) without {name}")
-            return value
+            if isinstance(value := self._properties.get(prefix + name), float):
+                return value
+            raise _UnusableScale(f"scale {index} ({kind}) without {name}")
 
         def numbers(name: str, usual: float | None = None) -> FloatArray:
-            count = self._whole(f"{prefix}{name}_size", usual)
-            if not 0 < count <= _MOST_NUMBERS:
-                raise _UnusableScale(f"scale {index} ({kind}) with {count:,} {name}")
-            return np.array([number(f"{name}[{n}]") for n in range(count)])
+            if 0 < (count := self._whole(f"{prefix}{name}_size", usual)) <= _MOST_NUMBERS:
+                return np.array([number(f"{name}[{n}]") for n in range(count)])
+            raise _UnusableScale(f"scale {index} ({kind}) with {count:,} {name}")
 
         def source(name: str = "input_source") -> FloatArray:
             return self.applied(self._whole(prefix + name, float(_UNSCALED)), values)
@@ -133,13 +131,10 @@ class TdmsFile:
     _content: bytes
     _where: str
 
-    def properties_of(self, channel: TdmsChannel) -> Properties:
+    def properties_of(self, channel: TdmsChannel) -> ChainMap[str, str | float]:
         """Of a channel, else of its group, else of the file."""
-        return ChainMap(*self._levels(channel))
-
-    def _levels(self, channel: TdmsChannel) -> list[dict[str, str | float]]:
         group = self._groups.get(channel.group)
-        return [channel.properties, group.properties if group else {}, self.properties]
+        return ChainMap(channel.properties, group.properties if group else {}, self.properties)
 
     def size(self, channel: TdmsChannel) -> int:
         """How many numbers a channel holds."""
@@ -153,7 +148,8 @@ class TdmsFile:
         with np.errstate(all="ignore"):  # damaged data may hold any number
             values = np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
             try:
-                scales = next((one for one in map(_Scales, self._levels(channel)) if one.count), None)
+                levels = self.properties_of(channel).maps
+                scales = next((scales for scales in map(_Scales, levels) if scales.count), None)
                 return values if scales is None else scales.applied(scales.count - 1, values)
             except _UnusableScale as error:
                 raise refusal(place, "scales that give an acceleration", printable(str(error)), _PHYSICAL) from error
@@ -180,22 +176,18 @@ class _Reader:
 
     def segment(self) -> None:
         tag, contents = _LEAD_IN.unpack_from(self._content, self.at)
-        if tag != b"TDSm":
-            raise self._damaged(OTHER_KIND if self.at == 0 else "no segment in its place")
+        self._refuse_if(tag != b"TDSm", OTHER_KIND if self.at == 0 else "no segment in its place")
         self._order = ">" if contents & _BIG_ENDIAN else "<"
         self.at += _LEAD_IN.size
         _, to_next, to_raw = self._unpack("IQQ")
         start, size = self.at, len(self._content)
         end = size if to_next == _WITHOUT_END else start + to_next
-        if contents & _DAQMX:
-            raise self._damaged("raw data of DAQmx", _PHYSICAL)
-        if end > size or start + to_raw > end:
-            raise self._damaged(CUT_SHORT)
+        self._refuse_if(contents & _DAQMX, "raw data of DAQmx", _PHYSICAL)
+        self._refuse_if(end > size or start + to_raw > end, CUT_SHORT)
         if contents & _METADATA:
             self._read_objects(anew=bool(contents & _NEW_LIST))
         self._visits += len(self._present)
-        if self._visits > _MOST_VISITS:
-            raise self._damaged("too many objects", ONE_TEST)
+        self._refuse_if(self._visits > _MOST_VISITS, "too many objects", ONE_TEST)
         if contents & _RAW:
             self._find_data(start + to_raw, end, interleaved=bool(contents & _INTERLEAVED))
         self.at = end
@@ -213,8 +205,7 @@ class _Reader:
             else:
                 if index != _AS_BEFORE:
                     item._layout = self._layout()
-                if item._layout is None:
-                    raise self._damaged("a channel without a type")
+                self._refuse_if(item._layout is None, "a channel without a type")
                 self._present[path] = item
             for _ in range(self._unpack("I")[0]):
                 name, value = self._text(), self._value()
@@ -226,8 +217,8 @@ class _Reader:
         if kind == _TEXT:
             size = self._unpack("Q")[0]
             return _Layout(kind, count, size // max(count, 1), size)
-        if dimensions != 1 or (kind not in _NUMBERS and kind not in _OTHERS):
-            raise self._damaged("an unknown type of data", "export it as float")
+        is_unknown = dimensions != 1 or (kind not in _NUMBERS and kind not in _OTHERS)
+        self._refuse_if(is_unknown, "an unknown type of data", "export it as float")
         width = struct.calcsize(f"={_NUMBERS[kind]}") if kind in _NUMBERS else _OTHERS[kind]
         return _Layout(kind, count, width, count * width)
 
@@ -235,8 +226,8 @@ class _Reader:
         layouts = [(item, item._layout) for item in self._present.values() if item._layout is not None]
         chunk, row = (sum(getattr(layout, name) for _, layout in layouts) for name in ("size", "width"))
         chunks, at = (end - start) // chunk if chunk else 0, start
-        if interleaved and len({layout.values for _, layout in layouts}) > 1:
-            raise self._damaged("interleaved channels of unlike length")
+        are_unlike = interleaved and len({layout.values for _, layout in layouts}) > 1
+        self._refuse_if(are_unlike, "interleaved channels of unlike length")
         for item, layout in layouts:
             if layout.kind in _NUMBERS and chunks:
                 code, shape = f"{self._order}{_NUMBERS[layout.kind]}", (chunks, layout.values)
@@ -253,8 +244,7 @@ class _Reader:
             parts = self._unpack("qQ" if self._order == ">" else "Qq")
             fractions, seconds = parts[::-1] if self._order == ">" else parts
             return seconds + fractions * 2.0**-64
-        if kind not in _OTHERS:
-            raise self._damaged("a property of an unknown type")
+        self._refuse_if(kind not in _OTHERS, "an unknown property")
         self._bytes(_OTHERS[kind])
         return None
 
@@ -266,13 +256,11 @@ class _Reader:
         return struct.unpack(layout, self._bytes(struct.calcsize(layout)))
 
     def _bytes(self, count: int) -> bytes:
-        if count > len(self._content) - self.at:
-            raise self._damaged(CUT_SHORT)
+        self._refuse_if(count > len(self._content) - self.at, CUT_SHORT)
         self._metadata_bytes += count
-        if self._metadata_bytes > _MOST_METADATA:
-            raise self._damaged("too many properties", ONE_TEST)
+        self._refuse_if(self._metadata_bytes > _MOST_METADATA, "too many properties", ONE_TEST)
         self.at += count
         return self._content[self.at - count : self.at]
 
-    def _damaged(self, found: str, advice: str = "download it again") -> DataError:
-        return refusal(self._where, "a sound TDMS file", found, advice)
+    def _refuse_if(self, wrong: object, found: str, advice: str = "download it again") -> None:
+        refuse_if(wrong, self._where, "a sound TDMS file", found, advice)

@@ -53,6 +53,7 @@ _WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding
 
 NHTSA: Mapping[str, Any] = _WORDS["nhtsa"]
 ISOMME: Mapping[str, Any] = _WORDS["isomme"]
+RADIOSS: Mapping[str, list[str]] = {name: text.split(", ") for name, text in _WORDS["radioss"].items()}
 PROPERTIES: Mapping[str, str] = _WORDS["property"]
 HEADERS: Mapping[str, re.Pattern[str]] = {name: re.compile(form) for name, form in _WORDS["header"].items()}
 

@@ -58,9 +58,9 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
     "record.waived": (
         "",
-        "Each of {tests} was left out, alone and with its speed group, and judged like a planned one: {n} would have "
-        "been skipped.",
-        "Of these {wrong} missed a criterion ({bound}, exact one-sided 95 % bound).",
+        "We hid each of {tests} in turn, alone and with its speed group, and asked the same question: for {n} the "
+        "answer was skip.",
+        "Of these {wrong} missed a criterion: the error rate may be up to {bound:.1f} % (exact one-sided 95 % bound).",
     ),
     "record.decided": (
         "",
@@ -199,10 +199,9 @@ def against(certification: Certification) -> dict[str, Sentence]:
     said = {*answer(certification), *(fact.sentence for fact in campaign_facts(certification.campaign))}
     found = {}
     for subject, told in exceptions(certification).items():
-        new = [sentence for sentence in told if sentence not in said]
-        if new and subject in DECISIVE:
-            first, *others = new
-            found[subject] = joined([first, *([f"(and {len(others)} more)"] if others else [])])
+        left = [sentence for sentence in told if sentence not in said]
+        if left and subject in DECISIVE:
+            found[subject] = joined([left[0], *([f"(and {len(left) - 1} more)"] if left[1:] else [])])
     return found
 
 
@@ -264,7 +263,7 @@ def _record(certification: Certification) -> Iterator[Fact]:
     near = {"near": near_n or None, "near_wrong": missed, "near_bound": at_most(missed, near_n)}
     yield _fact("record.decided", n=n, wrong=wrong, **near, **_bounds(record.bounds()))
     tests, saved, missed = record.waived(criteria)
-    bound = at_most(missed, saved) if saved else None
+    bound = 100 * largest_share(missed, saved) if saved else None
     yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)
     if (with_runs := certification.record_with_runs) is not None:
         n, wrong = with_runs.decided

@@ -237,18 +237,14 @@ def _counts(certification: Certification) -> Table:
 
 def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Table]]:
     """What makes each table for readers, by name."""
-    record, since = certification.record, certification.since
-    makers: dict[str, Callable[[Certification], Table]] = {
-        "planned": _planned,
-        "counts": _counts,
-        "criteria": _criteria,
-        "verdicts": _verdicts,
-        "record": _record,
+    makers = {"planned": _planned, "counts": _counts, "criteria": _criteria, "verdicts": _verdicts, "record": _record}
+    trials = {"trials": certification.record.counted}
+    if (since := certification.since) is not None:
+        trials["since"] = since.trials
+    return {
+        **{name: partial(make, certification) for name, make in makers.items()},
+        **{name: partial(_trials, name, certification, rows) for name, rows in trials.items()},
     }
-    makers |= {"trials": lambda own: _trials("trials", own, record.counted)}
-    if since is not None:
-        makers |= {"since": lambda own: _trials("earlier verdicts", own, since.trials)}
-    return {name: partial(make, certification) for name, make in makers.items()}
 
 
 class Planned(NamedTuple):

@@ -196,7 +196,8 @@ class Drawing:
         """The drawing as a Plotly figure, which holds it; its curves have single precision, its numbers double."""
         data, layout = self.parts(dark=dark)
         for trace in data:
-            trace |= {way: trace[way].astype(np.float32) for way in "xy" if _is_double(trace.get(way))}
+            doubles = [way for way in "xy" if getattr(trace.get(way), "dtype", None) == np.float64]
+            trace |= {way: trace[way].astype(np.float32) for way in doubles}
         figure = DrawnFigure(data, {**layout, "template": {}})  # else Plotly would take its own
         figure.drawing = self
         return figure
@@ -209,10 +210,6 @@ class DrawnFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (*super().__reduce__(), {"drawing": self.drawing})
-
-
-def _is_double(values: object) -> bool:
-    return isinstance(values, np.ndarray) and values.dtype == np.float64
 
 
 def drawing_of(figure: go.Figure) -> Drawing:

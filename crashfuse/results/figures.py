@@ -22,8 +22,9 @@ from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots import displacement, learning, pulses, ratings
 from crashfuse.results.plots.conditions import condition_space
-from crashfuse.results.plots.curves import LegendName, add_marks, curve_line
+from crashfuse.results.plots.curves import LegendName, add_marks, by_speed, curve_line
 from crashfuse.results.plots.palette import added_test_line
+from crashfuse.signals.metrics import Metric
 from crashfuse.study.config import StudyConfig, require_rated
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
@@ -73,18 +74,13 @@ class EarlierPrediction:
         return otherwise(self.config, self.shown)
 
     def curve(self, _: Display | None = None) -> tuple[str, Estimate]:
-        """Its name in a legend, and itself."""
-        return earlier_name(self.estimate.approach, self.config, self.shown), self.estimate
+        """Its name in a legend, ``Fused, seed 1`` say, and itself."""
+        return ", ".join(filter(None, [LABELS[self.estimate.approach], self.text])), self.estimate
 
 
 def how_left_out(way: str) -> str:
     """How a test was left out: alone, or with its speed group."""
     return LEFT_OUT["test"] if way == "test" else WITH_GROUP
-
-
-def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig) -> str:
-    """Name of a prediction with other settings in a legend: ``Fused, seed 1``."""
-    return ", ".join(filter(None, [LABELS[approach], otherwise(config, shown)]))
 
 
 def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
@@ -94,39 +90,22 @@ def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
     return ", ".join(text for name, text in words.items() if getattr(config, name) != getattr(shown, name))
 
 
-@dataclass(frozen=True, eq=False)
-class Curves:
-    """What a figure of pulses shows: a test, if any, and estimates by approach, then whatever is beside."""
+def pulse_figures(
+    test: CrashTest | None, shown: Mapping[str, Prediction], band: str | None, display: Display
+) -> dict[str, Draw]:
+    """What draws each figure of pulses: of a test, if any, of estimates by approach, and of whatever is beside."""
+    return {
+        "motion": lambda: pulses.motion(test, shown, display, filled=band),
+        "acceleration": lambda: pulses.overlay(test, shown, display, filled=band),
+        "displacement": lambda: displacement.over_displacement(test, shown, display, filled=band, crush=_crush(shown)),
+        "energy": lambda: displacement.energy_over_crush(test, shown, filled=band),
+        "integration": lambda: displacement.integration_check(test, shown),
+    }
 
-    test: CrashTest | None
-    shown: Mapping[str, Prediction]
-    band: str | None = None  # the approach whose band is filled, by default the preferred one
 
-    @property
-    def predictions(self) -> dict[str, Prediction]:
-        """The pulses by their names."""
-        return dict(self.shown)
-
-    def draw(self, figure: str, display: Display) -> Drawing:
-        """The figure of this name; a UsageError if there is none."""
-        return one_of("figure of pulses", figure, self.figures(display))()
-
-    def figures(self, display: Display) -> dict[str, Draw]:
-        """What draws each of its figures."""
-        both, filled = (self.test, self.predictions), self.band
-
-        def over_displacement() -> Drawing:
-            metrics = {name: own.metrics for name, own in self.shown.items() if isinstance(own, Estimate)}
-            crush = {name: m for name, own in metrics.items() for m in own if m.name == "max_crush"}
-            return displacement.over_displacement(*both, display, filled=filled, crush=crush)
-
-        return {
-            "motion": lambda: pulses.motion(*both, display, filled=filled),
-            "acceleration": lambda: pulses.overlay(*both, display, filled=filled),
-            "displacement": over_displacement,
-            "energy": lambda: displacement.energy_over_crush(*both, filled=filled),
-            "integration": lambda: displacement.integration_check(*both),
-        }
+def _crush(shown: Mapping[str, Prediction]) -> dict[str, Metric]:
+    metrics = {name: own.metrics for name, own in shown.items() if isinstance(own, Estimate)}
+    return {name: metric for name, own in metrics.items() for metric in own if metric.name == "max_crush"}
 
 
 def campaign_figure(
@@ -143,19 +122,20 @@ def campaign_figure(
     display = Display.of(campaign.units, **options)
     shown = [campaign.test(test) for test in several(tests) or campaign.test_ids]
     further = beside(campaign, also, display)
-    of_all: dict[str, Any] = {"speeds_mps": _speeds(campaign), "display": display}
-    marked: dict[str, Any] = {"highlight": held_out, **of_all}
+    speeds_mps = _speeds(campaign)
+    tests_by_speed = by_speed(shown, display, speeds_mps=speeds_mps)
+    marked = by_speed(shown, display, highlight=held_out, speeds_mps=speeds_mps)
 
     def bias() -> Drawing:
         model = CaeModel().fit(campaign.cae, Run.of(campaign))
-        return displacement.bias_by_speed(shown, [measured_bias(test, model) for test in shown], **marked)
+        return displacement.bias_by_speed(marked, {test.id: measured_bias(test, model) for test in shown}, display)
 
     figures: dict[str, Draw] = {
-        "tests": lambda: pulses.measured_pulses(shown, cfc=cfc, further=further, **marked),
+        "tests": lambda: pulses.measured_pulses(marked, display, cfc=cfc, further=further),
         "conditions": lambda: condition_space(campaign.cae, shown, held_out=held_out, display=display),
-        "cae": lambda: pulses.library_band(campaign.cae, shown, further=further, **of_all),
+        "cae": lambda: pulses.library_band(campaign.cae, tests_by_speed, display, further=further),
         "bias": bias,
-        "wall": lambda: pulses.wall_forces([test for test in shown if test.wall is not None], **of_all),
+        "wall": lambda: pulses.wall_forces([own for own in tests_by_speed if own[0].wall is not None]),
         "cae events": lambda: displacement.missing_force(cae_events(campaign, display.window_ms), display, held_out),
     }
     draw = one_of("figure of a campaign", figure, figures)
@@ -218,7 +198,7 @@ def figure_of_test(
     estimates = chosen({estimate.approach: estimate for estimate in fold.estimates}, approaches, band)
     further = beside(study.campaign, also, display)
     test = fold.test if measured else None
-    curves = Curves(test, estimates | other_fold(estimates, band) | further, band)
+    shown = {**estimates, **other_fold(estimates, band), **further}
 
     def scores() -> Drawing:
         window_ms = _rated(study, display)
@@ -230,8 +210,8 @@ def figure_of_test(
         return ratings.rated_curves(explanation, name, display, further)
 
     figures: dict[str, Draw] = {
-        **curves.figures(display),
-        "residuals": lambda: pulses.residuals(fold.test, curves.predictions, display, filled=band),
+        **pulse_figures(test, shown, band, display),
+        "residuals": lambda: pulses.residuals(fold.test, shown, display, filled=band),
         "scores": scores,
         "rating": rating,
         "bias parts": lambda: _bias_parts(study, fold, display, measured=measured),

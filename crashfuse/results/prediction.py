@@ -132,7 +132,8 @@ def prediction_figure(
     lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
     if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
         further = {**lead.representative, **further}
-    return figures.Curves(None, estimates | further, band).draw(figure, shown)
+    drawn = figures.pulse_figures(None, estimates | further, band, shown)
+    return one_of("figure of pulses", figure, drawn)()
 
 
 def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:

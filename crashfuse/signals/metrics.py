@@ -58,17 +58,9 @@ class Metric:
         return 1 if self.unit else 2
 
     @property
-    def text(self) -> str:
-        """As displayed, without unit: ``25.3 [24.1, 26.0]``, ``25.3 [open]``, ``≤ 15.3 (95 %, record too short)``."""
-        return self._text("")
-
-    @property
     def text_with_unit(self) -> str:
-        """As displayed, with the unit: ``25.3 [24.1, 26.0] g``."""
-        return self._text(f" {self.unit}" if self.unit else "")
-
-    def _text(self, unit: str) -> str:
-        numbers = self.value, self.lower, self.upper
+        """As displayed: ``25.3 [24.1, 26.0] g``, ``25.3 [open] g``, ``≤ 15.3 g (95 %, record too short)``."""
+        numbers, unit = (self.value, self.lower, self.upper), f" {self.unit}" if self.unit else ""
         texts = [None if number is None else f"{number:.{self.digits}f}" for number in numbers]
         value, detail = interval_texts(texts[0], texts[1], texts[2], is_open=self.drawn)
         if self.value is None:
@@ -272,8 +264,8 @@ def checked_metrics(
         drawn = metric_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant, predicted=True)
         intervals = {name: _interval(of_draws) for name, of_draws in drawn.items()}
     return tuple(
-        Metric(name, _finite(value), *intervals[name], METRIC_UNITS[name], draws_mps2 is not None, _finite(value))
-        for name, value in values.items()
+        Metric(name, value, *intervals[name], METRIC_UNITS[name], drawn=draws_mps2 is not None, of_pulse=value)
+        for name, value in zip(values, map(_finite, values.values()), strict=True)
     )
 
 
@@ -322,29 +314,21 @@ def further_metrics(curves: tuple[FloatArray, FloatArray], names: Iterable[str])
     return {column: value for name in names for column, value in FURTHER_METRICS[name](*curves).items()}
 
 
-def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
-    """Sentences on which metrics and interval ends of a pulse are missing, one per reason."""
-    values, ends = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
-    for metric in metrics:
-        needs, label = METRIC_NEEDS[metric.name], METRIC_LABELS[metric.name]
-        if metric.value is None:
-            values[needs].append(label)
-        missing = [name for name, end in (("lower", metric.lower), ("upper", metric.upper)) if end is None]
-        if metric.drawn and missing:
-            ends[needs].append(f"{label} ({' and '.join(missing)} end)")
-    no_value = "The record ends before {}, which leaves no value of: {}."
-    open_end = "More than one draw in forty ends before {}, which leaves open: {}."
-    return tuple(
-        sentence.format(needs, "; ".join(labels))
-        for sentence, lacking in ((no_value, values), (open_end, ends))
-        for needs, labels in lacking.items()
-    )
-
-
 def missing_sentences(metrics: Iterable[tuple[str, Sequence[Metric]]]) -> list[str]:
-    """Sentences of :func:`missing_metrics` for named pulses, each once with its names."""
+    """Sentences on which metrics and interval ends of named pulses are missing, one per reason and set of metrics."""
     names: dict[str, list[str]] = {}
     for name, of_pulse in metrics:
-        for sentence in missing_metrics(of_pulse):
-            names.setdefault(sentence, []).append(name)
+        values, ends = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
+        for metric in of_pulse:
+            needs, label = METRIC_NEEDS[metric.name], METRIC_LABELS[metric.name]
+            if metric.value is None:
+                values[needs].append(label)
+            missing = [end for end in ("lower", "upper") if getattr(metric, end) is None]
+            if metric.drawn and missing:
+                ends[needs].append(f"{label} ({' and '.join(missing)} end)")
+        no_value = "The record ends before {}, which leaves no value of: {}."
+        open_end = "More than one draw in forty ends before {}, which leaves open: {}."
+        for sentence, lacking in ((no_value, values), (open_end, ends)):
+            for needs, labels in lacking.items():
+                names.setdefault(sentence.format(needs, "; ".join(labels)), []).append(name)
     return [Sentence("{}: {}", joined(of_sentence, ", "), sentence) for sentence, of_sentence in names.items()]

@@ -71,7 +71,6 @@ OCCUPANT_RANGES = {
     "vpi_stiffness_npm": (1, 1_000_000),
 }
 USUAL_OCCUPANT = OccupantModel()
-_FEW = 10  # pulses, up to which Python's own numbers are faster than arrays
 _MM_PER_M = 1e3
 
 
@@ -122,8 +121,7 @@ def vehicle_pulse_index(
     slack_m, stiffness = occupant.vpi_slack_mm / _MM_PER_M, occupant.vpi_stiffness_npm  # of 1 kg
     taut = np.ascontiguousarray(displacement_m.reshape(-1, n).T) + slack_m
     step: FloatArray = velocity_mps[..., 0].ravel() * dt_s
-    stretched = _stretched_of_few if step.size <= _FEW else _stretched
-    stretch = stretched(taut, step, stiffness * dt_s**2)
+    stretch = _stretched(taut, step, stiffness * dt_s**2)
     longest = stretch.argmax(axis=0)
     peaked = (longest > 0) & (longest < n - 1)
     index: FloatArray = np.where(peaked, stiffness * stretch.max(axis=0), np.nan)
@@ -140,20 +138,6 @@ def _stretched(taut: FloatArray, step: FloatArray, pull: float) -> FloatArray:
         np.multiply(row, pull, out=pulled)
         step -= pulled
         now += step
-    return stretch
-
-
-def _stretched_of_few(taut: FloatArray, step: FloatArray, pull: float) -> FloatArray:
-    """The same to the bit, one pulse after the other: of a single one, arrays would take ten times as long."""
-    stretch = np.zeros_like(taut)
-    for pulse, moved in enumerate(step.tolist()):
-        now = moved
-        for sample, at in enumerate(taut[1:, pulse].tolist(), start=1):
-            stretched = max(now - at, 0.0)
-            if stretched:
-                stretch[sample, pulse] = stretched
-            moved -= stretched * pull
-            now += moved
     return stretch
 
 

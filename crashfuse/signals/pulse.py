@@ -102,7 +102,7 @@ def _trouble(time: FloatArray, accel: FloatArray) -> str | None:
     return None
 
 
-@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Kinematics:
     """Acceleration, and the motion that follows from it and the impact speed, shape (..., n); leading axes are draws.
 

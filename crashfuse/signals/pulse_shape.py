@@ -5,10 +5,8 @@ function takes one motion or many (leading dimensions) and returns SI. Where the
 result is infinite on the side where it would lie, or NaN if that is not known. Sources: docs/method/metrics.md.
 """
 
-from collections.abc import Callable
-from functools import wraps
-from typing import NamedTuple, TypeVar
-from weakref import WeakKeyDictionary
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +20,6 @@ _INSTANT_S = 1e-9
 _QUIET_MPS2, _QUIET_S = 0.5 * G, 2e-3  # when nothing throws the vehicle back any more
 _FREE_SHARE, _FREE_S = 0.05, 10e-3  # of all speed lost, so little is lost in the last 10 ms by one that is free
 
-T = TypeVar("T")
-
 
 class TwoStep(NamedTuple):
     """Decelerations before and after the step, in m/s², and its time in s; each of shape (...)."""
@@ -31,19 +27,6 @@ class TwoStep(NamedTuple):
     g1_mps2: FloatArray
     g2_mps2: FloatArray
     time_s: FloatArray
-
-
-def _once(of_motion: Callable[[Kinematics], T]) -> Callable[[Kinematics], T]:
-    """Computed once for each motion, as several metrics are parts of the result."""
-    known: WeakKeyDictionary[Kinematics, T] = WeakKeyDictionary()
-
-    @wraps(of_motion)
-    def once(motion: Kinematics) -> T:
-        if motion not in known:
-            known[motion] = of_motion(motion)
-        return known[motion]
-
-    return once
 
 
 def equivalent_square_wave(motion: Kinematics) -> FloatArray:
@@ -58,7 +41,7 @@ def centroid_time(motion: Kinematics) -> FloatArray:
     return np.nan_to_num(motion.crush_m / speed, nan=np.inf)
 
 
-@_once
+@lru_cache(maxsize=1)  # several metrics are parts of the result
 def two_step(motion: Kinematics) -> TwoStep:
     """The two constant decelerations, one after the other, that come nearest to the pulse up to T by least squares.
 
@@ -126,7 +109,7 @@ def moves_freely(motion: Kinematics) -> npt.NDArray[np.bool_]:
     return np.asarray((motion.t0_s <= then * motion.dt_s) & (lately < _FREE_SHARE * lost))
 
 
-@_once
+@lru_cache(maxsize=1)  # several metrics are parts of the result
 def _separation(motion: Kinematics) -> tuple[FloatArray, npt.NDArray[np.int_]]:
     """Whether the vehicle leaves the barrier within the record, and the sample at which it does."""
     accel, size = motion.accel_mps2, motion.accel_mps2.shape[-1]

@@ -302,12 +302,11 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
 
 
 def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
-    moved = "shifted and " if explanation.shift_s else ""
-    text = f"{moved}warped, the {comparison} still differs by {100 * explanation.warped.error:.0f} % of the test"
-    if len(explanation.humps) < _SEVERAL or explanation.warped.error < _LEAST_SHOWN:
+    moved, error = "shifted and " if explanation.shift_s else "", explanation.warped.error
+    text = f"{moved}warped, the {comparison} still differs by {100 * error:.0f} % of the test"
+    text, worst = _with_worst(explanation, text, error, "magnitude_share")
+    if worst is None:
         return Sentence(text)
-    worst = max(explanation.humps, key=lambda hump: hump.magnitude_share)
-    text += f"; {100 * worst.magnitude_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
     if abs(worst.difference_mps2) < _BALANCED_MPS2:
         return Sentence(f"{text}, on average neither too strong nor too weak")
     size, side = acceleration(abs(worst.difference_mps2)), _side(worst.difference_mps2)
@@ -315,13 +314,18 @@ def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
 
 
 def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
-    moved = "shifted, " if explanation.shift_s else ""
-    text = f"{moved}the slope of the {comparison} differs by {100 * explanation.slopes.error:.0f} % of the test's"
-    if len(explanation.humps) < _SEVERAL or explanation.slopes.error < _LEAST_SHOWN:
-        return Sentence(text)
-    worst = max(explanation.humps, key=lambda hump: hump.slope_share)
-    share = f"{100 * worst.slope_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
-    return Sentence(f"{text}; {share}")
+    moved, error = "shifted, " if explanation.shift_s else "", explanation.slopes.error
+    text = f"{moved}the slope of the {comparison} differs by {100 * error:.0f} % of the test's"
+    return Sentence(_with_worst(explanation, text, error, "slope_share")[0])
+
+
+def _with_worst(explanation: RatingExplanation, text: str, error: float, share: str) -> tuple[str, RatedHump | None]:
+    """A text with the hump that has the largest share of an error, where that means anything."""
+    if len(explanation.humps) < _SEVERAL or error < _LEAST_SHOWN:
+        return text, None
+    worst = max(explanation.humps, key=lambda hump: float(getattr(hump, share)))
+    part = f"{100 * getattr(worst, share):.0f} % of that at the {_nth(explanation, worst)} hump"
+    return f"{text}; {part} ({_ms(worst.begin_s)}–{_ms(worst.end_s)} ms)", worst
 
 
 _REASONS = {"corridor": _corridor, "phase": _phase, "magnitude": _magnitude, "slope": _slope}
@@ -330,10 +334,6 @@ _REASONS = {"corridor": _corridor, "phase": _phase, "magnitude": _magnitude, "sl
 def _nth(explanation: RatingExplanation, hump: RatedHump) -> str:
     place = explanation.humps.index(hump)
     return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 1}th"
-
-
-def _range(hump: RatedHump) -> str:
-    return f"{_ms(hump.begin_s)}–{_ms(hump.end_s)} ms"
 
 
 def _side(difference: float) -> str:

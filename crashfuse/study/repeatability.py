@@ -14,7 +14,7 @@ import numpy as np
 
 from crashfuse.approaches.base import MOST_TESTS, draw
 from crashfuse.approaches.displacement_domain.approach import FINER, CaeView, DisplacementConfig
-from crashfuse.approaches.displacement_domain.bias import BiasPoints, CaeForce, uniform_points
+from crashfuse.approaches.displacement_domain.bias import BiasPoints, CaeForce
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.displacement_domain.hierarchical_bias import (
@@ -202,7 +202,7 @@ class Scatter:
         phase = loading_phase(test.pulse.accel_mps2, speed)
         config = DisplacementConfig()
         most = config.points_each(n_tests)
-        points = uniform_points(test.condition, phase, view.curve, config.step_s, end_share, most)
+        points = BiasPoints.even(test.condition, phase, view.curve, config.step_s, end_share, most)
         kept = points.speed_share >= end_share
         names = ("displacement_m", "speed_share", "bias_mps2")
         cae = CaeForce(*(values[kept] for values in points.cae))

@@ -12,8 +12,7 @@ from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, UsageError
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
-from crashfuse.importing.sources import tables_of
-from crashfuse.importing.tables import TableForm
+from crashfuse.importing.sources import TableForm, tables_of
 from crashfuse.readers.formats import FORMATS, TABLES
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_headers import ColumnRole

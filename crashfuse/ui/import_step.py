@@ -14,6 +14,7 @@ from crashfuse.campaign_folder.editing import WHAT
 from crashfuse.campaign_folder.history import changed_by, is_vacant
 from crashfuse.campaign_folder.settings import sound_settings
 from crashfuse.errors import DataError, Problem
+from crashfuse.execution.visitors import note_in_log
 from crashfuse.importing import Settled, add_settled
 from crashfuse.importing.campaign_import import Label, parts_of, role_of
 from crashfuse.readers.formats import FORMATS
@@ -32,7 +33,7 @@ from crashfuse.ui.kit.frame import show_title
 from crashfuse.ui.kit.results import refused_into, show_problems
 from crashfuse.ui.kit.text import advice_on_page, plain, without_options
 from crashfuse.ui.kit.uploads import Source
-from crashfuse.ui.kit.visitors import note_in_log, visitor
+from crashfuse.ui.kit.visitors import visitor
 from crashfuse.units import MS, G, counted, said
 
 _FOLDER, _INTO = "import folder", "import into"  # session keys

@@ -29,6 +29,7 @@ from streamlit.web.cli import main
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
+from crashfuse.execution.visitors import LOG, Refusals, begin_log, check_login
 from crashfuse.ui.kit import visitors
 from crashfuse.ui.kit.navigation import navigate
 from crashfuse.ui.kit.text import plain
@@ -77,10 +78,10 @@ def launch(
     Raises a DataError if nobody could log in, an OSError if the log cannot be written.
     """
     if secrets is not None:
-        visitors.check_login([secrets], required=True)
+        check_login([secrets], required=True)
     if log is not None:
         log.open("a").close()
-    given = {"CRASHFUSE_CACHE": os.environ.get("CRASHFUSE_CACHE"), "CRASHFUSE_CAMPAIGN": campaign, visitors.LOG: log}
+    given = {"CRASHFUSE_CACHE": os.environ.get("CRASHFUSE_CACHE"), "CRASHFUSE_CAMPAIGN": campaign, LOG: log}
     os.environ |= {name: str(Path(path).resolve()) for name, path in given.items() if path is not None}
     if roots:
         os.environ[visitors.ROOTS] = "\n".join(str(root.resolve()) for root in roots)
@@ -110,7 +111,7 @@ class Guard:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._refusals = visitors.Refusals()
+        self._refusals = Refusals()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -170,8 +171,8 @@ def tell(error: Exception) -> bool:
 def prepare() -> tuple[Middleware, ...]:
     """Begin the log, and check the log-in, without which no server starts; returns what every request goes through."""
     try:
-        visitors.begin_log()
-        if visitors.check_login(st.get_option("secrets.files")):
+        begin_log()
+        if check_login(st.get_option("secrets.files")):
             visitors.login_insisted.set()
     except (CrashfuseError, OSError) as error:
         sys.exit(f"crashfuse: {error}")

@@ -16,6 +16,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError, DataError
+from crashfuse.execution.jobs import Job
 from crashfuse.results.figures import ONE_PROCESS, Draw
 from crashfuse.results.fit_explanations import events_sentences, events_table
 from crashfuse.results.plots.displacement import missing_force
@@ -31,7 +32,6 @@ from crashfuse.ui.kit.editing import can_be_edited, show_last_change, show_refus
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_tabs
 from crashfuse.ui.kit.files import offer
 from crashfuse.ui.kit.frame import choose_settings
-from crashfuse.ui.kit.jobs import Job
 from crashfuse.ui.kit.navigation import open_next, show_link
 from crashfuse.ui.kit.results import show_table, window_label
 from crashfuse.ui.kit.text import LF, TIME_DOMAIN, plain

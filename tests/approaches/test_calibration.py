@@ -116,46 +116,30 @@ def test_one_test_in_twenty_may_lie_outside_rounded_up(name: str, n: int, most: 
 
 
 def test_what_is_kept_of_a_check_is_the_check() -> None:
-    """A row of six numbers a test, and the factors, give it back; what it tells is plain and rounded."""
+    """The factors and the coverage of each test; what it tells is plain and rounded."""
     first = Coverage(0.91, 0.97236, float("nan"), crush=True, peak=False)
     tests = (first, Coverage(0.93, 1.0, 0.5, False, True, False))
     check = Calibration(1.3, tests, 1.5, 1.25)
-    learned, rows = check.learned(), [[0.91, 0.97236, np.nan, 1, 0, 1], [0.93, 1.0, 0.5, 0, 1, 0]]
-    np.testing.assert_array_equal(learned.arrays["inside"], rows)
-    again = Calibration.restored(learned)
-    assert (again.widening, again.late_widening) == (1.3, 1.5)
-    assert again.state == check.state == {
-        "widening": 1.3, "late_widening": 1.5, "far": 1.25, "left_out_tests": 2, "holds": False,
-        "accel_inside": 0.92, "velocity_inside": 0.986, "rebound_inside": 0.5,
-        "crush_inside": 1, "peak_inside": 1, "whole_inside": 1,
-    }  # fmt: skip
-    assert list(again.state)[-3:] == ["crush_inside", "peak_inside", "whole_inside"]
+    shares = {"accel_inside": 0.92, "velocity_inside": 0.986, "rebound_inside": 0.5}
+    counts = {"left_out_tests": 2, "holds": False, "crush_inside": 1, "peak_inside": 1, "whole_inside": 1}
+    again = Calibration.restored(check.learned())
+    assert again.state == check.state == {"widening": 1.3, "late_widening": 1.5, "far": 1.25, **shares, **counts}
     nothing = Calibration.restored(Calibration(1.0, ()).learned())
     assert (nothing.tests, nothing.late_widening) == ((), None)
     assert "late_widening" not in nothing.state
 
 
-def test_bands_are_widened_in_these_steps() -> None:
-    """By default up to two and a half times; or in the steps that are asked for, up to the first that holds."""
+def test_bands_are_widened_step_by_step_until_they_hold() -> None:
+    """By default up to two and a half times, and it is said if even that does not hold; or in steps as asked for."""
     asked: list[float] = []
-
-    def check(widening: float) -> list[Coverage]:
-        asked.append(widening)
-        return [OUTSIDE]
-
-    calibrate(check)
+    calibration = calibrate(lambda widening: asked.append(widening) or [OUTSIDE] * 4)  # type: ignore[func-returns-value]
     assert asked == [1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5]
-    assert calibrate(lambda factor: [INSIDE if factor >= 0.8 else OUTSIDE], (0.6, 0.8, 1.0)).widening == 0.8
-
-
-def test_a_band_that_never_holds_says_so() -> None:
-    calibration = calibrate(lambda _: [OUTSIDE] * 4)
-    assert not calibration.holds
-    assert calibration.widening == 2.5
+    assert (calibration.holds, calibration.widening) == (False, 2.5)
     state = json.loads(json.dumps(calibration.state))
     assert (state["left_out_tests"], state["crush_inside"], state["accel_inside"]) == (4, 0, 0.5)
-    never = Coverage(1.0, 1.0, float("nan"), crush=True, peak=True)
-    assert Calibration(1.0, (never,)).state["rebound_inside"] is None
+    assert calibrate(lambda factor: [INSIDE if factor >= 0.8 else OUTSIDE], (0.6, 0.8, 1.0)).widening == 0.8
+    never_stopped = Calibration(1.0, (replace(INSIDE, rebound=float("nan")),))
+    assert never_stopped.state["rebound_inside"] is None
 
 
 def test_a_band_of_each_level_holds_what_lies_within_it(campaign: Campaign) -> None:

@@ -280,9 +280,27 @@ class User:
             cells = drawn.find_element(By.CSS_SELECTOR, ".nsewdrag")
             right, down = where(cells.rect["width"], cells.rect["height"])
             mouse = ActionChains(self.browser)
-            mouse.move_to_element_with_offset(cells, round(right), round(down)).pause(0.5).click().perform()
+            mouse.move_to_element_with_offset(cells, round(right), round(down)).perform()
+            with suppress(TimeoutException):  # as Plotly names the cell, it hears of a click on it
+                self.wait(lambda: self.all(f"{FIGURE} .hoverlayer .hovertext"), timeout_s=5)
+            mouse.click().perform()
 
         self._clicks_until(lambda: self.texts(MAIN, words), click, f"Nothing came of a click on the cell: {words!r}.")
+
+    def clicks_row(self, row: int, across_px: int, css: str = MAIN) -> None:
+        """Click a cell of the first table of this kind that lives in one canvas, so far from its left edge."""
+        grid = self.find(f'{css} [data-testid="stDataFrame"] canvas')
+        self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
+        across, down = round(across_px - grid.rect["width"] / 2), round(52 + 35 * row - grid.rect["height"] / 2)
+        ActionChains(self.browser).move_to_element_with_offset(grid, across, down).click().perform()
+
+    def pastes(self, text: str) -> None:
+        """Paste what was copied from a spreadsheet, say."""
+        allowed = ["clipboardReadWrite", "clipboardSanitizedWrite"]
+        self.browser.execute_cdp_cmd("Browser.grantPermissions", {"permissions": allowed})
+        copy = "navigator.clipboard.writeText(arguments[0]).then(arguments[1])"
+        self.browser.execute_async_script(copy, text)
+        ActionChains(self.browser).key_down(Keys.CONTROL).send_keys("v").key_up(Keys.CONTROL).perform()
 
     def sits_at(self, width: int, height: int, zoom: float = 1.0) -> None:
         """Make the window so many pixels large, and zoom the page."""

@@ -62,7 +62,7 @@ def test_no_page_makes_anything_of_it(server: Server, user: User, foreign: Path)
         *((user.go, "Predict"), (user.starts, "Predict", FIGURE)),
         *((user.press, "Pin this prediction"), (user.press, "1 pinned")),
         (lambda: user.open(server, "certify", campaign=foreign.name, approach="cae"),),
-        *((user.sees, "Add a planned test"), (user.starts, "Certify", '[class*="_tab"] button')),
+        *((user.sees, "Planned tests from"), (user.starts, "Certify", '[class*="_tab"] button')),
         *((user.open_tab, tab) for tab in ("Track record", "Validated domain", "Answer")),
         *((user.press, "", '[class*="planned_tests"] button'), (user.sees, "See the predicted pulse there")),
     ]

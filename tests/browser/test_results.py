@@ -1,5 +1,8 @@
 """Results in a real browser: what a page shows first, figures that are switched, files that arrive, reasons."""
 
+from urllib.parse import unquote_plus
+
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -96,16 +99,25 @@ def test_a_page_shows_one_thing_at_a_time_and_hands_out_whole_files(engineer: Us
 
 
 def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) -> None:
-    """Criteria from the tests, changed by the keyboard; the reason stands beside the row, on the same screen."""
+    """Criteria from the tests, cells pasted into them; the reason stands beside the row, on the same screen."""
     user.sits_at(1440, 1000)
     planned = ("M1~20~2050~1500~mph-lb", "M2~30~2050~1500~mph-lb")
     link = {"approach": "displacement_domain", "matrix": "Typed in", "confidence": "0.9"}
     user.open(small_server, "certify", campaign="campaign", planned=planned, **link)
     user.sees("No criteria yet")
     user.press("Limits of these tests")
-    user.fill("At most, row 2", "25")
-    user.wait(lambda: "peak%7E%7E%7E25" in user.browser.current_url.replace("~", "%7E"))
-    user.presses_until(lambda: user.texts(MAIN, "would have been skipped"), "Certify", f"{MAIN} button")
+    user.wait(lambda: "max_crush" in user.browser.current_url)
+    user.rests()
+    user.clicks_row(1, 120)
+    ActionChains(user.browser).send_keys(*[Keys.ARROW_RIGHT] * 3).perform()
+    user.pastes("25,0\tmy peak\n49\tmy velocity change")
+    user.wait(lambda: "peak~~~25~my peak" in unquote_plus(user.browser.current_url))
+    assert "delta_v~~~78.857856~my velocity change" in unquote_plus(user.browser.current_url)
+    user.browser.back()
+    user.wait(lambda: "my peak" not in unquote_plus(user.browser.current_url))
+    user.browser.forward()
+    user.wait(lambda: "my peak" in unquote_plus(user.browser.current_url))
+    user.presses_until(lambda: user.texts(MAIN, "the answer was skip"), "Certify", f"{MAIN} button")
     user.wait(lambda: not user.all('input[aria-label="Confidence"]'), "The criteria never folded away.")
     user.press(" · change", "summary")
     user.fill("Confidence", "0.85")

@@ -27,14 +27,6 @@ def study(user: User, server: Server, **view: str) -> None:
     user.rests()  # with the last result drawn
 
 
-def _tick(user: User, row: int) -> None:
-    """The box of a row, 18 pixels from the left."""
-    grid = user.find('[data-testid="stDataFrame"] canvas')
-    user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
-    across, down = round(18 - grid.rect["width"] / 2), round(52 + 35 * row - grid.rect["height"] / 2)
-    ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()
-
-
 def test_a_cell_opens_its_test_and_studies_are_reported_compared_and_opened_again(
     small_server: Server, user: User
 ) -> None:
@@ -83,7 +75,9 @@ def test_a_cell_opens_its_test_and_studies_are_reported_compared_and_opened_agai
         return bool(name == label)
 
     assert any(reached("Open a test on Compare") for _ in range(80))
-    keyboard.send_keys("T3").pause(0.5).send_keys(Keys.ENTER).perform()
+    keyboard.send_keys("T3").perform()
+    user.find('[role="option"]', "T3")
+    keyboard.send_keys(Keys.ENTER).perform()
     user.sees("Test T3: 26.0 mph")
 
     def explained() -> bool:
@@ -111,7 +105,7 @@ def test_a_cell_opens_its_test_and_studies_are_reported_compared_and_opened_agai
     user.sees("Fast settings, seed 4", ".st-key-head")
     user.open_tab("Past results")
     for row, found in enumerate(("Open 20", "The two compared")):
-        _tick(user, row)
+        user.clicks_row(row, 18)  # the box
         user.sees(found)
     user.sees("mean", f"{MAIN} li")
     user.press("Export")

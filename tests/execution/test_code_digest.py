@@ -27,7 +27,7 @@ def changed_by(tmp_path: Path, file: str, added: str) -> set[str]:
     return {module for module in modules if code_digest(module, package) != code_digest(module)}
 
 
-@pytest.mark.parametrize("room", ["results/files", "ui/kit/jobs", "cli/output", "readers/record", "study/running"])
+@pytest.mark.parametrize("room", ["results/files", "execution/jobs", "cli/output", "readers/record", "study/running"])
 def test_code_that_computes_none_of_it_counts_for_nothing(tmp_path: Path, room: str) -> None:
     """A report, a page or a reader can change without throwing trained networks away."""
     assert changed_by(tmp_path, f"{room}.py", CODE) == set()

@@ -1,15 +1,19 @@
 """Crashes as files of foreign formats, in memory, and how they get onto the disk."""
 
 import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+from openpyxl import Workbook
 
 from crashfuse.readers.isomme import Channel, IsommeTest
 from crashfuse.results.export.isomme import isomme_files
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.testing.readers import written
 from crashfuse.units import KPH, MS, G
+from tests.conftest import problems_of
 from tests.importing.crashes import SPEED_MPS, clock, half_sine_g, scatter_g
 
 
@@ -42,6 +46,25 @@ def library(folder: Path) -> Path:
     rows = [f"Run {i};{v:.6f};950;750".replace(".", ",") for i, v in enumerate(speeds.tolist())]
     conditions = "\n".join(["Lauf;v0 [km/h];Gewicht VA [kg];Gewicht HA [kg]", *rows])
     return written(folder, {"runs.csv": table, "conditions.csv": conditions.encode()})
+
+
+def workbook(sheets: Mapping[str, Iterable[Sequence[object]]], hidden: str = "") -> bytes:
+    """An Excel file with these rows in its sheets."""
+    book, content = Workbook(), BytesIO()
+    book.remove(book.worksheets[0])
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name)
+        sheet.sheet_state = "hidden" if name == hidden else "visible"
+        for row in rows:
+            sheet.append(list(row))
+    book.save(content)
+    return content.getvalue()
+
+
+def sentence(call: Callable[[], object]) -> str:
+    """The one sentence that a call is refused with."""
+    (problem,) = problems_of(call)
+    return str(problem)
 
 
 def imported(folder: Path) -> list[dict[str, object]]:

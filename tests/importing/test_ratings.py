@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -41,12 +42,10 @@ def files(tmp_path: Path) -> Path:
 
 
 def overall(table: pd.DataFrame) -> list[float]:
-    """The overall ratings."""
     return [float(value) for value in table["overall"]]
 
 
 def test_own_tables_are_rated_as_they_stand(campaign_on_disk: Path) -> None:
-    """The same numbers as of the pulses, over the windows asked for; nothing is filtered, and that is said."""
     one, other = (campaign_on_disk / "tests" / f"{name}.csv" for name in ("T1", "T2"))
     table = rate_files(one, other, [30, 50])
     expected = rate_windows(read_pulse(one), read_pulse(other), [30, 50])
@@ -58,35 +57,29 @@ def test_own_tables_are_rated_as_they_stand(campaign_on_disk: Path) -> None:
 
 
 def test_own_tables_are_filtered_if_asked_for(tmp_path: Path) -> None:
-    """Whole, with the class that is given."""
     time_s = clock(0, 0.15)
-    clean, noisy = (pd.DataFrame({"time_s": time_s, "acceleration_g": half_sine_g(time_s)}) for _ in range(2))
-    noisy["acceleration_g"] += ringing_g(time_s)
-    for name, table in (("clean", clean), ("noisy", noisy)):
-        table.to_csv(tmp_path / f"{name}.csv", index=False)
-    files = tmp_path / "clean.csv", tmp_path / "noisy.csv"
-    filtered = rate_files(*files, [60], choices=RatingChoices(channel_filter_class=60.0))
-    one, other = (
-        Pulse(time_s, cfc_filter(table["acceleration_g"].to_numpy() * G, cfc=60, dt_s=1e-4)) for table in (clean, noisy)
-    )
+    pulses = {"clean.csv": half_sine_g(time_s), "noisy.csv": half_sine_g(time_s) + ringing_g(time_s)}
+    for name, pulse in pulses.items():
+        pd.DataFrame({"time_s": time_s, "acceleration_g": pulse}).to_csv(tmp_path / name, index=False)
+    clean, noisy = (tmp_path / name for name in pulses)
+    filtered = rate_files(clean, noisy, [60], choices=RatingChoices(channel_filter_class=60.0))
+    one, other = (Pulse(time_s, cfc_filter(pulse * G, cfc=60, dt_s=1e-4)) for pulse in pulses.values())
     assert overall(filtered) == pytest.approx([rate_windows(one, other, [60])[60].overall], abs=1e-4)
     assert filtered["basis"].item().endswith("CFC 60")
-    assert overall(filtered)[0] > overall(rate_files(*files, [60]))[0] + 0.1
+    assert overall(filtered)[0] > overall(rate_files(clean, noisy, [60]))[0] + 0.1
 
 
 def test_a_rating_is_the_same_before_and_after_the_import(files: Path) -> None:
-    """Time zero, sign and CFC 60 are those of the import, although no speed or weights are given."""
     before = rate_files(files / "lab.csv", files / "iso.zip", [20, 60])
-    campaign = files / "campaign"
     weights = "id,speed_kph,front_weight_kg,rear_weight_kg\nlab,56,950,750\nV2,56,950,750\n"
     (files / "conditions.csv").write_text(weights)
     for source in ("lab.csv", "iso.zip"):
-        import_source(files / source, campaign, conditions=files / "conditions.csv")
-    after = rate_files(campaign / "tests" / "lab.csv", campaign / "tests" / "V2.csv", [20, 60])
+        import_source(files / source, files / "campaign", conditions=files / "conditions.csv")
+    lab, iso = (files / "campaign" / "tests" / f"{name}.csv" for name in ("lab", "V2"))
+    after = rate_files(lab, iso, [20, 60])
     assert overall(before) == pytest.approx(overall(after), abs=1e-4)
-    assert before["basis"].unique().tolist() == [
-        "ISO/TS 18571:2024, 10 kHz, reference CFC 60, comparison filtered as supplied"
-    ]
+    filtering = "reference CFC 60, comparison filtered as supplied"
+    assert set(before["basis"]) == {f"ISO/TS 18571:2024, 10 kHz, {filtering}"}
 
 
 HEADERS = ["Time [ms];Acceleration x [g]", "t/ms;a_x (g)", "Zeit [ms];Beschleunigung x in g", "time_ms;acceleration_g"]
@@ -97,17 +90,14 @@ HEADERS = ["Time [ms];Acceleration x [g]", "t/ms;a_x (g)", "Zeit [ms];Beschleuni
 def test_a_table_is_rated_as_it_stands(tmp_path: Path, header: str, late_ms: int, sign: int) -> None:
     """Neither moved nor turned: what is late loses its share of the phase, what is inverted nearly all."""
     time_s = clock(0, 0.15)
-    one, other = half_sine_g(time_s), sign * half_sine_g(time_s - late_ms * 1e-3)
-    written(
-        tmp_path, {"one.csv": german(time_s, one, header=header), "other.csv": german(time_s, other, header=header)}
-    )
+    pulses = {"one.csv": half_sine_g(time_s), "other.csv": sign * half_sine_g(time_s - late_ms * 1e-3)}
+    written(tmp_path, {name: german(time_s, pulse, header=header) for name, pulse in pulses.items()})
     table = rate_files(tmp_path / "one.csv", tmp_path / "other.csv", [80])
-    expected = rate_windows(Pulse(time_s, one), Pulse(time_s, other), [80])[80]
+    one, other = (Pulse(time_s, pulse) for pulse in pulses.values())
+    expected = rate_windows(one, other, [80])[80]
     assert overall(table) == pytest.approx([expected.overall], abs=1e-5)
-    if sign > 0:
-        assert table["phase"].item() == pytest.approx(1 - late_ms / 16)  # of a fifth of 80 ms
-    else:
-        assert table["overall"].item() < 0.4
+    phase = pytest.approx(1 - late_ms / 16)  # of a fifth of 80 ms
+    assert table["phase"].item() == phase if sign > 0 else table["overall"].item() < 0.4
     assert set(table["note"]) == {""}
 
 
@@ -141,15 +131,13 @@ def test_what_the_import_changes_is_told_and_left_out_on_demand(tmp_path: Path, 
 
 @pytest.mark.parametrize("header", ["t [ms];Verzögerung [g]", "t [ms];decel x [g]"])
 def test_what_is_named_a_deceleration_is_turned_and_told(tmp_path: Path, header: str) -> None:
-    """It is positive while braking; with --as-given it stays so."""
     time_s = clock(0, 0.15)
     one, own = german(time_s, -half_sine_g(time_s), header=header), german(time_s, half_sine_g(time_s))
-    files = written(tmp_path, {"own.csv": own, "one.csv": one})
-    table = rate_files(files / "own.csv", files / "one.csv", [60])
+    written(tmp_path, {"own.csv": own, "one.csv": one})
+    files = tmp_path / "own.csv", tmp_path / "one.csv"
+    table = rate_files(*files, [60])
     assert (*overall(table), *table["note"]) == (1.0, "comparison: turned, as it is named a deceleration.")
-    assert (
-        overall(rate_files(files / "own.csv", files / "one.csv", [60], choices=RatingChoices(as_given=True)))[0] < 0.4
-    )
+    assert overall(rate_files(*files, [60], choices=RatingChoices(as_given=True)))[0] < 0.4
 
 
 @needs_shared
@@ -162,19 +150,18 @@ def test_shifts_and_turns_of_others(name: str, expected: float) -> None:
 
 
 def test_files_that_are_no_pulse_say_what_they_lack(files: Path) -> None:
-    with pytest.raises(DataError, match="expected a pulse file, found no such file"):
-        rate_files(files / "own.csv", files / "none.csv")
+    rate = partial(rate_files, files / "own.csv", windows_ms=[60])
     written(files, {"bare.csv": german(clock(), half_sine_g(clock()), header="Zeit [ms];a_x")})
-    assert overall(rate_files(files / "own.csv", files / "lab.csv", [60]))[0] > 0.98
-    with pytest.raises(DataError, match="--unit"):
-        rate_files(files / "own.csv", files / "bare.csv")
-    assert overall(rate_files(files / "own.csv", files / "bare.csv", [60], choices=RatingChoices(unit="g")))[0] > 0.98
+    for name, told in (("none.csv", "expected a pulse file, found no such file"), ("bare.csv", "--unit")):
+        with pytest.raises(DataError, match=told):
+            rate(files / name)
+    assert overall(rate(files / "lab.csv"))[0] > 0.98
+    assert overall(rate(files / "bare.csv", choices=RatingChoices(unit="g")))[0] > 0.98
     with pytest.raises(UsageError, match="There is no channel engine"):
-        rate_files(files / "own.csv", files / "iso.zip", choices=RatingChoices(comparison_channels=("engine",)))
+        rate(files / "iso.zip", choices=RatingChoices(comparison_channels=("engine",)))
 
 
 def test_pairs_of_a_table_are_rated_and_those_that_cannot_be_say_why(files: Path) -> None:
-    """Paths are relative to the table; ratings are those of each pair alone."""
     (files / "pairs.csv").write_text(
         "reference,comparison,comparison_channel\nown.csv,lab.csv,\nown.csv,gone.csv,\nown.csv,iso.zip,10VEHC000000ACXP\n"
     )
@@ -190,7 +177,7 @@ def test_pairs_of_a_table_are_rated_and_those_that_cannot_be_say_why(files: Path
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("reference,other\na,b\n", "expected the columns reference and comparison, and at most"),
+        ("reference,other\na,b\n", "expected the columns reference, comparison, at most"),
         ("reference,comparison\n", "expected 1 to 10000 pairs, found 0"),
         ("reference,comparison\na.csv,\n", "row 2: expected two files, found an empty cell"),
     ],
@@ -218,24 +205,24 @@ def dummy(name: str, head_g: FloatArray, force_unit: str = "N") -> dict[str, byt
 
 
 def test_isomme_tests_are_rated_channel_by_channel(tmp_path: Path) -> None:
-    """Same codes against each other, the n-th of a code against the n-th; what cannot be rated says why."""
     time_s = clock()
     head = -60 * np.exp(-(((time_s - 0.06) / 0.012) ** 2))
     folder = written(tmp_path, {**dummy("A", head), **dummy("BB", 0.9 * head)})
     table = rate_channels(folder / "A", folder / "BB", [80]).set_index("channel")
     expected = rate_windows(Pulse(time_s, head), Pulse(time_s, 0.9 * head), [80])[80]
-    assert table.loc["11HEAD0000H3ACXA", "overall"] == pytest.approx(expected.overall, abs=1e-9)
+    ratings, notes = table["overall"], table["note"]
+    assert ratings["11HEAD0000H3ACXA"] == pytest.approx(expected.overall, abs=1e-9)
     assert table.loc["11HEAD0000H3ACXA", "basis"].endswith("CFC 1000")
     assert table.loc["11FEMRLE00H3FOZB", ["overall", "basis"]].tolist() == [1.0, "ISO/TS 18571:2024, 10 kHz, CFC 600"]
-    assert table.loc[["10VEHC000000ACXD", "10VEHC000000ACXD (2)"], "overall"].tolist() == [1.0, 1.0]
-    assert "a curve that varies" in table.loc["11CHST0000H3DSXC", "note"]
-    assert table.loc["10ENGN000001ACXD", "note"] == "only in the reference"
-    assert table.loc["10ENGN000002ACXD", "note"] == "only in the comparison"
+    assert ratings[["10VEHC000000ACXD", "10VEHC000000ACXD (2)"]].tolist() == [1.0, 1.0]
+    assert "a curve that varies" in notes["11CHST0000H3DSXC"]
+    engines = ["only in the reference", "only in the comparison"]
+    assert notes[["10ENGN000001ACXD", "10ENGN000002ACXD"]].tolist() == engines
     folder = written(tmp_path / "other", {**dummy("A", head), **dummy("BB", head, "kN")})
     table = rate_channels(folder / "A", folder / "BB", [80]).set_index("channel")
     assert "expected the unit N, found kN" in table.loc["11FEMRLE00H3FOZB", "note"]
     folder = written(tmp_path, {**isomme("V1"), **dummy("A", half_sine_g(clock()))})
-    with pytest.raises(DataError, match="codes that occur in one of them only"):
+    with pytest.raises(DataError, match="codes of one only"):
         rate_channels(folder / "V1", folder / "A")
 
 
@@ -250,7 +237,6 @@ def test_one_crash_in_two_formats_rates_1() -> None:
 
 
 def test_further_measures_are_columns_where_they_are_asked_for(campaign_on_disk: Path, capsys: Capture) -> None:
-    """Beside ratings that stay as they are, in the library, as a table and as JSON; a name that is none is refused."""
     one, other = (str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T1", "T2"))
     alone, also = (rate_files(one, other, choices=RatingChoices(also=names)) for names in ((), tuple(FURTHER_METRICS)))
     pd.testing.assert_frame_equal(also[list(COLUMNS)], alone)

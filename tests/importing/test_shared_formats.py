@@ -17,7 +17,6 @@ GIVEN = Choices(condition=PartialCondition(51.12 * KPH, None, 905.0, 655.0))
 
 
 def settled(name: str, choices: Choices = WEIGHTS, role: Role = "tests") -> Settled:
-    """What becomes of the one record there."""
     (record,) = read_records(Reading(SHARED / "real/formats" / name))
     return settle(record, choices, role=role)
 
@@ -38,7 +37,6 @@ def settled(name: str, choices: Choices = WEIGHTS, role: Role = "tests") -> Sett
     ],
 )
 def test_the_crash_is_found(name: str, role: Role, channels: list[str], told: str) -> None:
-    """The pulse, and the force of the barrier where there is one, of the crash that all of them are made of."""
     found = settled(name, role=role)
     motion = found.pulse.kinematics(found.condition.speed_mps)
     assert [*found.channels] == channels
@@ -64,6 +62,5 @@ def test_the_crash_is_found(name: str, role: Role, channels: list[str], told: st
     ],
 )
 def test_what_no_file_tells_is_asked(name: str, choices: Choices, role: Role, told: str) -> None:
-    """A failed channel alone, a unit of length, the test of a file with two."""
     with pytest.raises(DataError, match=told):
         settled(name, choices, role)

@@ -3,6 +3,7 @@
 import os
 import tarfile
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Literal
 
 import pytest
@@ -18,16 +19,12 @@ from tests.readers.nhtsa_files import nhtsa_files
 
 
 def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
-    """In files, folders and zips; none of them, or two at once, is refused, unless one is named."""
-    written(tmp_path / "n", nhtsa_files() | {"readme.csv": b"a"})
-    written(tmp_path / "i", isomme("M1"))
-    written(tmp_path / "d", {"binout0000": b"", "notes.txt": b""})
-    written(tmp_path / "t", {"x.tdms": b""})
-    written(tmp_path / "c", {"x.XLSX": b""})
-    written(tmp_path / "e", {"x.pdf": b""})
-    written(tmp_path, {"i.zip": zipped(isomme("M1"))})
-    found = {name: format_of(tmp_path / name) for name in ("n", "i", "d", "t", "c", "i.zip")}
-    assert found == {"n": "nhtsa", "i": "isomme", "d": "lsdyna", "t": "tdms", "c": "csv", "i.zip": "isomme"}
+    sources = {"nhtsa": nhtsa_files() | {"readme.csv": b"a"}, "isomme": isomme("M1"), "tdms": {"x.tdms": b""}}
+    sources |= {"lsdyna": {"binout0000": b"", "notes.txt": b""}, "csv": {"x.XLSX": b""}}
+    for fmt, files in sources.items():
+        assert format_of(written(tmp_path / fmt, files)) == fmt
+    written(tmp_path, {"i.zip": zipped(isomme("M1")), "e/x.pdf": b""})
+    assert format_of(tmp_path / "i.zip") == "isomme"
     for path, message in (("e", "none of these"), ("nowhere", "nothing there")):
         with pytest.raises(DataError, match=message):
             format_of(tmp_path / path)
@@ -42,7 +39,6 @@ def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
 
 
 def test_what_systems_leave_in_folders_is_passed_over(tmp_path: Path) -> None:
-    """Locks of open workbooks, AppleDouble, thumbnails: as in an archive, whatever their format by name."""
     left = ("~$T1.xlsx", "._T1.csv", ".DS_Store", "__MACOSX/._T1.mme", "x/Thumbs.db", "x/.~lock.T1.csv#", "._T1.EV5")
     source = written(tmp_path / "in", {"T1.csv": german(clock(), half_sine_g(clock())), **dict.fromkeys(left, b"\0")})
     assert [record.id for record in read_records(Reading(source))] == ["T1"]
@@ -69,7 +65,6 @@ def test_tar_archives_are_read_as_zips_are(tmp_path: Path, ending: str, mode: Li
 def test_a_folder_that_cannot_be_read_is_not_passed_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fmt: str | None
 ) -> None:
-    """Tests in it would silently lack."""
     written(tmp_path, {"x.csv": german(clock(), half_sine_g(clock())), "closed/y.csv": b"", "v/v00005.EV5": b""})
     listed = os.scandir
 
@@ -79,24 +74,21 @@ def test_a_folder_that_cannot_be_read_is_not_passed_over(
         return listed(folder)
 
     monkeypatch.setattr(os, "scandir", scandir)
-    with pytest.raises(DataError, match="closed: expected a folder that can be read, found Permission denied"):
+    with pytest.raises(DataError, match="closed: expected a readable folder, found Permission denied"):
         read_records(Reading(tmp_path, fmt))
 
 
 def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
-    """One import for a whole download: folders, a zip for each test, a zip of tables or of tests."""
     for number in (5, 6):
         written(tmp_path / "in" / f"v{number}", nhtsa_files(number))
     written(tmp_path / "mme", isomme("M1") | isomme("M2"))
-    assert [record.id for record in read_records(Reading(tmp_path / "in"))] == ["00005", "00006"]
-    assert [record.id for record in read_records(Reading(tmp_path / "mme"))] == ["M1", "M2"]
-    assert len(import_source(tmp_path / "in", tmp_path / "out")) == 2
     written(tmp_path / "downloads", {"notes.pdf": b"", **{f"{i}.zip": zipped(isomme(i)) for i in ("M1", "M2")}})
+    for name, ids in (("in", ["00005", "00006"]), ("mme", ["M1", "M2"]), ("downloads", ["M1", "M2"])):
+        assert [record.id for record in read_records(Reading(tmp_path / name))] == ids
     assert format_of(tmp_path / "downloads") == "isomme"
-    assert [record.id for record in read_records(Reading(tmp_path / "downloads"))] == ["M1", "M2"]
-    tables = {
-        f"{name}.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), g)) for name, g in (("A", 0), ("B", 2))
-    }
+    assert len(import_source(tmp_path / "in", tmp_path / "out")) == 2
+    pulses = {"A.csv": half_sine_g(clock()), "B.csv": half_sine_g(clock()) + scatter_g(clock(), 2)}
+    tables = {name: german(clock(), pulse) for name, pulse in pulses.items()}
     for name, files in (("tables", tables), ("isomme", {**isomme("C", 4.0), **isomme("D", 6.0)})):
         (tmp_path / f"{name}.zip").write_bytes(zipped(files))
         import_source(tmp_path / f"{name}.zip", tmp_path / "campaign", GIVEN)
@@ -104,61 +96,47 @@ def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
 
 
 def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:
-    """COLUMN=ROLE:UNIT overrules the proposal; channels of one table are averaged under one id."""
     time_s = clock()
     other_g = half_sine_g(time_s) + scatter_g(time_s, 6.0)
     source = written(tmp_path, {"x.csv": german(time_s, half_sine_g(time_s), other_g, header="c1;c2;c3")})
     columns = [ColumnChoice.parsed(text) for text in ("c1=time:ms", "c2=acceleration:g", "c3=acceleration:g")]
     (one,) = import_source(source / "x.csv", tmp_path / "out", GIVEN, record_id="T1", columns=columns)
     assert (one.id, one.channels) == ("T1", ("c2", "c3"))
-    table = (
-        written(tmp_path, {"c.csv": b"id;speed [km/h];front [kg];rear [kg]\nc2;56;950;750\nc3;56;950;750\n"}) / "c.csv"
-    )
-    two = import_source(source / "x.csv", tmp_path / "out", columns=columns, conditions=table)
+    written(tmp_path, {"c.csv": b"id;speed [km/h];front [kg];rear [kg]\nc2;56;950;750\nc3;56;950;750\n"})
+    two = import_source(source / "x.csv", tmp_path / "out", columns=columns, conditions=tmp_path / "c.csv")
     assert [settled.id for settled in two] == ["c2", "c3"]
     with pytest.raises(UsageError, match="no column c9; there are c1, c2, c3"):
         read_records(Reading(source / "x.csv", columns=(ColumnChoice("c9", "time"),)))
-    with pytest.raises(UsageError, match="not 'c1'"):
-        ColumnChoice.parsed("c1")
-    with pytest.raises(UsageError, match="COLUMN=ROLE"):
-        ColumnChoice.parsed("c1=colour")
+    for text in ("c1", "c1=colour"):
+        with pytest.raises(UsageError, match=rf"mapped as COLUMN=ROLE\[:UNIT\], not '{text}'"):
+            ColumnChoice.parsed(text)
 
 
 def test_a_table_without_pulses_says_what_it_lacks(tmp_path: Path) -> None:
-    """The columns that are there are named, and how to map them."""
     written(tmp_path, {"x.csv": b"p,q\n1,2\n1,5\n2,4\n"})
     with pytest.raises(DataError, match=r"x\.csv with the columns p, q; map the columns"):
         import_source(tmp_path / "x.csv", tmp_path / "out", GIVEN)
 
 
 def test_tables_beside_another_format_are_not_passed_over_in_silence(tmp_path: Path) -> None:
-    """A test exported as CSV beside NHTSA's files is named, a table of conditions that is read is not."""
     written(tmp_path, nhtsa_files())
     written(tmp_path, {"T7.csv": b"time;a", "conditions.csv": b"id,speed [km/h]\n00005,56"})
     (record,) = read_records(Reading(tmp_path, conditions=tmp_path / "conditions.csv"))
-    assert [step for step in record.steps if "T7.csv" in step] == [
-        "Careful: tables in the source are left out, T7.csv; import them by themselves."
-    ]
+    assert "Careful: tables in the source are left out, T7.csv; import them by themselves." in record.steps
     assert not any("conditions.csv;" in step for step in record.steps)
 
 
 def test_uploads_become_a_file_a_folder_or_a_folder_of_all(tmp_path: Path) -> None:
-    """A zip is unpacked under its own name; the content is kept to the byte."""
-    for number, (uploads, inside) in enumerate(
-        [
-            ([("a.csv", b"1")], {"a.csv": b"1"}),
-            ([("run 7.zip", zipped({"x/binout0000": b"2"}))], {"run 7/x/binout0000": b"2"}),
-            ([("a.csv", b"1"), ("b.zip", zipped({"c": b"3"}))], {"a.csv": b"1", "b/c": b"3"}),
-        ]
+    for uploads, inside in (
+        ([("a.csv", b"1")], {"a.csv": b"1"}),
+        ([("run 7.zip", zipped({"x/binout0000": b"2"}))], {"run 7/x/binout0000": b"2"}),
+        ([("a.csv", b"1"), ("b.zip", zipped({"c": b"3"}))], {"a.csv": b"1", "b/c": b"3"}),
     ):
-        home = tmp_path / str(number)
-        home.mkdir()
+        home = Path(mkdtemp(dir=tmp_path))
         source = lay_out_source(uploads, home)
         assert source.name == ("upload" if len(uploads) > 1 else next(iter(inside)).partition("/")[0])
-        found = {
-            str(path.relative_to(home / "upload")): path.read_bytes() for path in home.rglob("*") if path.is_file()
-        }
-        assert found == inside
+        files = (path for path in home.rglob("*") if path.is_file())
+        assert {path.relative_to(home / "upload").as_posix(): path.read_bytes() for path in files} == inside
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from openpyxl import Workbook
 
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import ColumnChoice, Reading, import_source, read_each, read_records, settle_each
-from crashfuse.importing.sources import tables_of
-from crashfuse.importing.tables import table_forms
+from crashfuse.importing.sources import table_forms, tables_of
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_mapping import apply_conditions, propose
 from crashfuse.readers.tables import read_sheets
@@ -22,7 +20,7 @@ from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.testing.readers import written
 from crashfuse.units import KPH, MS, G
 from tests.conftest import SHARED, needs_shared, problems_of
-from tests.importing.crash_files import german, library
+from tests.importing.crash_files import german, library, sentence, workbook
 from tests.importing.crashes import GIVEN, clock, half_sine_g, scatter_g
 
 TIME_S = clock(-0.02, 0.15, 5000)
@@ -36,41 +34,30 @@ def lines(header: str, *columns: FloatArray) -> str:
 
 
 def table(folder: Path, header: str, *columns: FloatArray, name: str = "x.csv") -> Path:
-    """A written table."""
     path = folder / name
     path.write_text(lines(header, *columns), encoding="utf-8")
     return path
 
 
-def roles(path: Path) -> dict[str, str]:
-    """What is proposed for each column."""
-    (sheet,) = read_sheets(path)
-    return {use.column: use.role for use in propose(sheet).uses}
-
-
 def refusal(path: Path, conditions: Path | None = None) -> str:
-    """The one sentence that a source is refused with."""
-    (problem,) = problems_of(lambda: import_source(path, path.parent / "out", GIVEN, conditions=conditions))
+    said = sentence(lambda: import_source(path, path.parent / "out", GIVEN, conditions=conditions))
     assert not (path.parent / "out").exists()
-    return str(problem)
+    return said
 
 
 def by_id(records: Sequence[Record]) -> dict[str, Record]:
-    """Records by their ids."""
     return {record.id: record for record in records}
 
 
 def side_by_side(folder: Path, headers: str) -> Path:
     """Two tests, the second twice as long and with 20 ms more before contact; the shorter ends in empty cells."""
     later_s = clock(-0.04, 0.3, 5000)
-    first = [
-        np.pad(column, (0, later_s.size - TIME_S.size), constant_values=np.nan) for column in (TIME_S / MS, PULSE_G)
-    ]
+    padding = (0, later_s.size - TIME_S.size)
+    first = [np.pad(column, padding, constant_values=np.nan) for column in (TIME_S / MS, PULSE_G)]
     return table(folder, headers, *first, later_s / MS, half_sine_g(later_s))
 
 
 def test_each_acceleration_has_the_time_to_its_left(tmp_path: Path) -> None:
-    """Tests side by side, named above: both have their contact at 0 of their own time, and their titles as ids."""
     path = side_by_side(tmp_path, "Test 1;;Test 2;\nt [ms];ax [g];t [ms];ax [g]")
     records = by_id(read_records(Reading(path)))
     assert list(records) == ["Test 1", "Test 2"]
@@ -88,10 +75,8 @@ def test_each_acceleration_has_the_time_to_its_left(tmp_path: Path) -> None:
 def test_sensors_with_times_of_their_own_are_no_tests(tmp_path: Path) -> None:
     """Titles that name channels: refused, until the others are left out or conditions say that they are crashes."""
     path = side_by_side(tmp_path, "sill left;;sill right;\nt [ms];left [g];t [ms];right [g]")
-    assert (
-        "found left, right, each with a time of its own; if they are sensors of one crash, leave out the others"
-        in refusal(path)
-    )
+    said = "found left, right, each with a time of its own; if they are sensors of one crash, leave out the others"
+    assert said in refusal(path)
     (one,) = read_records(Reading(path, columns=(ColumnChoice("right [g]", "ignored"),)))
     assert one.id == "left"
     conditions = tmp_path / "of_both.txt"
@@ -100,7 +85,6 @@ def test_sensors_with_times_of_their_own_are_no_tests(tmp_path: Path) -> None:
 
 
 def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
-    """Left beside right: refused, averaged under an id, or two records if the conditions of both are there."""
     right_g = PULSE_G + scatter_g(TIME_S, 2.0)
     path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, right_g)
     said = refusal(path)
@@ -113,7 +97,7 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
     conditions = tmp_path / "c.txt"
     conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\n")
     said = refusal(path, conditions=conditions)
-    assert "expected conditions for ax right, found those of ax left; add a row for each, or leave" in said
+    assert "expected conditions for ax right, found those of ax left; add rows, or leave" in said
     conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\nax right;56;950;750\n")
     assert len(import_source(path, tmp_path / "two", conditions=conditions)) == 2
     assert len(read_each(Reading(path))[0]) == 2  # before anything is added, both can be looked at
@@ -121,16 +105,14 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("engine", ["engine_top_X [g]", "Motor oben ax [g]", "10ENGN000000ACXP [g]"])
 def test_the_engine_is_not_averaged_with_the_floor(tmp_path: Path, engine: str) -> None:
-    """It stops first: with it the vehicle would seem to crush less. Chosen by name, or alone, it is read."""
     path = table(tmp_path, f"t [ms];floor left ax [g];{engine}", TIME_S / MS, PULSE_G, 1.3 * PULSE_G)
     (one,) = import_source(path, tmp_path / "floor", GIVEN, record_id="T1")
     assert one.channels == ("floor left ax [g]",)
     assert f"Ahead of the passenger cell, not averaged: {engine}." in one.steps
     (chosen,) = import_source(path, tmp_path / "engine", replace(GIVEN, channels=(engine,)), record_id="T1")
     assert chosen.channels == (engine,)
-    tunnel = table(
-        tmp_path, "t [ms];ax left [g];transmission tunnel X [g]", TIME_S / MS, PULSE_G, PULSE_G, name="t.csv"
-    )
+    header = "t [ms];ax left [g];transmission tunnel X [g]"
+    tunnel = table(tmp_path, header, TIME_S / MS, PULSE_G, PULSE_G, name="t.csv")
     assert len(import_source(tunnel, tmp_path / "tunnel", GIVEN, record_id="T1")[0].channels) == 2
     (alone,) = read_records(Reading(table(tmp_path, f"t [ms];{engine}", TIME_S / MS, PULSE_G, name="alone.csv")))
     assert alone.proposed == (engine,)
@@ -147,7 +129,6 @@ def test_the_engine_is_not_averaged_with_the_floor(tmp_path: Path, engine: str) 
     ],
 )
 def test_names_with_blanks_stand_above_columns_separated_by_blanks(tmp_path: Path, header: str) -> None:
-    """Split where it gives one name a column; the pulse is the last one, not what slipped above it."""
     path = tmp_path / "x.txt"
     rows = "\n".join(f"{t:.5f}   {0.1 * a:.5f}   {a:.5f}" for t, a in zip(TIME_S, PULSE_G, strict=True))
     path.write_text(f"{header}\n{rows}")
@@ -158,7 +139,6 @@ def test_names_with_blanks_stand_above_columns_separated_by_blanks(tmp_path: Pat
 
 
 def test_duplicate_times_are_called_that(tmp_path: Path) -> None:
-    """Rounded to ms at 5 kHz: the first pair is named with its rows, and how many more there are."""
     said = refusal(table(tmp_path, "t [s];ax [g]", np.round(TIME_S, 3), PULSE_G))
     assert "x.csv, column t [s], row 3: expected each time once, found -0.02000 after -0.02000" in said
 
@@ -186,9 +166,8 @@ DUMMIES = (
     ],
 )
 def test_the_pulse_is_the_acceleration_of_the_vehicle_along_x(tmp_path: Path, header: str, pulse: str) -> None:
-    """By words, codes and units: no other direction, no dummy, no force, no second time."""
-    path = table(tmp_path, header, TIME_S, *[PULSE_G] * header.count(";"))
-    assert [column for column, role in roles(path).items() if role == "acceleration"] == ([pulse] if pulse else [])
+    (sheet,) = read_sheets(table(tmp_path, header, TIME_S, *[PULSE_G] * header.count(";")))
+    assert [use.column for use in propose(sheet).of("acceleration")] == [pulse] * bool(pulse)
 
 
 def test_what_was_planned_or_carried_is_not_what_was_tested(tmp_path: Path) -> None:
@@ -204,23 +183,19 @@ def test_what_was_planned_or_carried_is_not_what_was_tested(tmp_path: Path) -> N
     assert dict(one.condition.factors)["Masse Dummys [kg]"] == "156"
 
 
-@pytest.mark.parametrize(
-    ("pair", "role"),
-    [
-        ("v1 [km/h];v2 [km/h]", "speed"),
-        ("Leergewicht [kg];Testgewicht [kg]", "mass"),
-        ("VA1 VA [kg];VA2 VA [kg]", "front_weight"),
-    ],
-)
-def test_two_columns_of_one_quantity_are_a_question(tmp_path: Path, pair: str, role: str) -> None:
-    """Neither is taken silently; the user leaves one out."""
-    path = tmp_path / "c.csv"
-    path.write_text(f"id;{pair}\nT1;1400;1650\n")
-    (sheet,) = read_sheets(path)
-    first, _, second = pair.partition(";")
-    with pytest.raises(DataError) as caught:
-        apply_conditions(sheet, propose(sheet))
-    assert f"expected one column that is the {role}, found {first}, {second}; map" in str(caught.value)
+TWICE = {
+    "speed": "v1 [km/h];v2 [km/h]",
+    "mass": "Leergewicht [kg];Testgewicht [kg]",
+    "front_weight": "1 VA [kg];2 VA [kg]",
+}
+
+
+@pytest.mark.parametrize("role", TWICE)
+def test_two_columns_of_one_quantity_are_a_question(tmp_path: Path, role: str) -> None:
+    (sheet,) = read_sheets(written(tmp_path, {"c.csv": f"id;{TWICE[role]}\nT1;1400;1650\n".encode()}) / "c.csv")
+    first, second = TWICE[role].split(";")
+    told = f"expected one column that is the {role}, found {first}, {second}; map"
+    assert told in sentence(lambda: apply_conditions(sheet, propose(sheet)))
     assert apply_conditions(sheet, propose(sheet).overruled(second, "factor"))["T1"].factors == ((second, "1650"),)
 
 
@@ -240,9 +215,7 @@ def test_two_columns_of_one_quantity_are_a_question(tmp_path: Path, pair: str, r
 )
 def test_conditions_are_read_whatever_is_beside(tmp_path: Path, text: str, speed_kph: float, front_kg: float) -> None:
     """A share in per cent or not; the hour of a test is not the time of a pulse."""
-    path = tmp_path / "c.csv"
-    path.write_text(text)
-    (sheet,) = read_sheets(path)
+    (sheet,) = read_sheets(written(tmp_path, {"c.csv": text.encode()}) / "c.csv")
     found = apply_conditions(sheet, propose(sheet))["T1"]
     assert (found.speed_mps, found.front_weight_kg) == pytest.approx((speed_kph * KPH, front_kg))
 
@@ -252,13 +225,9 @@ def test_conditions_are_read_whatever_is_beside(tmp_path: Path, text: str, speed
     [("id;v [km/h];VA [kg];HA [kg]", {"HA [kg]"}), ("id;speed;front load;HA [kg]", {"speed", "front load", "HA [kg]"})],
 )
 def test_every_fault_among_conditions_is_told_once(tmp_path: Path, header: str, columns: set[str]) -> None:
-    """Units that are missing and a cell that is no number, all at once; no record is said to lack its speed."""
-    folder = tmp_path / "in"
-    folder.mkdir()
-    for name in ("A.csv", "B.csv"):
-        table(folder, "t [ms];ax [g]", TIME_S / MS, PULSE_G, name=name)
-    (folder / "c.csv").write_text(f"{header}\nA;56;950;fast\nB;56;950;700\n")
-    problems = problems_of(lambda: import_source(folder, tmp_path / "out"))
+    pulse = lines("t [ms];ax [g]", TIME_S / MS, PULSE_G).encode()
+    files = {"A.csv": pulse, "B.csv": pulse, "c.csv": f"{header}\nA;56;950;fast\nB;56;950;700\n".encode()}
+    problems = problems_of(lambda: import_source(written(tmp_path / "in", files), tmp_path / "out"))
     assert {problem.column for problem in problems} == columns
     assert {problem.where for problem in problems} == {"c.csv"}
 
@@ -279,7 +248,6 @@ def test_records_below_each_other_are_not_to_be_sorted(tmp_path: Path) -> None:
 
 
 def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
-    """Seven lines of keys above a table; a remark amid the data does not cut it; decimal commas in quotes are read."""
     preamble = "".join(f"Key {number};{number}\n" for number in range(7))
     path = tmp_path / "x.csv"
     path.write_text(preamble + lines("Time;Accel\ns;g", TIME_S, PULSE_G))
@@ -301,25 +269,12 @@ def test_thousands_separators_are_no_decimal_signs(tmp_path: Path, separator: st
     path = tmp_path / "x.csv"
     noise = 300 * np.random.default_rng(1).normal(size=TIME_S.size)
     cells = [f"{value:,.0f}".replace(",", separator) for value in 9806.65 * PULSE_G + noise]
-    path.write_text(
-        "Zeit [µs];a [mm/s²]\n" + "\n".join(f"{t * 1e6:.0f};{a}" for t, a in zip(TIME_S, cells, strict=True))
-    )
+    rows = (f"{t * 1e6:.0f};{a}" for t, a in zip(TIME_S, cells, strict=True))
+    path.write_text("\n".join(["Zeit [µs];a [mm/s²]", *rows]))
     assert "found thousands separators, as in" in refusal(path)
     fine = np.round(PULSE_G * 8) / 8  # halves and eighths, written as short as can be
     path.write_text("Zeit [ms];a [g]\n" + "\n".join(f"{t / MS:g};{a:g}" for t, a in zip(TIME_S, fine, strict=True)))
     np.testing.assert_array_equal(read_records(Reading(path))[0].channels[0].values, fine)
-
-
-def workbook(path: Path, rows: Sequence[Sequence[object]]) -> Path:
-    """A workbook with this table, and the same in a hidden sheet."""
-    book = Workbook()
-    hidden = book.create_sheet("rejected")
-    hidden.sheet_state = "hidden"
-    for row in rows:
-        book.worksheets[0].append(list(row))
-        hidden.append(list(row))
-    book.save(path)
-    return path
 
 
 @pytest.mark.parametrize(
@@ -327,11 +282,11 @@ def workbook(path: Path, rows: Sequence[Sequence[object]]) -> Path:
     [("-0,5", "-20,0", "numbers kept as text, such as '-20,0'"), ("=1+1", -20.0, "formulas")],
 )
 def test_a_workbook_without_numbers_says_why(tmp_path: Path, accel: str, time: object, found: str) -> None:
-    """A person sees numbers in it; a hidden sheet is left out, and said to be."""
-    header = ["t [ms]", "ax [g]"]
-    assert f"found {found}" in refusal(workbook(tmp_path / "x.xlsx", [header, *[[time, accel]] * 30]))
-    path = workbook(tmp_path / "y.xlsx", [header, *np.column_stack([TIME_S / MS, PULSE_G]).tolist()])
-    assert "Left out as hidden: rejected." in read_records(Reading(path))[0].steps
+    header, rows = ["t [ms]", "ax [g]"], np.column_stack([TIME_S / MS, PULSE_G]).tolist()
+    tables = {"x.xlsx": [header, *[[time, accel]] * 30], "y.xlsx": [header, *rows]}
+    books = {name: workbook({"a": rows, "rejected": rows}, hidden="rejected") for name, rows in tables.items()}
+    assert f"found {found}" in refusal(written(tmp_path, books) / "x.xlsx")
+    assert "Left out as hidden: rejected." in read_records(Reading(tmp_path / "y.xlsx"))[0].steps
 
 
 FILES = SHARED / "real" / "formats"
@@ -373,7 +328,6 @@ OF_OTHERS: Sequence[tuple[str, str, dict[str, Any]]] = (
 def test_each_kind_of_foreign_file_is_read_or_refused_by_its_cause(
     tmp_path: Path, name: str, right: str, options: dict[str, Any]
 ) -> None:
-    """The pulse comes out of the channel that is right, or the cause is told in one sentence and nothing written."""
     speed_mps = 6.5 if "6.5" in name else 15.6 if "tables" in name else 14.2
     given = replace(GIVEN, condition=PartialCondition(speed_mps, front_weight_kg=905.0, rear_weight_kg=655.0))
     if right.endswith((" [g]", "ACXP", "A8874", "acc", "Acc X")):
@@ -382,10 +336,8 @@ def test_each_kind_of_foreign_file_is_read_or_refused_by_its_cause(
         found = motion.t0_s / MS, motion.displacement_m.max() / MS, -one.pulse.accel_mps2.min() / G
         assert one.channels == (right,)
         assert found == pytest.approx(RIGHT[speed_mps], rel=0.015)
-        assert [one.role, *(other.role for other in others)] == [
-            options.get("role", "tests"),
-            *["cae"] * ("cae" in options),
-        ]
+        roles = [options.get("role", "tests"), *["cae"] * ("cae" in options)]
+        assert [one.role, *(other.role for other in others)] == roles
         return
     with pytest.raises(DataError, match=right) as caught:
         import_source(FILES / name, tmp_path / "out", given, **options)
@@ -395,7 +347,6 @@ def test_each_kind_of_foreign_file_is_read_or_refused_by_its_cause(
 
 @needs_shared
 def test_a_logger_that_counts_within_the_second_is_read_with_its_clock() -> None:
-    """1801 samples at 10 kHz, over the full second."""
     (record,) = read_records(Reading(FILES / "forms_of_time" / "us_wraps.csv"))
     np.testing.assert_allclose(record.channels[0].time_s, 1e-4 * np.arange(1801), atol=1e-9)
 
@@ -434,7 +385,6 @@ def test_a_logger_that_counts_within_the_second_is_read_with_its_clock() -> None
     ],
 )
 def test_what_names_a_column_is_read_wherever_it_stands(tmp_path: Path, above: str, right: str) -> None:
-    """In rows and lines above, with line breaks, in any language: one column is the pulse, or the cause is told."""
     n = above.count(";") if '"' in above else max(line.count(";") for line in above.split("\n"))
     path = table(tmp_path, above, TIME_S / MS, *[PULSE_G] * n)
     if right.startswith("= "):
@@ -450,7 +400,6 @@ def test_what_names_a_column_is_read_wherever_it_stands(tmp_path: Path, above: s
     [("cp932", "時間 [ms];頭部加速度 [g]"), ("gb18030", "时间 [ms];头部 [g]"), ("cp1251", "Время [ms];голова [g]")],
 )
 def test_encodings_are_told_by_their_words(tmp_path: Path, encoding: str, header: str) -> None:
-    """Excel writes CSV in that of its language."""
     (tmp_path / "x.csv").write_bytes(lines(header, TIME_S / MS, PULSE_G).encode(encoding))
     assert f"{header.partition(';')[2]}: a dummy's" in refusal(tmp_path / "x.csv")
 
@@ -493,16 +442,14 @@ def test_clocks_and_counters_that_begin_anew_are_times(tmp_path: Path, header: s
 
 
 def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> None:
-    """Asked about, added as a CAE run of the same condition, or left out of the average of sensors and told."""
     path = table(tmp_path, "t [ms];Versuch7 [g];CAE7 [g]", TIME_S / MS, PULSE_G, 0.9 * PULSE_G)
     assert "found what looks like CAE runs (CAE7) beside Versuch7; name those that are" in refusal(path)
     with pytest.raises(DataError, match=r"by its own account CAE7 \[g\]"):
         import_source(path, tmp_path / "out", GIVEN, role="tests")
     both = import_source(path, tmp_path / "both", GIVEN, cae=["CAE7"])
     assert [(one.id, one.role) for one in both] == [("Versuch7", "tests"), ("CAE7", "cae")]
-    sensors = table(
-        tmp_path, "t [ms];left [g];right [g];CAE [g]", TIME_S / MS, PULSE_G, PULSE_G, 0.5 * PULSE_G, name="y.csv"
-    )
+    columns = (TIME_S / MS, PULSE_G, PULSE_G, 0.5 * PULSE_G)
+    sensors = table(tmp_path, "t [ms];left [g];right [g];CAE [g]", *columns, name="y.csv")
     (one,) = import_source(sensors, tmp_path / "one", GIVEN, record_id="T1")
     assert one.channels == ("left [g]", "right [g]")
     assert "Left out by the file's own account: CAE [g] (CAE)." in one.steps
@@ -517,30 +464,20 @@ def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> N
     ],
 )
 def test_a_prediction_of_ours_is_no_test(tmp_path: Path, header: str) -> None:
-    """A table or curve that predict wrote, or the library's: it says so, whatever the user says."""
     columns = {"time_ms": TIME_S / MS, "acceleration_g": PULSE_G, "lower_g": PULSE_G - 1, "upper_g": PULSE_G + 1}
-    path = table(
-        tmp_path,
-        header,
-        *(columns.get(name, np.full(TIME_S.size, np.nan)) for name in header.split("\n")[-1].split(";")),
-    )
-    roles_given: tuple[Role | None, ...] = (None, "tests")
-    for role in roles_given:
+    given = [columns.get(name, np.full(TIME_S.size, np.nan)) for name in header.split("\n")[-1].split(";")]
+    path = table(tmp_path, header, *given)
+    roles: tuple[Role | None, ...] = (None, "tests")
+    for role in roles:
         with pytest.raises(DataError, match=r"by its own account acceleration_g \((# P|p)redict"):
             import_source(path, tmp_path / "out", GIVEN, role=role)
 
 
 def test_sheets_of_dummies_and_other_directions_are_left_out_and_told(tmp_path: Path) -> None:
-    """A sheet is a title: columns called alike in it are of what it says."""
-    book = Workbook()
-    for title, factor in (("X", 1.0), ("Y", 0.2), ("Kopf", 1.3)):
-        sheet = book.create_sheet(title)
-        sheet.append(["t [ms]", "Acc [g]"])
-        for row in np.column_stack([TIME_S / MS, factor * PULSE_G]).tolist():
-            sheet.append(row)
-    book.remove(book.worksheets[0])
-    book.save(tmp_path / "V7.xlsx")
-    (one,) = import_source(tmp_path / "V7.xlsx", tmp_path / "out", GIVEN)
+    scales = {"X": 1.0, "Y": 0.2, "Kopf": 1.3}
+    rows = {title: np.column_stack([TIME_S / MS, by * PULSE_G]).tolist() for title, by in scales.items()}
+    book = workbook({title: [["t [ms]", "Acc [g]"], *of] for title, of in rows.items()})
+    (one,) = import_source(written(tmp_path, {"V7.xlsx": book}) / "V7.xlsx", tmp_path / "out", GIVEN)
     assert one.id == "X"
     left = next(step for step in one.steps if step.startswith("Left out"))
     assert "another direction than X: Y" in left
@@ -550,15 +487,12 @@ def test_sheets_of_dummies_and_other_directions_are_left_out_and_told(tmp_path: 
 def test_a_table_of_far_too_many_conditions_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No library has so many: half a million took 0.7 GB."""
     monkeypatch.setattr("crashfuse.readers.table_mapping.MOST_ROWS", 3)
-    path = tmp_path / "c.csv"
-    path.write_text("id,speed_kph\n" + "".join(f"A{i},50\n" for i in range(4)))
-    (sheet,) = read_sheets(path)
-    with pytest.raises(DataError, match="expected conditions in at most 3 rows, found more"):
-        apply_conditions(sheet, propose(sheet))
+    (sheet,) = read_sheets(written(tmp_path, {"c.csv": b"id,speed_kph\nA,50\nB,50\nC,50\nD,50\n"}) / "c.csv")
+    said = sentence(lambda: apply_conditions(sheet, propose(sheet)))
+    assert "expected conditions in at most 3 rows, found more" in said
 
 
 def test_tables_are_sorted_by_their_headers(tmp_path: Path) -> None:
-    """What cannot be read is passed over; a choice is what differs: a column not picked, or of another unit."""
     written(library(tmp_path), {"a.csv": b"ID;v [km/h]\n1;2\n", "b.csv": b"ID;v [km/h]\n2;3\n3;4\n", "c.csv": b"\x00"})
     forms = {form.names: form for form in table_forms(tables_of(tmp_path))}
     assert set(forms) == {("a.csv", "b.csv"), ("conditions.csv",), ("runs.csv",)}
@@ -566,10 +500,8 @@ def test_tables_are_sorted_by_their_headers(tmp_path: Path) -> None:
     assert forms["runs.csv",].proposed.kind == "pulses"
     assert forms["runs.csv",].unit_of(["Run 0 [m/s^2]", "Run 1 [m/s^2]"]) == "m/s²"
     assert forms["runs.csv",].unit_of(["Time [s]", "Run 1 [m/s^2]"]) is None
-    table = written(
-        tmp_path, {"x.csv": german(clock(), half_sine_g(clock()), 0 * clock(), header="Zeit [ms];a [g];b [g]")}
-    )
-    (form,) = table_forms([table / "x.csv"])
+    table = german(clock(), half_sine_g(clock()), 0 * clock(), header="Zeit [ms];a [g];b [g]")
+    (form,) = table_forms([written(tmp_path, {"x.csv": table}) / "x.csv"])
     same = {"time": ["Zeit [ms]"], "acceleration": ["a [g]", "b [g]"], "id": ()}
     assert form.choices(same, {"time": None}) == ()  # type: ignore[arg-type]
     picked = {**same, "acceleration": ["a [g]"]}

@@ -3,6 +3,7 @@
 A new format is one function from a path to records, one line of the table, and one file in :data:`GOOD`.
 """
 
+import re
 import struct
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from crashfuse.testing import ReaderContract
 from crashfuse.testing.readers import refusal, written
 from crashfuse.units import MS
 from tests.conftest import Capture
-from tests.importing.crash_files import german, isomme
+from tests.importing.crash_files import german, isomme, workbook
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
 from tests.readers.lsdyna_files import Run, lsda
 from tests.readers.nhtsa_files import nhtsa_files
@@ -30,17 +31,19 @@ from tests.readers.test_tdms import by_hand, iihs_test, nhtsa_test
 Files = dict[str, bytes]
 
 SHORT = Run(end_s=0.12, step_s=5e-4)
-TABLE = german(clock(-0.01, 0.12, 2000), half_sine_g(clock(-0.01, 0.12, 2000)))
+TIME_S = clock(-0.01, 0.12, 2000)
 GOOD: dict[str, Files] = {
     "nhtsa": {name: content for name, content in nhtsa_files().items() if name[-3:] in ("EV5", "093", "094")},
     "isomme": isomme("M1"),
     "lsdyna": {"binout0000": SHORT.binout()},
     "radioss": {"hc1T01": RadiossRun(step_ms=0.5).binary()},
     "tdms": {"v1.tdms": nhtsa_test()},
-    "csv": {"T1.csv": TABLE},
+    "csv": {"T1.csv": german(TIME_S, half_sine_g(TIME_S))},
 }
 """A sound test or run of each format, by the names of its files."""
+ROWS = [["Zeit [ms]", "a_x [g]"], *np.column_stack([1e3 * TIME_S, half_sine_g(TIME_S)]).tolist()]
 EVERY = [*GOOD.items(), ("lsdyna", {"nodout": SHORT.nodout()}), ("tdms", {"CEN1908.tdms": iihs_test()})]
+EVERY += [("radioss", {"hc1T01.csv": RadiossRun(step_ms=0.5).csv()}), ("csv", {"T1.xlsx": workbook({"T1": ROWS})})]
 
 
 def test_every_format_has_a_good_file_here() -> None:
@@ -64,14 +67,12 @@ def test_the_pulse_is_that_of_the_crash(tmp_path: Path, fmt: str, files: Files) 
     ],
 )
 def test_bytes_of_another_format_under_a_name_are_refused(tmp_path: Path, fmt: str, files: Files, other: str) -> None:
-    """Renaming makes no test: whatever the bytes are, it is said that they are not of this format."""
     foreign = max(GOOD[other].values(), key=len)
     assert refusal(written(tmp_path / "renamed", dict.fromkeys(files, foreign)), fmt)
 
 
 @pytest.mark.parametrize("fmt", [fmt for fmt in FORMATS if fmt != TABLES])
 def test_a_file_that_is_named_as_another_format_is_not_its_folder(tmp_path: Path, fmt: str) -> None:
-    """Whoever names a table as NHTSA gets no other test that lies somewhere below it."""
     for name, files in GOOD.items():
         written(tmp_path if name == TABLES else tmp_path / f"old {name}", files)
     with pytest.raises(DataError, match=r"T1\.csv: expected .* found a file of another kind"):
@@ -109,10 +110,12 @@ for _kind in _SLOW:
 pytest.mark.slow(ReaderContract.test_claims_beyond_the_file_cost_nothing)
 
 for _fmt, _files in EVERY:
-    _name = f"Test_{_fmt}_{next(iter(_files)).partition('.')[0]}"
+    _name = f"Test_{_fmt}_{next(iter(_files)).replace('.', '_')}"
     _own: dict[str, object] = {"format": _fmt, "files": _files}
     # other files of a format declare their sizes as those in GOOD do
     _own |= {"claims": claims(_fmt)} if _files is GOOD[_fmt] else {"test_claims_beyond_the_file_cost_nothing": None}
+    if "hc1T01.csv" in _files:  # a table by its name
+        _own |= {name: None for name in vars(ReaderContract) if re.search("sound|capitals|zip", name)}
     globals()[_name] = type(_name, (ReaderContract,), _own)
 
 
@@ -139,7 +142,6 @@ def polar(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 
 def test_a_new_format_is_one_function_and_one_line(polar: Path, capsys: Capture) -> None:
-    """It is recognised, told of, offered by the command line and imported; no other file knows it."""
     assert format_of(polar) == "polar"
     assert "Polar (.polar)" in all_formats()
     with pytest.raises(SystemExit):
@@ -155,7 +157,6 @@ def test_a_new_format_is_one_function_and_one_line(polar: Path, capsys: Capture)
 
 
 def test_tables_lie_beside_every_format(polar: Path) -> None:
-    """A folder of a format and a table of its conditions is of that format, also of one that was added last."""
     table = "id;speed [km/h];front [kg];rear [kg]\nP1;56;950;750\n"
     written(polar.parent, {"conditions.csv": table.encode()})
     assert format_of(polar.parent) == "polar"

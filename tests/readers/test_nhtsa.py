@@ -21,7 +21,6 @@ CAMRY = SHARED / "real/nhtsa_10146_camry2018"
 
 
 def test_conditions_and_channels_are_found(tmp_path: Path) -> None:
-    """Speed, weight and axle split come from the specification; the sound channels of the rear floor are proposed."""
     (found,) = read_nhtsa(written(tmp_path / "v00005", nhtsa_files()))
     assert found.id == "00005"
     assert found.condition.speed_mps == pytest.approx(SPEED_MPS)
@@ -35,7 +34,6 @@ def test_conditions_and_channels_are_found(tmp_path: Path) -> None:
 
 
 def test_a_zip_its_file_and_its_folder_are_one_test(tmp_path: Path) -> None:
-    """However the test is named, its record is the same."""
     folder = written(tmp_path / "v00005", nhtsa_files())
     packed = zipped({f"download/{name}": content for name, content in nhtsa_files().items()})
     (tmp_path / "v00005.zip").write_bytes(packed)
@@ -47,7 +45,6 @@ def test_a_zip_its_file_and_its_folder_are_one_test(tmp_path: Path) -> None:
 
 
 def test_without_a_centre_of_gravity_the_axles_are_asked_for(tmp_path: Path) -> None:
-    """The mass alone does not tell what each axle carried, and the record says so."""
     (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files(behind="0")))
     assert (found.condition.mass_kg, found.condition.front_weight_kg) == (1700.0, None)
     assert any("without axle weights" in step for step in found.steps)
@@ -57,7 +54,6 @@ def test_without_a_centre_of_gravity_the_axles_are_asked_for(tmp_path: Path) -> 
 
 
 def test_another_kind_of_test_is_pointed_out(tmp_path: Path) -> None:
-    """A vehicle-to-vehicle test can be read, but not without a word; one that did not stop it is refused as that."""
     (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files(setup="VTV")))
     named = "vehicle into vehicle (VTV) at 0°"
     assert found.other_setup == named
@@ -69,7 +65,6 @@ def test_another_kind_of_test_is_pointed_out(tmp_path: Path) -> None:
 
 
 def test_a_channel_that_ends_early_is_not_proposed(tmp_path: Path) -> None:
-    """A sensor that was lost at 67 ms can be chosen, but nobody proposes it."""
     short = clock(end_s=0.067)
     files = nhtsa_files() | {"v00005.093": samples(short, half_sine_g(short)).encode()}
     (found,) = read_nhtsa(written(tmp_path / "t", files))
@@ -79,22 +74,19 @@ def test_a_channel_that_ends_early_is_not_proposed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("comment", ["QUESTIONABLE DELTA-V", "NO VALID DATA AFTER 60 MS", "sensor saturated"])
 def test_a_comment_is_heard_as_a_status_is(tmp_path: Path, comment: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The others alone are averaged; a sum is not added to its load cells."""
     monkeypatch.setitem(SENSORS, 94, (*SENSORS[94][:-1], f"RIGHT REAR SEAT CROSSMEMBER X - {comment}"))
     monkeypatch.setitem(SENSORS, 102, (*SENSORS[101][:-1], "TOTAL BARRIER FORCE"))
     files = nhtsa_files()
     (found,) = read_nhtsa(written(tmp_path / "t", {**files, "v00005.102": files["v00005.101"]}))
     assert found.proposed == ("93", "99")
-    assert any(
-        f"Left out by the file's own account: 94 (RIGHT REAR SEAT CROSSMEMBER X - {comment}" in s for s in found.steps
-    )
-    assert found.wall is not None
-    np.testing.assert_array_equal(found.wall.force_n, np.loadtxt(tmp_path / "t" / "v00005.101")[:, 1])
+    told = f"Left out by the file's own account: 94 (RIGHT REAR SEAT CROSSMEMBER X - {comment}"
+    assert any(told in step for step in found.steps)
+    force = np.loadtxt(tmp_path / "t" / "v00005.101")[:, 1]
+    np.testing.assert_array_equal(not_none(found.wall).force_n, force)
 
 
 @pytest.mark.parametrize("content", [b"0 1\n1 x\n", b""])
 def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path, content: bytes) -> None:
-    """Half a file of the engine's sensor costs no test; it is told, and refused only where it is chosen."""
     (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files() | {"v00005.095": content}))
     assert found.proposed == ("93", "94", "99")
     assert "95" not in [channel.name for channel in found.channels]
@@ -118,14 +110,12 @@ def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path, cont
     ],
 )
 def test_a_test_that_is_not_whole_is_refused(tmp_path: Path, changed: dict[str, bytes | None], message: str) -> None:
-    """One sentence says what is missing and where."""
     files = {name: content for name, content in (nhtsa_files() | changed).items() if content is not None}
     with pytest.raises(DataError, match=message):
         read_nhtsa(written(tmp_path / "t", files))
 
 
 def test_sizes_are_bounded(tmp_path: Path) -> None:
-    """A channel beyond the limit is refused while it is read."""
     folder = written(tmp_path / "t", nhtsa_files())
     with pytest.raises(DataError, match=r"at most 0\.00977 MiB a file"):
         read_nhtsa(folder, Limits(member_bytes=10 << 10))

@@ -36,7 +36,6 @@ SHORT = Run(end_s=0.02, step_s=1e-3)
     ("end", "told"), [(END, "normal"), (END.replace("N o r m a l", "E r r o r"), "error"), ("", "killed")]
 )
 def test_a_listing_of_ls_dyna_tells_version_deck_and_end(tmp_path: Path, end: str, told: str) -> None:
-    """The deck's hash where it lies beside; a listing of another run is told, and left out."""
     folder = written(tmp_path, {"nodout": SHORT.nodout(), "d3hsp": (D3HSP + end).encode(), "main.k": b"*KEYWORD\n"})
     (record,) = read_lsdyna(folder)
     digest = hashlib.sha256(b"*KEYWORD\n").hexdigest()
@@ -49,7 +48,6 @@ def test_a_listing_of_ls_dyna_tells_version_deck_and_end(tmp_path: Path, end: st
 
 
 def test_a_listing_of_radioss_tells_how_the_run_ended(tmp_path: Path) -> None:
-    """That of the last part; one of another run is left out."""
     files = {"hc1T01": RadiossRun().binary(), "hc1_0001.out": b"** Build tag: 20260101 **\n ERROR TERMINATION\n"}
     (record,) = read_radioss(written(tmp_path / "a", files | {"hc1_0000.rad": b"#RADIOSS\n"}))
     found = (record.about["version"], record.about["termination"], record.about["deck"])
@@ -61,7 +59,6 @@ def test_a_listing_of_radioss_tells_how_the_run_ended(tmp_path: Path) -> None:
 
 @needs_shared
 def test_headers_of_tests_become_columns_that_can_be_edited(tmp_path: Path) -> None:
-    """Of a test of NHTSA and one in ISO-MME; columns that begin with ``about_`` are no factors."""
     real = SHARED / "real"
     import_source(real / "nhtsa_10146_camry2018", tmp_path / "c", fmt="nhtsa")
     assert read_nhtsa(real / "nhtsa_10146_camry2018")[0].about["laboratory"] == "MGA"
@@ -74,7 +71,6 @@ def test_headers_of_tests_become_columns_that_can_be_edited(tmp_path: Path) -> N
 
 
 def test_a_run_that_did_not_end_normally_is_named_with_what_rests_on_it(campaign: Campaign, tmp_path: Path) -> None:
-    """And what the columns say survives writing and reading, without becoming a factor or another fingerprint."""
     run = campaign.cae.paired_run(campaign.tests[0].condition)
     assert run is not None
     ends = tuple((("about_termination", "error" if i == run else "normal"),) for i in range(len(campaign.cae)))

@@ -1,14 +1,15 @@
 """Runs of Radioss: a vehicle's pulse, speed, mass and energies are read; anything else is told in a sentence."""
 
+import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from crashfuse.errors import DataError, Problem, collecting
+from crashfuse.errors import DataError
 from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, Settled, format_of, import_source, read_records, settle
 from crashfuse.readers.radioss import read_binary, read_converted, read_radioss
@@ -16,7 +17,8 @@ from crashfuse.readers.radioss_history import TimeHistory, Watched, with_names
 from crashfuse.readers.record import Record
 from crashfuse.testing.readers import written
 from crashfuse.units import MS
-from tests.conftest import SHARED, needs_shared, problems_of
+from tests.conftest import SHARED, needs_shared
+from tests.importing.crash_files import sentence
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.radioss_files import MASS_KG, Converter, RadiossRun
 from tests.readers.test_lsdyna import WEIGHTS
@@ -44,15 +46,12 @@ def is_the_crash(record: Record) -> Settled:
 
 
 def refusal(folder: Path, **files: bytes) -> str:
-    """What is said against these files: one sentence."""
-    (problem,) = problems_of(lambda: only(folder, **files))
-    return str(problem)
+    return sentence(lambda: only(folder, **files))
 
 
 @pytest.mark.parametrize("layout", [3040, 3050, 4021])
 @pytest.mark.parametrize("curves", [("DX", "DZ", "VX", "AX"), ("VX", "AX"), ("VX",), ("AX",)])
 def test_the_pulse_of_what_lies_behind_the_crush_is_read(tmp_path: Path, curves: tuple[str, ...], layout: int) -> None:
-    """Of two nodes the one that rebounds less, in the direction of travel, whatever was written of it."""
     content = RadiossRun(curves, layout=layout).binary()
     (tmp_path / "hc1T01").write_bytes(content)
     assert format_of(tmp_path / "hc1T01") == "radioss"
@@ -76,11 +75,9 @@ def test_units_are_those_that_the_run_states(tmp_path: Path) -> None:
 
 
 def test_an_accelerometer_in_a_skew_of_its_own_is_read(tmp_path: Path) -> None:
-    """Beside nodes or alone, its integral written or not; its speed is that of all that moves."""
-    for number, gauge in enumerate((("AX", "AY", "AZ"), ("AX", "AY", "AZ", "WX", "WY", "WZ"))):
-        record = only(tmp_path / f"{number}", hc1T01=RadiossRun((), gauge).binary())
-        assert record.proposed == ("accelerometer 9",)
-        assert record.channels[0].label == "rear seat"
+    for gauge in (("AX", "AY", "AZ"), ("AX", "AY", "AZ", "WX", "WY", "WZ")):
+        record = only(tmp_path / gauge[-1], hc1T01=RadiossRun((), gauge).binary())
+        assert (record.proposed, record.channels[0].label) == (("accelerometer 9",), "rear seat")
         is_the_crash(record)
     record = only(tmp_path / "both", hc1T01=RadiossRun(gauge=("AX", "AY", "AZ")).binary())
     assert {channel.name for channel in record.channels} == {"accelerometer 9", "690", "758"}
@@ -114,9 +111,7 @@ def test_a_vehicle_struck_at_rest_needs_its_direction_and_speed(tmp_path: Path) 
 def test_quality_is_that_of_the_global_histories(tmp_path: Path, form: str) -> None:
     """Of all energy less the work from outside 3 % are lost in time; hourglass 0.04 of 0.8; 1.25 % added mass."""
     (record,) = read_records(Reading(written(tmp_path, {f"hc1{form}": RUN.csv() if "csv" in form else RUN.binary()})))
-    assert record.quality.energy_change == pytest.approx(-0.03 * (1 - 1 / 1200), rel=1e-3)
-    assert record.quality.hourglass_share == pytest.approx(0.05)
-    assert record.quality.added_mass_share == pytest.approx(0.0125)
+    assert astuple(record.quality) == pytest.approx((-0.03 * (1 - 1 / 1200), 0.05, 0.0125), rel=1e-3)
 
 
 def test_a_barrier_that_does_not_move_is_no_mass_of_the_vehicle(tmp_path: Path) -> None:
@@ -137,20 +132,20 @@ def test_a_barrier_that_does_not_move_is_no_mass_of_the_vehicle(tmp_path: Path) 
         (lambda content: content[:200], "cut short"),
         (lambda content: content[:1200], "found "),
         (lambda content: content[:-40_000] + b"\1" * 20_000, "states that are not alike"),
-        (lambda content: content[:8] + b"\xff" * 80 + content[88:184] + b"\x7f" * 24 + content[208:], "makes no sense"),
+        (
+            lambda content: content[:8] + b"\xff" * 80 + content[88:184] + b"\x7f" * 24 + content[208:],
+            "a senseless header",
+        ),
         (lambda content: b"\x54\0\0\0" + content[4:], r"another kind of file; .* default form \(/TFILE/4\)"),
         (lambda _: b"hc1T01 FORMAT\nZZZZZEOR    1I   72C\n 3040Nova\n", "another kind of file"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[bytes], bytes], found: str) -> None:
     path = written(tmp_path, {"hc1T01": damage(RUN.binary())}) / "hc1T01"
-    with pytest.raises(DataError, match=found) as caught:
-        read_radioss(path)
-    assert "\n" not in str(caught.value)
+    assert re.search(found, sentence(lambda: read_radioss(path)))
 
 
 def test_a_run_that_was_stopped_is_read_to_its_last_whole_state(tmp_path: Path) -> None:
-    """Half a state at the end is left out, and it is said, of either form."""
     for name, content in (("hc1T01", RUN.binary()), ("hc1T01_csv", RUN.csv())):
         for lost in (1, 30):
             record = only(tmp_path / f"{name}{lost}", **{name: content[:-lost]})
@@ -174,15 +169,17 @@ def test_a_restarted_run_is_one_run(tmp_path: Path, form: str) -> None:
 
 
 def test_a_run_with_a_part_missing_is_refused(tmp_path: Path) -> None:
-    """Between two parts, or before the first; and time that no part covers."""
-    late = replace(RUN, begin_ms=80.0).binary()
-    early = replace(RUN, end_ms=60.0).binary()
-    said = refusal(tmp_path / "a", hc1T01=early, hc1T03=late)
-    assert "expected every part of the run once, from T01 on, found hc1T01 and hc1T03" in said
-    assert "found hc1T02" in refusal(tmp_path / "b", hc1T02=late)
-    assert "expected states from 59.9 on, found the first at 80" in refusal(tmp_path / "c", hc1T01=early, hc1T02=late)
+    early, late = replace(RUN, end_ms=60.0).binary(), replace(RUN, begin_ms=80.0).binary()
     other = replace(RUN, curves=("VX",), begin_ms=60.0).binary()
-    assert "found others; keep each run" in refusal(tmp_path / "d", hc1T01=early, hc1T02=other)
+    for n, (files, told) in enumerate(
+        (
+            ({"hc1T01": early, "hc1T03": late}, "expected every part once, from T01 on, found hc1T01 and hc1T03"),
+            ({"hc1T02": late}, "found hc1T02"),
+            ({"hc1T01": early, "hc1T02": late}, "expected states from 59.9 on, found the first at 80"),
+            ({"hc1T01": early, "hc1T02": other}, "found others; keep runs"),
+        )
+    ):
+        assert told in refusal(tmp_path / f"{n}", **files)
 
 
 def test_nodes_may_lie_in_an_additional_file(tmp_path: Path) -> None:
@@ -197,23 +194,20 @@ def test_nodes_may_lie_in_an_additional_file(tmp_path: Path) -> None:
 
 
 def test_a_folder_of_runs_is_a_library(tmp_path: Path) -> None:
-    """A record a run, by its name, else by its folder; a CSV beside its original is no run of its own."""
     files = {"aT01": RUN.binary(), "aT01.csv": RUN.csv(), "b-2T01": RUN.binary()}
     assert [record.id for record in read_radioss(written(tmp_path / "one", files))] == ["a", "b-2"]
     files = {"a/hc1T01": RUN.binary(), "b/hc1T01": RUN.binary(), "b/hc1T01_TITLES": b"         0 VX"}
     assert [record.id for record in read_radioss(written(tmp_path / "many", files))] == ["a-hc1", "b-hc1"]
-    written(
-        tmp_path, {"many.zip": zipped(files), "csv.zip": zipped({"x/aT01.csv": RUN.csv(), "y/bT01.csv": RUN.csv()})}
-    )
-    assert [record.id for record in read_records(Reading(tmp_path / "many.zip"))] == ["a-hc1", "b-hc1"]
-    assert [record.id for record in read_records(Reading(tmp_path / "csv.zip"))] == ["a", "b"]
+    tables = dict.fromkeys(("x/aT01.csv", "y/bT01.csv"), RUN.csv())
+    for of, ids in ((files, ["a-hc1", "b-hc1"]), (tables, ["a", "b"])):
+        written(tmp_path, {"runs.zip": zipped(of)})
+        assert [record.id for record in read_records(Reading(tmp_path / "runs.zip"))] == ids
 
 
 @pytest.mark.parametrize("titled", [False, True])
 @pytest.mark.parametrize("version", ["2022", "doubled", "today"])
 @pytest.mark.parametrize("written", [12, 15, 18, 22])
 def test_the_csv_gives_the_original_numbers(tmp_path: Path, version: Converter, titled: bool, written: int) -> None:
-    """Whichever version of the converter labelled it, with labels shifted or not, with titles of the run or without."""
     run = replace(RUN, globals_=written, curves=("DX", "DZ", "VX", "VZ", "AX"))
     original = only(tmp_path / "T01", hc1T01=run.binary())
     converted = only(tmp_path / "csv", hc1T01_csv=run.csv(version, titled=titled))
@@ -227,7 +221,6 @@ def test_the_csv_gives_the_original_numbers(tmp_path: Path, version: Converter, 
 
 @pytest.mark.parametrize("titled", [False, True])
 def test_accelerometers_of_a_csv_are_told_by_their_change_of_velocity(tmp_path: Path, titled: bool) -> None:
-    """Which of AX, AY, AZ stops the car, the labels of the converter standing three columns off or not."""
     run = RadiossRun((), ("AX", "AY", "AZ"), globals_=12)
     record = only(tmp_path, hc1T01_csv=run.csv(titled=titled))
     assert record.proposed == ("accelerometer 9",)
@@ -251,11 +244,9 @@ def test_an_impulse_is_never_taken_for_motion(tmp_path: Path) -> None:
 
 def test_labels_with_stray_characters_are_read(tmp_path: Path) -> None:
     """Control characters and even a line break before the closing quote, as some versions write them."""
-    content = (
-        RUN.csv(titled=True).replace(b'VX         "', b'VX        \x18\x0c"').replace(b'AX         "', b'AX   \n"')
-    )
+    content = RUN.csv(titled=True).replace(b'VX         "', b'VX        \x18\x0c"')
     assert b"\x18" in content
-    is_the_crash(only(tmp_path, run7_csv=content))
+    is_the_crash(only(tmp_path, run7_csv=content.replace(b'AX         "', b'AX   \n"')))
 
 
 def test_rows_that_hold_no_state_each_are_refused(tmp_path: Path) -> None:
@@ -264,33 +255,11 @@ def test_rows_that_hold_no_state_each_are_refused(tmp_path: Path) -> None:
     cells = ",".join(rows).split(",")
     wrapped = [",".join(cells[at : at + 31]) for at in range(0, len(cells) // 31 * 31, 31)]
     said = refusal(tmp_path, hc1T01_csv="\n".join([head, *wrapped, ""]).encode())
-    assert "import the time history itself (T01)." in said
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["hc1T01", "hc1T01.csv"])
-def test_damage_is_a_sentence_or_a_record(tmp_path: Path, name: str) -> None:
-    """Bytes flipped, lost, doubled, cut: read, or refused in one sentence, and nothing else."""
-    run = replace(RUN, step_ms=0.5)
-    sound, dice = run.csv() if name.endswith("csv") else run.binary(), np.random.default_rng(18571)
-    refused = 0
-    for _ in range(300):
-        broken = bytearray(sound[: len(sound) if dice.random() < 0.5 else int(dice.integers(len(sound)))])
-        for _ in range(int(dice.choice([1, 5, 40]))):
-            at = int(dice.integers(min(len(broken) + 1, int(dice.choice([400, 4000, len(sound)])))))
-            broken[at : at + int(dice.choice([0, 1, 1, 9]))] = dice.bytes(int(dice.integers(3)))
-        path = written(tmp_path, {name: bytes(broken)}) / name
-        said: list[Problem] = []
-        with collecting(said):
-            settle(read_radioss(path)[0], WEIGHTS, role="cae")
-        assert all(str(one).splitlines() == [str(one)] and len(str(one)) < 1500 for one in said)
-        refused += bool(said)
-    assert refused > 30
+    assert "import the T01 itself." in said
 
 
 @needs_shared
 def test_a_vehicle_of_openradioss_is_read_as_its_converter_reads_it(tmp_path: Path) -> None:
-    """A vehicle front: the pulse of the occupant cell, and quality as from the CSV of the solver's own converter."""
     (record,) = read_radioss(FILES / "veh_pickup" / "hc1T01")
     table = pd.read_csv(FILES / "veh_pickup" / "hc1T01.csv")
     table.columns = [name.strip() for name in table.columns]
@@ -331,15 +300,10 @@ def test_an_accelerometer_of_openradioss_is_the_same_in_both_forms() -> None:
 @pytest.mark.parametrize(
     ("name", "found"),
     [
-        ("ACCELEROT01", "expected nodes that are fastest when they set out"),
+        ("ACCELEROT01", "expected nodes fastest at the start"),
         ("ACCELEROT01.csv", "found a model at rest when the run begins"),
-        ("BOX1BLT01", "expected a vehicle of 300 kg to 60 t, found 240, be it t, kg or g"),
+        ("BOX1BLT01", "expected a vehicle of 300 kg to 60 t, found 240; choose"),
     ],
 )
 def test_runs_without_a_vehicle_are_fairly_refused(name: str, found: str) -> None:
-    """A tensile specimen and a box: nothing sets out, or nothing has the mass of a vehicle."""
-    problems: list[Problem] = []
-    with collecting(problems):
-        settle(read_radioss(FILES / name)[0], role="cae")
-    (problem,) = problems
-    assert found in str(problem)
+    assert found in sentence(lambda: settle(read_radioss(FILES / name)[0], role="cae"))

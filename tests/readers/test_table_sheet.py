@@ -38,7 +38,6 @@ MOST = 400 << 20  # bytes beyond the modules, for a workbook of a megabyte
 
 
 def rows(count: int, first: int = 2) -> str:
-    """Rows of two numbers."""
     return "".join(
         f'<row r="{i}"><c r="A{i}"><v>{0.1 * (i - first)}</v></c><c r="B{i}"><v>{-i % 7}</v></c></row>'
         for i in range(first, first + count)
@@ -46,7 +45,6 @@ def rows(count: int, first: int = 2) -> str:
 
 
 def sheet(data: str, before: str = "") -> str:
-    """A worksheet with these rows."""
     return f'<worksheet xmlns="{_MAIN}">{before}<sheetData>{HEADER}{data}</sheetData></worksheet>'
 
 
@@ -86,7 +84,6 @@ HOSTILE: dict[str, tuple[Callable[[], str], str]] = {
 
 
 def test_a_gap_of_a_few_rows_is_a_gap(tmp_path: Path) -> None:
-    """What the file declares of its size doesn't matter, nor that a row lacks its last cell."""
     text = sheet(rows(40) + rows(40, first=50), '<dimension ref="A1:XFD2000000000"/>')
     text = text.replace('<c r="B60"><v>3</v></c>', "", 1)
     (table,) = read_sheets(workbook(tmp_path / "gap.xlsx", text))

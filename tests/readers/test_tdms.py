@@ -18,8 +18,8 @@ from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.tdms import read_tdms
 from crashfuse.readers.tdms_container import parse_tdms
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH
-from tests.conftest import problems_of
+from crashfuse.units import KPH, MPH
+from tests.importing.crash_files import sentence
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, STOP_S, clock, half_sine_g, ringing_g
 
 WEIGHTS = Choices(condition=PartialCondition(front_weight_kg=950.0, rear_weight_kg=750.0))
@@ -35,7 +35,6 @@ SCALES = {93: 1.02, 94: 0.98, 95: 3.0, 97: 0.1, 100: 0.1}
 
 
 def said(number: int, kind: str, seat: str, place: str, axis: str, rank: str, comment: str) -> dict[str, Any]:
-    """The properties of a channel, as NHTSA spells them."""
     sensor = {"Axis": axis, "ChStat": rank, "CurNo": np.int32(number), "InsCom": comment, "PreFil": np.int32(1650)}
     sensor |= {"DaStat": "CF" if number == 100 else "AM", "SenAtt": place, "SenLoc": seat, "SenTyp": kind}
     test = {"ClsSpd": 56.0, "ImpAng": 0.0, "TstCfn": "VTB", "TstNo": np.int32(9999)}
@@ -55,7 +54,6 @@ def pulse(number: int) -> FloatArray:
 
 
 def written(*segments: list[Any]) -> bytes:
-    """A TDMS file with these segments."""
     content = BytesIO()
     with TdmsWriter(content) as writer:
         for segment in segments:
@@ -64,7 +62,6 @@ def written(*segments: list[Any]) -> bytes:
 
 
 def nhtsa_test(**changed: Any) -> bytes:
-    """A whole test with some properties changed."""
     channels = [
         ChannelObject("v09999_Veh1", name, pulse(sensor[0]), properties={**said(*sensor), **changed})
         for name, sensor in SENSORS.items()
@@ -73,7 +70,6 @@ def nhtsa_test(**changed: Any) -> bytes:
 
 
 def saved(path: Path, content: bytes) -> Path:
-    """Write a file and return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     return path
@@ -81,12 +77,10 @@ def saved(path: Path, content: bytes) -> Path:
 
 def problem(path: Path) -> str:
     """What is said to be wrong with it, in one sentence."""
-    (problem,) = problems_of(lambda: read_tdms(path))
-    return str(problem)
+    return sentence(lambda: read_tdms(path))
 
 
 def test_an_nhtsa_test_gives_condition_and_pulse(tmp_path: Path) -> None:
-    """Of six channels the sound ones of the rear crossmember are averaged; speed, mass and unit are the file's."""
     path = saved(tmp_path / "v09999.tdms", nhtsa_test())
     assert format_of(path) == "tdms"
     (record,) = read_tdms(path)
@@ -104,7 +98,6 @@ def test_an_nhtsa_test_gives_condition_and_pulse(tmp_path: Path) -> None:
 
 
 def test_other_setups_are_told_and_a_test_without_the_vehicle_is_refused(tmp_path: Path) -> None:
-    """An oblique test is marked; channels on dummies alone are no pulse; no speed is said to be none."""
     (record,) = read_tdms(saved(tmp_path / "a.tdms", nhtsa_test(Test_TstCfn="VTV", Test_ImpAng=15.0)))
     assert record.other_setup == "vehicle into vehicle (VTV) at 15°"
     (record,) = read_tdms(saved(tmp_path / "b.tdms", nhtsa_test(Veh_VehSpd=0.0, Test_ClsSpd=0.0)))
@@ -113,13 +106,11 @@ def test_other_setups_are_told_and_a_test_without_the_vehicle_is_refused(tmp_pat
 
 
 def test_any_tdms_file_offers_its_accelerations(tmp_path: Path) -> None:
-    """Without NHTSA's properties the unit tells; one acceleration is proposed, of two one has to be chosen."""
     wave = {"wf_increment": 0.1, "wf_start_offset": -50.0, "wf_xunit_string": "ms"}
     tunnel = ChannelObject("Car", "Tunnel X", pulse(93), properties={"unit_string": "m/s^2", **wave})
     force = ChannelObject("Car", "Force", pulse(93), properties={"unit_string": "N", **wave})
     (record,) = read_tdms(saved(tmp_path / "sled.tdms", written([force, tunnel])))
-    assert record.proposed == ("Tunnel X",)
-    assert record.channels[0].unit == "m/s²"
+    assert (record.proposed, record.channels[0].unit) == (("Tunnel X",), "m/s²")
     assert record.channels[0].time_s == pytest.approx(clock())
     again = ChannelObject("Other", "Tunnel X", pulse(93), properties={"unit_string": "m/s^2", **wave})
     (record,) = read_tdms(saved(tmp_path / "two.tdms", written([tunnel, again])))
@@ -129,19 +120,16 @@ def test_any_tdms_file_offers_its_accelerations(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), (None, 1e3)])
 def test_a_channel_of_time_beside_the_values_is_their_clock(tmp_path: Path, unit: str | None, scale: float) -> None:
-    """As other programs write it, without a waveform's properties; in ms where it says so or lasts that long."""
     said = {} if unit is None else {"unit_string": unit}
     time_s = ChannelObject("Car", "Zeit", scale * clock(), properties=said)
     accel = ChannelObject("Car", "AX", half_sine_g(clock()), properties={"unit_string": "g"})
     (record,) = read_tdms(saved(tmp_path / "car.tdms", written([time_s, accel])))
     assert record.proposed == ("AX",)
     assert record.channels[0].time_s == pytest.approx(clock())
-    alone = written([accel])
-    assert "with a channel of time" in problem(saved(tmp_path / "alone.tdms", alone))
+    assert "add a channel of time" in problem(saved(tmp_path / "alone.tdms", written([accel])))
 
 
 def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> None:
-    """An engine's sensor without samples costs no test; it is told, and refused only where it is chosen."""
     channels = [
         ChannelObject("v1", name, pulse(sensor[0]) if sensor[0] != 95 else np.zeros(1), properties=said(*sensor))
         for name, sensor in SENSORS.items()
@@ -149,13 +137,12 @@ def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> N
     (record,) = read_tdms(saved(tmp_path / "v1.tdms", written(channels)))
     assert record.proposed == ("93", "94")
     assert "Left out as damaged or empty: 95 (TOP OF ENGINE X)." in record.steps
-    with pytest.raises(DataError, match="expected samples and the time between them"):
+    with pytest.raises(DataError, match="expected samples and their time"):
         settle(record, replace(WEIGHTS, channels=("95",)))
 
 
 @pytest.mark.parametrize("kind", ["f8", "f4", "i2", "u1", "i8"])
 def test_values_are_those_that_were_written_whatever_their_type(kind: str) -> None:
-    """Channels of several types in three segments, one of them with a new property, come back number for number."""
     values = np.arange(100).astype(kind)
     parts = [
         [ChannelObject("it's", "a", values[:40]), ChannelObject("it's", "text", ["x", "yy"])],
@@ -164,8 +151,7 @@ def test_values_are_those_that_were_written_whatever_their_type(kind: str) -> No
     ]
     file = parse_tdms(written(*parts), "it")
     by_name = {channel.name: channel for channel in file.channels}
-    assert by_name["a"].group == "it's"
-    assert by_name["a"].properties == {"late": 1.5}
+    assert (by_name["a"].group, by_name["a"].properties) == ("it's", {"late": 1.5})
     for name in ("a", "b"):
         assert np.array_equal(file.values(by_name[name]), values.astype(float))
 
@@ -182,7 +168,6 @@ def by_hand(contents: int, data: bytes, count: int = 3, to_next: int | None = No
 
 @pytest.mark.parametrize(("bit", "order"), [(0, "<"), (0, ">"), (1 << 5, "<"), (1 << 5, ">")])
 def test_interleaved_big_endian_and_repeated_chunks_are_read(bit: int, order: str) -> None:
-    """Two chunks of three values for each of two channels, in every arrangement."""
     a, b = np.arange(6.0), 10 + np.arange(6.0)
     rows = [np.column_stack([a[k : k + 3], b[k : k + 3]]) for k in (0, 3)]
     data = b"".join((row if bit else row.T).astype(f"{order}f8").tobytes() for row in rows)
@@ -194,17 +179,18 @@ def test_interleaved_big_endian_and_repeated_chunks_are_read(bit: int, order: st
 
 
 def test_what_is_not_read_or_makes_no_sense_is_refused(tmp_path: Path) -> None:
-    """DAQmx, scales, 2^60 values, an endless list of objects, a file cut short: a sentence each."""
-    assert "DAQmx" in problem(saved(tmp_path / "a.tdms", by_hand(0b10001110, bytes(48))))
     wave = {"unit_string": "g", "wf_increment": 1e-4, "NI_Number_Of_Scales": np.uint32(4_000_000_000)}
     scaled = written([ChannelObject("g", "a", np.zeros(9, "i2"), properties=wave)])
-    assert "scale 3999999999 of the kind none" in problem(saved(tmp_path / "b.tdms", scaled))
+    for content, told in (
+        (by_hand(0b10001110, bytes(48)), "DAQmx"),
+        (scaled, "scale 3999999999 of the kind none"),
+        (b"TDSm" + struct.pack("<IIQQI", 0b1110, 4713, 4, 4, 0xFFFFFFFF), "cut short"),
+        (nhtsa_test()[:-1000], "cut short"),
+        (b"TDSh" + bytes(60), "another kind of file"),
+    ):
+        assert told in problem(saved(tmp_path / "x.tdms", content))
     claims = by_hand(0b1110, bytes(48), count=1 << 60)
     assert parse_tdms(claims, "it").values(parse_tdms(claims, "it").channels[0]).size == 0
-    many = b"TDSm" + struct.pack("<IIQQI", 0b1110, 4713, 4, 4, 0xFFFFFFFF)
-    assert "cut short" in problem(saved(tmp_path / "c.tdms", many))
-    assert "cut short" in problem(saved(tmp_path / "d.tdms", nhtsa_test()[:-1000]))
-    assert "another kind of file" in problem(saved(tmp_path / "e.tdms", b"TDSh" + bytes(60)))
     assert "no such folder or file" in problem(tmp_path / "nothing")
 
 
@@ -235,7 +221,6 @@ def read(
 
 
 def iihs_test() -> bytes:
-    """A small file as the IIHS writes them."""
     properties = {**WAVE, "wf_increment": 5e-4}
     channels = [(group, name, values[::5]) for group, name, values in [*DUMMIES[:6], *VEHICLE]]
     objects = [ChannelObject(group, name, values, properties=properties) for group, name, values in channels]
@@ -243,7 +228,6 @@ def iihs_test() -> bytes:
 
 
 def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
-    """Of 229 channels the raw one of the vehicle's along X is the pulse; the speed is the file's, a text in km/h."""
     record = read(tmp_path, DUMMIES + VEHICLE, Impact_velocity="56.0")
     assert [channel.name for channel in record.channels] == ["11VEHC0000__ACX_", "11VEHC0000__ACXD"]
     assert record.proposed == ("11VEHC0000__ACX_",)
@@ -258,13 +242,11 @@ def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
 
 
 def test_the_speed_is_a_property(tmp_path: Path) -> None:
-    """In km/h unless it says otherwise; what is no speed is none."""
-    speeds: dict[str, float | None] = {"55,8 km/h": 55.8, "n/a": None, "-3": None, "4 furlongs": None}
     mph: dict[str, Any] = {"impact velocity (mph)": 35.0}
-    given = [(mph, 35 * 1.609344), *(({"Impact_velocity": text}, kph) for text, kph in speeds.items())]
-    for properties, kph in given:
-        speed = read(tmp_path, VEHICLE, **properties).condition.speed_mps
-        assert speed == (None if kph is None else pytest.approx(kph * KPH))
+    assert read(tmp_path, VEHICLE, **mph).condition.speed_mps == pytest.approx(35 * MPH)
+    for text, speed_mps in {"55,8 km/h": 55.8 * KPH, "n/a": None, "-3": None, "4 furlongs": None}.items():
+        found = read(tmp_path, VEHICLE, Impact_velocity=text).condition.speed_mps
+        assert found == (None if speed_mps is None else pytest.approx(speed_mps))
 
 
 def test_units_and_time_are_in_the_names(tmp_path: Path) -> None:
@@ -285,14 +267,12 @@ def test_units_and_time_are_in_the_names(tmp_path: Path) -> None:
 
 
 def test_another_crash_is_named_as_that(tmp_path: Path) -> None:
-    """A small overlap test is read with a warning; where it does not stop the vehicle, it is refused as what it is."""
-    record = read(tmp_path, VEHICLE, Impact_velocity="56", Test_type="Small overlap frontal: driver side")
-    careful = "Careful: not a full-frontal barrier crash, by its own account: Small overlap frontal: driver side."
-    assert careful in settle(record, WEIGHTS).steps
+    kind: dict[str, Any] = {"Impact_velocity": "56", "Test_type": "Small overlap frontal: driver side"}
+    careful = f"Careful: not a full-frontal barrier crash, by its own account: {kind['Test_type']}."
+    assert careful in settle(read(tmp_path, VEHICLE, **kind), WEIGHTS).steps
     slower = [(group, name, 0.6 * values) for group, name, values in VEHICLE]
-    record = read(tmp_path, slower, Impact_velocity="56", Test_type="Small overlap frontal: driver side")
-    with pytest.raises(DataError, match=r"the file calls it 'Small overlap frontal: driver side'"):
-        settle(record, WEIGHTS)
+    with pytest.raises(DataError, match=f"the file calls it '{kind['Test_type']}'"):
+        settle(read(tmp_path, slower, **kind), WEIGHTS)
 
 
 @pytest.mark.parametrize(("unit", "factor", "offset_s"), [("s", 1.0, 0.0), ("ms", 1e3, 0.0), ("s", 1.0, -0.05)])
@@ -300,7 +280,6 @@ def test_another_crash_is_named_as_that(tmp_path: Path) -> None:
 def test_sensors_are_aligned_by_the_times_at_which_recording_began(
     tmp_path: Path, late_us: int, unit: str, factor: float, offset_s: float
 ) -> None:
-    """A second logger that was triggered at another time sees the same crash, whatever its zero and unit of time."""
     began = datetime(2026, 3, 2, 9, 15)
     time_s = np.arange(4000) * 1e-4 - 0.08  # of the first logger, whose record begins 80 ms before contact
     pulses = {"10SEATLERE00ACXP": (0, time_s), "10SEATRIRE00ACXP": (late_us, time_s + late_us * 1e-6)}
@@ -331,7 +310,6 @@ def test_sensors_are_aligned_by_the_times_at_which_recording_began(
     ],
 )
 def test_what_is_not_taken_is_named(tmp_path: Path, channels: str, proposed: int, told: str) -> None:
-    """Of two tests neither is taken; of two vehicles, and of loggers, the others are named."""
     names = [name.split("/") for name in channels.split()]
     record = read(tmp_path, [(group, name, RAW_G) for group, name in names], Impact_velocity="56")
     assert record.proposed == tuple(name for _, name in names)[:proposed]
@@ -342,7 +320,6 @@ def test_what_is_not_taken_is_named(tmp_path: Path, channels: str, proposed: int
 
 
 def test_what_is_kept_of_isomme_descriptors_counts(tmp_path: Path) -> None:
-    """A failed or simulated channel beside a sound one, as converters of ISO-MME write it, is not averaged."""
     said: list[tuple[str, dict[str, Any]]] = [
         ("10SEATLERE00ACXP", {"Data_status": "channel failed"}),
         ("10SEATRIRE00ACXP", {"Data status": "ok"}),
@@ -355,7 +332,6 @@ def test_what_is_kept_of_isomme_descriptors_counts(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("group", "name"), [("Simulation", "Vehicle Acc X"), ("Vehicle", "CAE Acc X")])
 def test_a_group_or_name_of_a_simulation_is_heard(tmp_path: Path, group: str, name: str) -> None:
-    """As that of a table's column is; beside a measured channel it is left out."""
     simulated = ChannelObject(group, name, RAW_G, properties=WAVE)
     (alone,) = read_tdms(saved(tmp_path / "alone.tdms", written([simulated])))
     assert alone.is_simulated

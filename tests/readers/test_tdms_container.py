@@ -19,24 +19,20 @@ Scale = dict[str, Any]
 
 
 def linear(n: int, slope: float, intercept: float = 0.0, source: int = RAW) -> Scale:
-    """One linear scale."""
     told = {"Slope": slope, "Y_Intercept": intercept, "Input_Source": np.uint32(source)}
     return kind(n, "Linear", told)
 
 
 def kind(n: int, name: str, told: Scale) -> Scale:
-    """The properties of a scale."""
     return {f"NI_Scale[{n}]_Scale_Type": name} | {f"NI_Scale[{n}]_{name}_{key}": value for key, value in told.items()}
 
 
 def polynomial(n: int, *coefficients: float) -> Scale:
-    """A polynomial of the numbers as stored."""
     told = {f"Coefficients[{i}]": value for i, value in enumerate(coefficients)}
     return kind(n, "Polynomial", {"Coefficients_Size": np.uint32(len(coefficients)), **told})
 
 
 def table(n: int, source: int = RAW) -> Scale:
-    """A table that falls."""
     pairs = ((3000.0, -1.0), (0.0, 0.5), (-3000.0, 4.0))
     told = {f"Pre_Scaled_Values[{i}]": x for i, (x, _) in enumerate(pairs)}
     told |= {f"Scaled_Values[{i}]": y for i, (_, y) in enumerate(pairs)}
@@ -46,7 +42,6 @@ def table(n: int, source: int = RAW) -> Scale:
 
 
 def both(n: int, name: str, left: int, right: int) -> Scale:
-    """The sum or difference of two."""
     told = {"Left_Operand_Input_Source": np.uint32(left), "Right_Operand_Input_Source": np.uint32(right)}
     return kind(n, name, told)
 
@@ -58,7 +53,6 @@ def file_of(channel: Scale, group: Scale | None = None, root: Scale | None = Non
 
 
 def ours(content: bytes) -> np.ndarray[Any, Any]:
-    """The values as we read them."""
     file = parse_tdms(content, "it")
     return file.values(file.channels[0])
 
@@ -89,7 +83,6 @@ SCALED = {"NI_Scaling_Status": "scaled"}
     ],
 )
 def test_values_are_those_of_nptdms(channel: Scale, group: Scale, root: Scale) -> None:
-    """Linear, polynomial, table, sum and difference, at any level, applied already or not."""
     content = file_of(channel, group, root)
     expected = TdmsFile.read(BytesIO(content))["g"]["a"][:]
     np.testing.assert_allclose(ours(content), expected, rtol=1e-12, atol=1e-12)
@@ -97,7 +90,6 @@ def test_values_are_those_of_nptdms(channel: Scale, group: Scale, root: Scale) -
 
 @given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-50, 50)), min_size=1, max_size=8))
 def test_any_chain_of_linear_scales_is_their_product(chain: list[tuple[float, float]]) -> None:
-    """Each takes the one before it."""
     scales: Scale = {}
     expected = VALUES.astype(float)
     for n, (slope, intercept) in enumerate(chain):

@@ -7,7 +7,6 @@ from crashfuse.readers.vocabulary import ChannelCode, Doubt, doubt_in, doubt_of
 
 
 def code(text: str) -> ChannelCode:
-    """A code that is one."""
     found = ChannelCode.parsed(text)
     assert found is not None
     return found
@@ -15,24 +14,17 @@ def code(text: str) -> ChannelCode:
 
 @pytest.mark.parametrize("text", ["11VEHC0000__ACX_", "11VEHC0000??ACX?", "11vehc000000acx0", " 11VEHC000000ACX0 "])
 def test_whatever_fills_a_code_it_is_the_same(text: str) -> None:
-    """The IIHS fills with _, others with ? or 0."""
     assert code(text) == ChannelCode("11VEHC000000ACX0")
 
 
-@pytest.mark.parametrize(
-    "text", ["", "Tunnel X", "10VEHC000000ACX", "10VEHC000000ACXDD", "X0VEHC000000ACXD", "Beschleunigung_g"]
-)
-def test_other_names_are_no_codes(text: str) -> None:
-    """Sixteen characters of which the first is the number of a test object."""
-    assert ChannelCode.parsed(text) is None
+def test_other_names_are_no_codes() -> None:
+    texts = ["", "Tunnel X", "10VEHC000000ACX", "10VEHC000000ACXDD", "X0VEHC000000ACXD", "Beschleunigung_g"]
+    assert not any(map(ChannelCode.parsed, texts))
 
 
 def test_dummies_are_told_from_vehicles() -> None:
-    """By the main location or by the kind of dummy; a sill's inside (IN) is no kind of dummy."""
-    assert code("11HEADCG0000ACXP").is_of_a_dummy
-    assert code("11LOAD0000H3ACXP").is_of_a_dummy
-    assert not code("10SIMELE00INACXD").is_of_a_dummy
-    assert not code("11VEHC0000__ACX_").is_of_a_dummy
+    assert all(code(text).is_of_a_dummy for text in ("11HEADCG0000ACXP", "11LOAD0000H3ACXP"))
+    assert not any(code(text).is_of_a_dummy for text in ("10SIMELE00INACXD", "11VEHC0000__ACX_"))  # a sill's inside
 
 
 def test_filter_classes_are_low_passes() -> None:
@@ -47,9 +39,7 @@ def test_of_filters_the_least_is_taken_and_what_is_unknown_last(letters: str) ->
     """By RED B: V is film analysis, Q and L are below CFC 60; K and Y are no letters of it."""
     codes = {letter: code(f"10TUNN000000ACX{letter}") for letter in sorted(letters)}
     assert vocabulary.propose_by_code(codes)[0] == (letters[0],)
-    assert [letter for letter in letters if codes[letter].status("")] == [
-        letter for letter in letters if letter in "VLQ"
-    ]
+    assert {letter for letter in letters if codes[letter].status("")} == {*letters} & {*"VLQ"}
 
 
 @pytest.mark.parametrize(
@@ -71,7 +61,6 @@ def test_of_filters_the_least_is_taken_and_what_is_unknown_last(letters: str) ->
     ],
 )
 def test_the_best_placed_are_proposed(codes: list[str], chosen: list[int]) -> None:
-    """All at the rear seat, else one, or one on either side, of the next best place."""
     names = {f"{number}": code(text) for number, text in enumerate(codes)}
     found, why = vocabulary.propose_by_code(names)
     assert set(found) == {f"{number}" for number in chosen}
@@ -96,7 +85,6 @@ MEASURED = ("", "transducer", "hardware", "camera", "calculation", "simultaneous
 
 @pytest.mark.parametrize(("doubt", "status"), [(doubt, text) for doubt, texts in STATUS.items() for text in texts])
 def test_the_words_on_quality_tell_sound_from_questionable_and_failed(doubt: Doubt, status: str) -> None:
-    """Those of the standard, NHTSA's codes, and laboratories' own, in any case; the others are questionable."""
     assert doubt_of(status) == doubt
     for between in (" ", "_", "-", "  "):
         assert doubt_of(status.upper().replace(" ", between)) == doubt_of(f" {status.lower()} ") == doubt
@@ -121,13 +109,11 @@ COMMENT = {
 
 @pytest.mark.parametrize(("doubt", "text"), [(doubt, text) for doubt, texts in COMMENT.items() for text in texts])
 def test_the_words_of_a_comment_tell_what_speaks_against_a_channel(doubt: Doubt, text: str) -> None:
-    """In any case; what names a place or denies a fault is none."""
     assert doubt_in(text) == doubt_in(text.upper()) == doubt
 
 
 @pytest.mark.parametrize("origin", [*SIMULATED, *MEASURED, "Civic FE"])
 def test_the_words_on_the_source_tell_simulated_from_measured(origin: str) -> None:
-    """What is calculated from measured channels is no simulation."""
     assert vocabulary.is_simulated(origin) == (origin in SIMULATED)
     assert vocabulary.mentions(origin, "computed") == (origin == "calculation")
 
@@ -139,11 +125,7 @@ OTHER = (
     *("Rear end collision", "Oblique", "Whiplash sled", "Pfahlaufprall"),
 )
 FRONTAL = (
-    *(
-        "OPTIONAL NEW CAR ASSESSMENT PROGRAM FRONTAL BARRIE",
-        "VEHICLE INTO BARRIER",
-        "Full-width rigid barrier, 56 km/h",
-    ),
+    *("OPTIONAL NEW CAR ASSESSMENT PROGRAM FRONTAL BARRIE", "VEHICLE INTO BARRIER", "Full-width rigid barrier"),
     *("Full overlap", "100 % overlap", "Frontal impact", "Offset removed before filtering"),
     "NCAP - 2018 TOYOTA CAMRY LE 4-DOOR SEDAN",
 )
@@ -151,5 +133,4 @@ FRONTAL = (
 
 @pytest.mark.parametrize("text", [*OTHER, *FRONTAL])
 def test_other_crashes_are_told_from_full_frontal_ones(text: str) -> None:
-    """As laboratories call them."""
     assert vocabulary.other_setup(["", "Toyota Camry 2018", text]) == (text if text in OTHER else "")

@@ -6,6 +6,7 @@ import pytest
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
+from crashfuse.results.plots.curves import Predictions
 
 
 @pytest.fixture
@@ -14,7 +15,13 @@ def test(campaign: Campaign) -> CrashTest:
     return campaign.test("T2")
 
 
-def with_and_without_band(campaign: Campaign, test: CrashTest, banded: str) -> dict[str, Prediction]:
+@pytest.fixture
+def predictions(campaign: Campaign, test: CrashTest) -> Predictions:
+    """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
+    return with_and_without_band(campaign, test, "fused")
+
+
+def with_and_without_band(campaign: Campaign, test: CrashTest, banded: str) -> Predictions:
     """The paired CAE run, and the same under another name with 101 draws that lie -50 to +50 m/s² off it."""
     run = campaign.cae.paired_run(test.condition)
     assert run is not None

@@ -24,6 +24,7 @@ from crashfuse.results.display import Display
 from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
 from crashfuse.results.plots.conditions import condition_space
+from crashfuse.results.plots.curves import by_speed
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion
 from crashfuse.results.prediction import prediction_result
 from crashfuse.results.render.html import report
@@ -109,8 +110,8 @@ REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
 }
 FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
     "motion": lambda campaign, display: motion(campaign.tests[0], {}, display).figure(),
-    "tests": lambda campaign, display: measured_pulses(campaign.tests, display=display).figure(),
-    "runs": lambda campaign, display: library_band(campaign.cae, campaign.tests, display=display).figure(),
+    "tests": lambda campaign, display: measured_pulses(by_speed(campaign.tests, display), display).figure(),
+    "runs": lambda campaign, display: library_band(campaign.cae, by_speed(campaign.tests), display).figure(),
     "conditions": lambda campaign, display: condition_space(campaign.cae, campaign.tests, display=display).figure(),
     "sweep of ΔV": lambda campaign, display: sweep(campaign).plot("delta_v", display=display),
     "next test": lambda campaign, display: ranking(campaign).plot(display=display),

@@ -123,15 +123,6 @@ def test_identical_curves_score_exactly_one() -> None:
         assert rate_iso18571(curve, curve, dt_s=DT_S) == Rating(1.0, 1.0, 1.0, 1.0, 1.0, "Excellent")
 
 
-@pytest.mark.parametrize("offset", [0.04, 0.1, 0.3, 0.6])
-def test_constant_offset_has_the_corridor_of_its_parabola(offset: float) -> None:
-    """An offset of k max|T| scores ((0.5 − k)/0.45)² in the corridor, cut to 0…1; phase and slope don't see it."""
-    rating = rate_iso18571(bell(250), bell(250) - offset, dt_s=DT_S)
-    # the bell's peak falls on a sample, so max|T| is 1
-    assert rating.corridor == pytest.approx(np.clip((0.5 - offset) / 0.45, 0, 1) ** 2, abs=1e-12)
-    assert (rating.phase, rating.slope) == pytest.approx((1, 1))
-
-
 @pytest.mark.parametrize("shift", [-120, -119, -60, -1, 1, 17, 120])
 def test_pure_shift_loses_phase_alone(shift: int) -> None:
     """A curve that comes m of N samples late or early has phase (0.2 N − m)/(0.2 N); shape scores stay 1."""
@@ -163,32 +154,6 @@ def test_a_shift_is_found_where_others_leave_a_flat_overlap() -> None:
     assert (rating.phase, rating.magnitude, rating.slope) == pytest.approx((1 - 15 / 60, 1, 1))
 
 
-@pytest.mark.parametrize("factor", [0.2, 0.7, 1.0, 1.3, 2.9])
-def test_scaled_curve_has_the_slope_of_its_factor(factor: float) -> None:
-    """A comparison of k T differs in slope by |k − 1|, so it scores 1 − |k − 1|/2."""
-    rating = rate_iso18571(bell(250), factor * bell(250), dt_s=DT_S)
-    assert rating.slope == pytest.approx(1 - abs(factor - 1) / 2, abs=1e-12)
-    assert rating.phase == 1
-
-
-def test_steps_that_cannot_be_warped_away_have_a_closed_magnitude() -> None:
-    """Two-level curves 0.1 apart: the shortest path costs least, so the error is 0.1 over the mean level."""
-    reference = np.repeat([1.0, 3.0], 100)
-    assert rate_iso18571(reference, reference + 0.1, dt_s=DT_S).magnitude == pytest.approx(1 - 0.1 / 2 / 0.5)
-
-
-def test_warping_forgives_what_the_band_reaches() -> None:
-    """A second peak that comes late is warped into place within a tenth of the overlap, and counts beyond it."""
-    lateness = (20, 50, 100)
-    magnitude = [
-        rate_iso18571(3 * bell(150, 700) + bell(400, 700), 3 * bell(150, 700) + bell(400 + d, 700), dt_s=DT_S).magnitude
-        for d in lateness
-    ]
-    assert magnitude[0] > 0.99
-    assert magnitude[1] > 0.98
-    assert magnitude[2] < 0.9
-
-
 @pytest.mark.parametrize(("overall", "name"), [(1, "Excellent"), (0.9401, "Excellent"), (0.94, "Good"), (0.80, "Fair")])
 def test_grades_need_more_than_their_limit(overall: float, name: str) -> None:
     assert grade(overall) == name
@@ -197,9 +162,8 @@ def test_grades_need_more_than_their_limit(overall: float, name: str) -> None:
 
 def test_a_rating_beside_a_limit_is_told_with_the_digit_that_decides() -> None:
     """Two cells of 0.800, one Good and one Fair, would contradict each other."""
-    assert [graded(overall) for overall in (0.800439, 0.799906, 0.80, 0.8712)] == [
-        "0.8004 Good", "0.800 Fair", "0.800 Fair", "0.871 Good",
-    ]  # fmt: skip
+    shown = [graded(overall) for overall in (0.800439, 0.799906, 0.80, 0.8712)]
+    assert shown == ["0.8004 Good", "0.800 Fair", "0.800 Fair", "0.871 Good"]
 
 
 def test_unit_does_not_matter() -> None:

@@ -107,27 +107,22 @@ def test_summed_up_again_the_parts_give_the_rating_to_the_last_digit(name: str, 
             assert sum(shares) == pytest.approx(1) or sum(shares) == 0
 
 
-N = 600
-
-
-def bumps(*centres: float, height: float = 200.0) -> FloatArray:
-    """Braking in Gaussian humps of 4 ms at these times in ms, at 10 kHz."""
-    time_ms = np.arange(N)[:, None] / 10
-    curve: FloatArray = -height * np.exp(-0.5 * ((time_ms - np.array(centres)) / 4) ** 2).sum(axis=1)
-    return curve
+def bumps(*centres_ms: float, height: float = 200.0) -> FloatArray:
+    """Braking in humps of 4 ms at these times."""
+    return np.asarray(np.sum([bump(centre_ms, height, 4.0) for centre_ms in centres_ms], axis=0)[:600])
 
 
 def test_peaks_are_where_the_humps_are_and_valleys_half_way_between() -> None:
     for curve in (bumps(15, 35), -bumps(15, 35)):
         first, second = humps(curve)
-        assert (first.begin, first.peak, second.peak, second.end) == (0, 150, 350, N)
+        assert (first.begin, first.peak, second.peak, second.end) == (0, 150, 350, 600)
         assert first.end == second.begin == pytest.approx(250, abs=1)
 
 
 def test_a_ripple_is_no_hump_and_a_rise_has_none() -> None:
     ripple = bumps(15) + bumps(40, height=15.0)
     assert [hump.peak for hump in humps(ripple)] == [150]
-    assert humps(np.linspace(0.0, -1.0, N)) == ()
+    assert humps(np.linspace(0.0, -1.0, 600)) == ()
 
 
 def test_each_hump_finds_the_same_one_moved() -> None:

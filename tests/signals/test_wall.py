@@ -10,15 +10,15 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import WALLS, load_campaign
 from crashfuse.campaign_folder.writer import write_campaign
 from crashfuse.errors import DataError
-from crashfuse.importing import import_source, settle
+from crashfuse.importing import Settled, import_source, settle
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.readers.radioss import read_binary, read_radioss
 from crashfuse.results.result_tables import wall_table
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
-from crashfuse.signals.wall import BEGIN_S, Wall
+from crashfuse.signals.wall import BEGIN_S, Wall, Witness
 from crashfuse.testing.readers import written
-from tests.conftest import SHARED, needs_shared
+from tests.conftest import SHARED, needs_shared, not_none
 from tests.importing.crashes import SPEED_MPS, half_sine_g
 from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
@@ -79,24 +79,24 @@ def test_it_is_kept_with_its_test_and_told_by_the_check(campaign: Campaign, tmp_
         load_campaign(tmp_path / "d")
 
 
+def witness_of(settled: Settled) -> Witness:
+    """What the barrier says of an imported pulse."""
+    return not_none(settled.wall).beside(np.interp(GRID_S, settled.pulse.time_s, settled.pulse.accel_mps2))
+
+
 def test_forces_and_impulses_of_rigid_walls_are_read_in_either_solver(tmp_path: Path) -> None:
     """``rwforc`` of LS-DYNA as it is, the impulses of Radioss differentiated: both witness the mass and the pulse."""
     (dyna,) = read_lsdyna(written(tmp_path / "d", {"binout0000": Run(has_wall=True).binout()}))
     (radioss,) = read_radioss(written(tmp_path / "r", {"hc1T01": RadiossRun().binary()}))
     for record in (dyna, radioss):
-        settled = settle(record, WEIGHTS, role="cae")
-        assert settled.wall is not None
-        witness = settled.wall.beside(np.interp(GRID_S, settled.pulse.time_s, settled.pulse.accel_mps2))
+        witness = witness_of(settle(record, WEIGHTS, role="cae"))
         assert witness.share(MASS_KG) == pytest.approx(1.0, abs=0.02)
         assert witness.findings(MASS_KG, SPEED_MPS) == []
 
 
 def test_load_cells_of_nhtsa_are_read_at_import(tmp_path: Path) -> None:
     (settled,) = import_source(written(tmp_path / "v", nhtsa_files()), tmp_path / "c", fmt="nhtsa")
-    assert settled.wall is not None
-    assert settled.wall.beside(np.interp(GRID_S, settled.pulse.time_s, settled.pulse.accel_mps2)).share(
-        MASS_KG
-    ) == pytest.approx(1.0, abs=0.03)
+    assert witness_of(settled).share(MASS_KG) == pytest.approx(1.0, abs=0.03)
     assert (tmp_path / "c" / WALLS["tests"]).is_file()
     another = {name: text.replace(b"|101|LC", b"|102|LC") for name, text in nhtsa_files().items()}  # its file lacks
     assert read_nhtsa(written(tmp_path / "w", another))[0].wall is None

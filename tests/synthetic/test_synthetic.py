@@ -16,7 +16,7 @@ from crashfuse.errors import UsageError
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_windows
-from crashfuse.synthetic.sample import TABLE_1, sample_campaign, write_sample
+from crashfuse.synthetic.sample import sample_campaign, write_sample
 from crashfuse.synthetic.vehicle import CAE_MODEL, TRUTH, Coupling, CrushZone, Vehicle, measured_pulses, simulate
 from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
@@ -84,31 +84,19 @@ def test_force_doubles_at_the_rate_of_cowper_and_symonds() -> None:
 
 @MODELS
 def test_kinetic_energy_goes_into_the_elements(vehicle: Vehicle) -> None:
-    """What the masses lose in kinetic energy is the work that the elements took up, to rounding."""
-    crash = simulate(vehicle, CONDITIONS)
+    """What the masses lose is work of the elements, to rounding; none ever gives back more than it took."""
+    crash = simulate(vehicle, CONDITIONS, steps_per_sample=1)
     before = [0.5 * condition.mass_kg * condition.speed_mps**2 for condition in CONDITIONS]
     after = 0.5 * (crash.mass_kg * crash.final_speed_mps**2).sum(axis=1)
     np.testing.assert_allclose(after + crash.work_j.sum(axis=1), before, rtol=1e-9)
     assert (after < 0.08 * np.array(before)).all()
-
-
-@MODELS
-def test_the_barrier_takes_all_momentum(vehicle: Vehicle) -> None:
-    """The change of momentum of the three masses is the impulse of the barrier, which only ever pushes."""
-    crash = simulate(vehicle, CONDITIONS, steps_per_sample=1)
-    before = [condition.mass_kg * condition.speed_mps for condition in CONDITIONS]
-    after = (crash.mass_kg * crash.final_speed_mps).sum(axis=1)
-    np.testing.assert_allclose(crash.barrier_n.sum(axis=1) * DT_S, before - after, rtol=1e-9)
+    momentum = [condition.mass_kg * condition.speed_mps for condition in CONDITIONS]
+    left = (crash.mass_kg * crash.final_speed_mps).sum(axis=1)
+    np.testing.assert_allclose(crash.barrier_n.sum(axis=1) * DT_S, momentum - left, rtol=1e-9)  # all its impulse
     assert (crash.barrier_n >= 0).all()
     np.testing.assert_allclose(crash.mass_kg.sum(axis=1), [condition.mass_kg for condition in CONDITIONS])
-
-
-@MODELS
-def test_no_element_gives_back_more_than_it_took(vehicle: Vehicle) -> None:
-    """Every element is passive: the work done on it is never negative, at whatever time one looks."""
-    for n_samples in range(100, 1300, 150):
-        work = simulate(vehicle, CONDITIONS, n_samples, steps_per_sample=1).work_j
-        assert (work > -1e-3).all()
+    for n_samples in range(100, 1000, 300):
+        assert (simulate(vehicle, CONDITIONS, n_samples, steps_per_sample=1).work_j > -1e-3).all()
 
 
 @MODELS
@@ -118,20 +106,6 @@ def test_a_finer_time_step_changes_nothing(vehicle: Vehicle) -> None:
     coarse, fine = (simulate(vehicle, CONDITIONS, steps_per_sample=steps).accel_mps2 for steps in (2, 8))
     drift = np.abs(np.cumsum(coarse - fine, axis=1) * DT_S).max(axis=1)
     assert (drift < 0.005 * np.array([condition.speed_mps for condition in CONDITIONS])).all()
-
-
-@pytest.mark.slow
-def test_the_tests_stand_in_table_1(sample: Campaign) -> None:
-    assert sample.test_ids == tuple(f"T{number:02d}" for number in range(1, 12))
-    rows = [
-        (c.speed_mps / MPH, c.front_weight_kg / LB, c.rear_weight_kg / LB, *(value for _, value in c.factors))
-        for c in (test.condition for test in sample.tests)
-    ]
-    for row, expected in zip(rows, TABLE_1, strict=True):
-        assert row[:3] == pytest.approx(expected[:3])
-        assert row[3:] == expected[3:]
-    assert TABLE_1[3] == (22.0, 2237.39, 1765.26, "Type II", "AWD")
-    assert TABLE_1[8] == (35.1, 2107.68, 1556.64, "Type I", "FWD")
 
 
 def test_the_runs_are_a_latin_hypercube(sample: Campaign) -> None:
@@ -190,35 +164,25 @@ def test_variants_differ_and_unknown_ones_are_refused() -> None:
 
 @pytest.mark.slow
 def test_the_seed_decides_everything(sample: Campaign) -> None:
-    assert sample_campaign(0).fingerprint == sample.fingerprint
     conditions = [test.condition for test in sample.tests]
     assert np.array_equal(measured_pulses(conditions, 0), [test.pulse.accel_mps2 for test in sample.tests])
     assert not np.array_equal(measured_pulses(conditions, 1), measured_pulses(conditions, 0))
 
 
 @pytest.mark.slow
-def test_the_folder_holds_the_campaign(sample: Campaign, written: Path) -> None:
-    read = load_campaign(written)
-    assert (read.name, read.notice) == (sample.name, sample.notice)
-    assert (read.test_ids, read.cae.ids) == (sample.test_ids, sample.cae.ids)
-    assert [test.condition for test in read.tests] == [test.condition for test in sample.tests]
-    assert read.cae.conditions == sample.cae.conditions
-    np.testing.assert_allclose(read.cae.accel_mps2, sample.cae.accel_mps2, rtol=0, atol=0.003 * G)
-    for test, expected in zip(read.tests, sample.tests, strict=True):
-        np.testing.assert_allclose(test.pulse.accel_mps2, expected.pulse.accel_mps2, rtol=0, atol=1e-4 * G)
-
-
-@pytest.mark.slow
-def test_the_shipped_sample_is_what_the_generator_writes(written: Path) -> None:
-    """sample_data/ has the same files, tables and pulses as a fresh sample, and at most 6 MB."""
+def test_the_shipped_sample_is_what_the_generator_writes(sample: Campaign, written: Path) -> None:
+    """sample_data/ has the same files and tables as a fresh sample, its campaign, and at most 6 MB."""
     names = {file.relative_to(written) for file in written.rglob("*")}
     assert {file.relative_to(SAMPLE_DATA) for file in SAMPLE_DATA.rglob("*")} == names
     for name in ("README.md", "campaign.toml", "tests.csv", "cae.csv", "criteria.toml", "matrix.csv"):
         assert (SAMPLE_DATA / name).read_text() == (written / name).read_text()
-    shipped, fresh = load_campaign(SAMPLE_DATA), load_campaign(written)
-    np.testing.assert_allclose(shipped.cae.accel_mps2, fresh.cae.accel_mps2, rtol=0, atol=0.006 * G)
-    for test, expected in zip(shipped.tests, fresh.tests, strict=True):
-        np.testing.assert_allclose(test.pulse.accel_mps2, expected.pulse.accel_mps2, rtol=0, atol=2e-4 * G)
+    for read, close in ((load_campaign(written), 1), (load_campaign(SAMPLE_DATA), 2)):
+        assert (read.name, read.notice, read.cae.ids) == (sample.name, sample.notice, sample.cae.ids)
+        assert read.cae.conditions == sample.cae.conditions
+        np.testing.assert_allclose(read.cae.accel_mps2, sample.cae.accel_mps2, rtol=0, atol=0.003 * close * G)
+        for test, expected in zip(read.tests, sample.tests, strict=True):
+            assert (test.id, test.condition) == (expected.id, expected.condition)
+            np.testing.assert_allclose(test.pulse.accel_mps2, expected.pulse.accel_mps2, rtol=0, atol=1e-4 * close * G)
     assert sum(file.stat().st_size for file in SAMPLE_DATA.rglob("*") if file.is_file()) <= 6_000_000
 
 

@@ -1,5 +1,6 @@
 """The dashboard without a browser: a new server for each test, and sessions on it."""
 
+import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -12,9 +13,9 @@ import pandas as pd
 import pytest
 import streamlit as st
 from streamlit.components.v2 import manifest_scanner
-from streamlit.proto.WidgetStates_pb2 import WidgetState
+from streamlit.proto.WidgetStates_pb2 import WidgetState, WidgetStates
 from streamlit.testing.v1 import AppTest
-from streamlit.testing.v1.element_tree import InitialValue, Selectbox
+from streamlit.testing.v1.element_tree import Dataframe, ElementTree, InitialValue, Selectbox
 
 from crashfuse.ui.kit.computation import jobs
 from crashfuse.ui.server import start_importing
@@ -113,6 +114,27 @@ class Session:
         for label, value in values.items():
             self.field(label).set_value(value)
         return self.run()
+
+    def rows(self, table: str) -> list[list[str]]:
+        """What a table shows that can be typed into."""
+        return self._editor(table).value.fillna("").to_numpy().tolist()  # type: ignore[no-any-return]
+
+    def edit(self, table: str, cells: Mapping[int, Mapping[int, str | None]], *deleted: int) -> "Session":
+        """Type into cells of a table, by row and column, new rows below the last, and delete rows."""
+        editor, n = self._editor(table), len(self.rows(table))
+        edits = {
+            "edited_rows": {row: texts for row, texts in cells.items() if row < n},
+            "added_rows": [texts for row, texts in cells.items() if row >= n],
+            "deleted_rows": deleted,
+        }
+        sent, usual = WidgetState(id=editor.proto.id, string_value=json.dumps(edits)), ElementTree.get_widget_states
+        with pytest.MonkeyPatch.context() as patch:
+            both = lambda tree: WidgetStates(widgets=[*usual(tree).widgets, sent])  # noqa: E731
+            patch.setattr(ElementTree, "get_widget_states", both)
+            return self.run()
+
+    def _editor(self, table: str) -> Dataframe:
+        return next(own for own in self.app.data_editor if str(own.key).startswith(f"{table} "))
 
     @property
     def answer(self) -> dict[str, str]:

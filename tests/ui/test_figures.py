@@ -73,6 +73,27 @@ def test_many_names_have_room_above_the_figure() -> None:
     assert (few_px, many_px, roomy_px) == (44, 65, 96)
 
 
+def lit(part: Any, light: Any) -> Any:
+    """What the buttons' script makes of a figure for its files."""
+    if not isinstance(light, dict):
+        return light
+    places = part.items() if isinstance(part, dict) else enumerate(part)
+    merged = {name: lit(own, light[name]) if name in light else own for name, own in places}
+    return merged if isinstance(part, dict) else [*merged.values()]
+
+
+@pytest.mark.parametrize("name", ["tests", "conditions", "cae"])
+def test_files_of_a_dark_page_have_the_colours_of_a_light_one(campaign: Campaign, name: str) -> None:
+    """All else stays as it is on the page; a light page has nothing to change."""
+    drawing = campaign.draw(name)
+    dark, light = SentFigure(drawing, dark=True), SentFigure(drawing)
+    shown = lit(dark.to_dict(), dark.light)
+    assert dark.to_dict() != shown
+    shown["layout"]["datarevision"] = light.to_dict()["layout"]["datarevision"]
+    assert shown == light.to_dict()
+    assert light.light == {}
+
+
 def drawn(session: Session) -> list[list[dict[str, Any]]]:
     """The traces of every figure on the page."""
     return [json.loads(chart.proto.spec)["data"] for chart in session.app.get("plotly_chart")]

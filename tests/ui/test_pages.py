@@ -25,6 +25,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
+from crashfuse.execution.jobs import Job
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.results.drawing import drawing_of
@@ -37,7 +38,6 @@ from crashfuse.study.study import Fold, Study
 from crashfuse.ui import study
 from crashfuse.ui.kit import computation
 from crashfuse.ui.kit.figures import SentFigure
-from crashfuse.ui.kit.jobs import Job
 from crashfuse.units import LB, MPH, G
 from tests.conftest import not_none
 from tests.ui.conftest import SOON, Session, as_read, begin

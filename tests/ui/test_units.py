@@ -39,8 +39,8 @@ def test_a_page_is_in_the_units_that_were_chosen(visit: Visit) -> None:
 def test_planned_tests_are_round_in_the_readers_units_and_stay_when_these_are_switched(visit: Visit) -> None:
     """In whatever units the campaign is declared; what was typed keeps the units that it was typed in."""
 
-    def speeds(session: Session) -> list[float | None]:
-        return [own.value for own in session.app.number_input if own.label.startswith("Speed")]
+    def speeds(session: Session) -> list[float]:
+        return [float(row[1]) for row in session.rows("planned")]
 
     session = visit("certify", matrix="Typed in", system="kph-kg")
     assert speeds(session) == [30.0, 40.0, 50.0]

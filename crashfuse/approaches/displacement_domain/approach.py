@@ -4,7 +4,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import Literal, Self, cast
 
 import numpy as np
@@ -12,15 +12,7 @@ import numpy as np
 from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import WHOLE_S, FittedState, Prediction, Settings
 from crashfuse.approaches.calibration import BandedApproach, Calibration, LeftOut
-from crashfuse.approaches.displacement_domain.bias import (
-    BiasDraws,
-    BiasPart,
-    BiasPoints,
-    CaeForce,
-    CaeStop,
-    bijective_projection,
-    uniform_points,
-)  # fmt: skip
+from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPart, BiasPoints, CaeStop
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import PAST_CRUSH_M, PAST_SPEEDS_MPS, HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
@@ -30,7 +22,6 @@ from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.run import UNKEPT, Run, one_thread
 from crashfuse.signals.loading_phase import loading_phase
@@ -50,7 +41,7 @@ _NEARLY_ALL = 0.95  # of a correction; less is stated
 
 @dataclass(frozen=True, slots=True)
 class DisplacementConfig:
-    """Hyperparameters of the displacement-domain approach.
+    """Hyperparameters of the displacement-domain approach: by default a hierarchical Gaussian process.
 
     Bias points are as far apart as the vehicle comes at impact speed in ``step_s``, and while it stops this time: a CFC
     60 pulse contains little finer detail, and closer points would count as evidence.
@@ -65,7 +56,7 @@ class DisplacementConfig:
 
     @classmethod
     def fast(cls) -> Self:
-        """A hierarchical Gaussian process, about one second per fit."""
+        """About one second per fit."""
         return cls()
 
     @classmethod
@@ -115,7 +106,7 @@ def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> Bi
     """The CAE model's error in a test over displacement, at finer steps."""
     condition, speed = test.condition, test.condition.speed_mps
     phase = loading_phase(test.pulse.accel_mps2, speed)
-    return uniform_points(condition, phase, model.loading_curve(condition), step_m / speed, HierarchicalBias.end_share)
+    return BiasPoints.even(condition, phase, model.loading_curve(condition), step_m / speed, HierarchicalBias.end_share)
 
 
 class DisplacementDomain(BandedApproach):
@@ -144,8 +135,7 @@ class DisplacementDomain(BandedApproach):
     @classmethod
     def create(cls, settings: Settings) -> Self:
         """Table 4 under the paper's preset, else the hierarchical bias."""
-        config = DisplacementConfig.paper() if settings.preset == "paper" else DisplacementConfig.fast()
-        return cls(config, seed=settings.seed)
+        return cls(DisplacementConfig.paper() if settings.preset == "paper" else None, seed=settings.seed)
 
     def prepare(self, campaign: Campaign, conditions: Sequence[Condition], run: Run = UNKEPT) -> None:  # noqa: ARG002
         """Train the emulator of the CAE model."""
@@ -153,8 +143,7 @@ class DisplacementDomain(BandedApproach):
 
     def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Learn the bias from the campaign's tests."""
-        if not campaign.tests:
-            raise UsageError("The displacement domain learns from tests; this campaign has none.")
+        self._require_tests(campaign)
         campaign = self._seen(campaign)
         unloadings = self._begin(campaign, run)
         start = time.perf_counter()
@@ -226,7 +215,7 @@ class DisplacementDomain(BandedApproach):
         """Restore the hyperparameters, and condition on the tests again."""
         unloadings = self._begin(self._seen(campaign), run)
         with one_thread():
-            self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
+            self.rebound_ = Rebound().fit(unloadings, learned.part("rebound"))
             self.archive_, self.taught_ = str(learned.values["archive"]), bool(learned.values["taught"])
             if self.taught_ and campaign.prior is not None:
                 self.bias_ = HierarchicalBias(seed=self.seed, taught=campaign.prior.bias)
@@ -239,8 +228,8 @@ class DisplacementDomain(BandedApproach):
         condition = test.condition
         phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
         if self.config.bias == "table 4":
-            return bijective_projection(condition, phase, curve, self.config.projected_points)
-        return uniform_points(condition, phase, curve, self.config.step_s, self.bias_.end_share, self._most_points)
+            return BiasPoints.projected(condition, phase, curve, self.config.projected_points)
+        return BiasPoints.even(condition, phase, curve, self.config.step_s, self.bias_.end_share, self._most_points)
 
     def expected_points(self, condition: Condition) -> BiasPoints:
         """Where a test would show the bias if it crushed like the CAE model."""
@@ -273,9 +262,9 @@ class DisplacementDomain(BandedApproach):
         self, cae: CaeView, model: HierarchicalBias | Table4Bias, n_draws: int, rng: np.random.Generator
     ) -> BiasDraws:
         grid = cae.grid_m[::FINER]
-        force = CaeForce.at(grid, partial(cae.curve.accel_at, end_share=model.end_share))
+        moving = BiasPoints.moving(cae.condition, grid, cae.curve, model.end_share)
         stop = CaeStop(_SHARES, cae.curve.stopping_accel(_SHARES, model.end_share), cae.curve.phase.crush_m)
-        bias = model.sample(cae.condition, grid, force, stop, n_draws, rng)
+        bias = model.sample(moving, stop, n_draws, rng)
         if not cae.paired and self._paired:
             # The bias of tests without a paired run already includes the emulator's error, in each test's own part.
             # Only the share of tests with paired runs has to be added.
@@ -349,9 +338,8 @@ class DisplacementDomain(BandedApproach):
         return bias.common([self._crushing(test.condition, displacement_m) for test in tests])
 
     def _crushing(self, condition: Condition, displacement_m: FloatArray) -> BiasPoints:
-        accel_at = partial(self.model_.loading_curve(condition).accel_at, end_share=self.bias_.end_share)
-        cae = CaeForce.at(displacement_m, accel_at)
-        return BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae)
+        curve = self.model_.loading_curve(condition)
+        return BiasPoints.moving(condition, displacement_m, curve, self.bias_.end_share)
 
     def mended(self, condition: Condition, added: Callable[[FloatArray], FloatArray]) -> FloatArray:
         """CAE pulses at a condition with functions of displacement, shape (n, n_displacements), added: (n, 1250)."""

@@ -60,6 +60,52 @@ class BiasPoints:
     cae: CaeForce
     bias_mps2: FloatArray = field(default_factory=lambda: np.empty(0))  # not needed where it is to be predicted
 
+    @classmethod
+    def moving(cls, condition: Condition, displacement_m: FloatArray, curve: LoadingCurve, end_share: float) -> Self:
+        """Where a crash at a condition shows the bias before it stops."""
+        cae = CaeForce.at(displacement_m, partial(curve.accel_at, end_share=end_share))
+        return cls(condition, displacement_m, np.ones_like(displacement_m), cae)
+
+    @classmethod
+    def projected(cls, condition: Condition, test: LoadingPhase, curve: LoadingCurve, n_points: int) -> Self:
+        """Bijective projection of the CAE pulse on the test and the test on the CAE pulse (Eqs. 16 to 22).
+
+        There are ``n_points`` at the test's displacements (Eq. 18), then as many at the CAE's (Eq. 21), at even times.
+        """
+        cae = curve.phase
+        test_s = np.linspace(0.0, test.end_s, n_points)
+        cae_s = np.linspace(0.0, np.interp(test.crush_m, cae.displacement_m, cae.time_s), n_points)
+        at_test = np.interp(test_s, test.time_s, test.displacement_m)
+        at_cae = np.interp(cae_s, cae.time_s, cae.displacement_m)
+        displacement = np.concatenate([at_test, at_cae])  # Eq. 22
+        force = CaeForce.at(displacement, curve.accel_at)  # Eq. 16
+        return cls._of_test(condition, test, displacement, force)  # Eqs. 17, 19, 20
+
+    @classmethod
+    def even(
+        cls, condition: Condition, test: LoadingPhase, curve: LoadingCurve, step_s: float, end: float, most: float = inf
+    ) -> Self:
+        """Points from contact to the test's maximum crush, even in displacement and, while it stops, in time.
+
+        They are as far apart as the vehicle comes at impact speed in ``step_s``, or farther, for about ``most`` in all.
+        It stops below the share ``end`` of its impact speed; there the phases of CAE vehicle and test are aligned.
+        """
+        slow_m = test.displacement_at_speed(end)
+        slow_s, fast_s = float(np.interp(slow_m, test.displacement_m, test.time_s)), slow_m / condition.speed_mps
+        step_s = max(step_s, (fast_s + test.end_s - slow_s) / (most - 1))
+        fast = _evenly(0.0, slow_m, step_s * condition.speed_mps)
+        slow = np.interp(_evenly(slow_s, test.end_s, step_s), test.time_s, test.displacement_m)
+        displacement = np.unique(np.concatenate([fast, slow]))
+        shares = np.interp(displacement, test.displacement_m, test.speed_share)
+        cae = CaeForce.at(displacement, partial(curve.accel_at, end_share=end))
+        stopping = cae._replace(accel_mps2=cae.accel_mps2 + curve.stopping_accel(shares, end))
+        return cls._of_test(condition, test, displacement, stopping)
+
+    @classmethod
+    def _of_test(cls, condition: Condition, test: LoadingPhase, displacement_m: FloatArray, cae: CaeForce) -> Self:
+        shares = np.interp(displacement_m, test.displacement_m, test.speed_share)
+        return cls(condition, displacement_m, shares, cae, test.accel_at(displacement_m) - cae.accel_mps2)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BiasDraws:
@@ -91,43 +137,6 @@ class BiasPart:
     mean_mps2: FloatArray
     lower_mps2: FloatArray
     upper_mps2: FloatArray
-
-
-def bijective_projection(condition: Condition, test: LoadingPhase, curve: LoadingCurve, n_points: int) -> BiasPoints:
-    """Project the CAE pulse on the test and the test on the CAE pulse (Eqs. 16 to 22).
-
-    Returns ``n_points`` at the test's displacements (Eq. 18), then as many at the CAE's (Eq. 21), at even times.
-    """
-    cae = curve.phase
-    test_s = np.linspace(0.0, test.end_s, n_points)
-    cae_s = np.linspace(0.0, np.interp(test.crush_m, cae.displacement_m, cae.time_s), n_points)
-    at_test = np.interp(test_s, test.time_s, test.displacement_m)
-    at_cae = np.interp(cae_s, cae.time_s, cae.displacement_m)
-    displacement = np.concatenate([at_test, at_cae])  # Eq. 22
-    shares = np.interp(displacement, test.displacement_m, test.speed_share)
-    force = CaeForce.at(displacement, curve.accel_at)  # Eq. 16
-    bias = test.accel_at(displacement) - force.accel_mps2  # Eqs. 17, 19, 20
-    return BiasPoints(condition, displacement, shares, force, bias)
-
-
-def uniform_points(
-    condition: Condition, test: LoadingPhase, curve: LoadingCurve, step_s: float, end_share: float, most: float = inf
-) -> BiasPoints:
-    """Sample the bias from contact to the test's maximum crush: evenly in displacement, while it stops in time.
-
-    Points are as far apart as the vehicle comes at impact speed in ``step_s``, or farther, for about ``most`` in all.
-    It stops below ``end_share`` of its impact speed; there the phases of CAE vehicle and test are aligned.
-    """
-    slow_m = test.displacement_at_speed(end_share)
-    slow_s, fast_s = float(np.interp(slow_m, test.displacement_m, test.time_s)), slow_m / condition.speed_mps
-    step_s = max(step_s, (fast_s + test.end_s - slow_s) / (most - 1))
-    fast = _evenly(0.0, slow_m, step_s * condition.speed_mps)
-    slow = np.interp(_evenly(slow_s, test.end_s, step_s), test.time_s, test.displacement_m)
-    displacement = np.unique(np.concatenate([fast, slow]))
-    shares = np.interp(displacement, test.displacement_m, test.speed_share)
-    cae = CaeForce.at(displacement, partial(curve.accel_at, end_share=end_share))
-    cae = cae._replace(accel_mps2=cae.accel_mps2 + curve.stopping_accel(shares, end_share))
-    return BiasPoints(condition, displacement, shares, cae, test.accel_at(displacement) - cae.accel_mps2)
 
 
 def _evenly(first: float, last: float, step: float) -> FloatArray:

@@ -11,7 +11,7 @@ with the Matérn-5/2 correlation k in each group g of columns, an optional known
 to rows that agree in one column, such as the test number or the powertrain.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 
@@ -47,39 +47,25 @@ class Part:
 class Covariance:
     """Covariance between rows x, shape (n, n_columns + 1), and z, shape (m, n_columns + 1).
 
-    Distances and masks, which no hyperparameter changes, are computed once, and only between rows that a part links.
+    Distances and factors, which no hyperparameter changes, are computed once.
     """
 
     def __init__(self, parts: Sequence[Part], x: FloatArray, z: FloatArray) -> None:
-        self._shape = len(x), len(z)
         self._ends = np.cumsum([len(part.priors) for part in parts])
-        self._blocks = [_block(part, x, z) for part in parts]
+        self._factors = [_factor(part, x, z) for part in parts]
+        self._squares = [
+            [[np.subtract.outer(x[:, column], z[:, column]) ** 2 for column, _ in group] for group in part.groups]
+            for part in parts
+        ]
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
-        covariance = np.zeros(self._shape)
-        for where, term in self._linked_terms(log_hyperparameters):
-            covariance[where] += term
-        return covariance
+        return reduce(np.add, self.terms(log_hyperparameters))
 
-    def terms(self, logs: FloatArray) -> list[FloatArray]:
+    def terms(self, log_hyperparameters: FloatArray) -> list[FloatArray]:
         """Terms of the parts, shape (n, m) each."""
-        terms: list[FloatArray] = []
-        for where, term in self._linked_terms(logs):
-            terms.append(whole := np.zeros(self._shape))
-            whole[where] = term
-        return terms
-
-    def _linked_terms(self, logs: FloatArray) -> Iterator[tuple[tuple[slice, slice], FloatArray]]:
-        for (where, factor, squares), part_logs in zip(self._blocks, np.split(logs, self._ends[:-1]), strict=True):
-            yield where, _term(factor, squares, part_logs)[0]
-
-
-def _block(part: Part, x: FloatArray, z: FloatArray) -> tuple[tuple[slice, slice], FloatArray, list[list[FloatArray]]]:
-    rows, columns = _linked(part, x, z), _linked(part, z, x)
-    one, two = x[rows], z[columns]
-    squares = [[np.subtract.outer(one[:, column], two[:, column]) ** 2 for column, _ in group] for group in part.groups]
-    return (rows, columns), _factor(part, one, two), squares
+        logs = np.split(log_hyperparameters, self._ends[:-1])
+        return [_term(*part)[0] for part in zip(self._factors, self._squares, logs, strict=True)]
 
 
 class TrainingCovariance:
@@ -128,15 +114,6 @@ def _term(
         common = reduce(np.multiply, matern[:g] + matern[g + 1 :], scaled * slope)
         derivatives.extend(common * share for share in group)
     return term, derivatives
-
-
-def _linked(part: Part, x: FloatArray, z: FloatArray) -> slice:
-    """The rows of x from the first to the last that a part can link to any of z."""
-    linked = np.ones(len(x), dtype=bool) if part.times is None else x[:, part.times] != 0
-    if part.same is not None:
-        linked &= np.isin(x[:, part.same], z[:, part.same])
-    numbers = np.flatnonzero(linked)
-    return slice(numbers[0], numbers[-1] + 1) if numbers.size else slice(0)
 
 
 def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:

@@ -82,10 +82,10 @@ def cae_events(campaign: Campaign, window_ms: float) -> CaeEvents:
     """Find what to mend in the CAE model by the hierarchical bias of all tests of a campaign."""
     domain, _ = DisplacementDomain().fitted(campaign, Run.of(campaign))
     with one_thread():
-        return _found(domain, campaign.evenly_over_speed(MOST_TESTS).tests, window_ms)
+        return _events_of(domain, campaign.evenly_over_speed(MOST_TESTS).tests, window_ms)
 
 
-def _found(domain: DisplacementDomain, tests: Sequence[CrashTest], window_ms: float) -> CaeEvents:
+def _events_of(domain: DisplacementDomain, tests: Sequence[CrashTest], window_ms: float) -> CaeEvents:
     stops = [points.speed_share < HierarchicalBias.end_share for points in domain.points_]
     ends = np.array([p.displacement_m[~stop].max() for p, stop in zip(domain.points_, stops, strict=True)])
     edges = np.arange(round(ends.max() / _CELL_M) + 1) * _CELL_M
@@ -111,7 +111,17 @@ def _found(domain: DisplacementDomain, tests: Sequence[CrashTest], window_ms: fl
         share = gain / (whole - cae) if whole > cae else np.nan
         ranked.append(replace(event, rating_alone=alone, rating_but=but, gain=gain, share=share))
     ranked.sort(key=lambda event: -event.gain)
-    return CaeEvents(tuple(ranked), tuple(tests), middles, force, window_ms, cae, mended, whole, len(recorded))
+    return CaeEvents(
+        events=tuple(ranked),
+        tests=tuple(tests),
+        displacement_m=middles,
+        force_n=force,
+        window_ms=window_ms,
+        rating_cae=cae,
+        rating_mended=mended,
+        rating_all=whole,
+        n_rated=len(recorded),
+    )
 
 
 def _steps(force: FloatArray) -> Iterator[slice]:
@@ -155,9 +165,20 @@ def _events(
         fastest = max(showing, key=lambda test: test.condition.speed_mps)
         phase = domain.model_.loading_curve(fastest.condition).phase
         from_s, to_s = np.interp(edges, phase.displacement_m, phase.time_s).tolist()
-        ids, there = (tuple(test.id for test in of) for of in (showing, reached))
-        size_n, place = (middle, middle - reach, middle + reach), (float(edges[0]), float(edges[1]), from_s, to_s)
-        yield CaeEvent(*place, fastest.id, *size_n, probability, conditions, ids, there)
+        yield CaeEvent(
+            from_m=float(edges[0]),
+            to_m=float(edges[1]),
+            from_s=from_s,
+            to_s=to_s,
+            timed_in=fastest.id,
+            force_n=middle,
+            lower_n=middle - reach,
+            upper_n=middle + reach,
+            probability=probability,
+            conditions=conditions,
+            tests=tuple(test.id for test in showing),
+            reached=tuple(test.id for test in reached),
+        )
 
 
 def _conditions(reached: Sequence[CrashTest], shows: npt.NDArray[np.bool_]) -> str:

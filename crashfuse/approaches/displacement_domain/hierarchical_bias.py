@@ -205,24 +205,15 @@ class HierarchicalBias:
         trend, humps = cae.trend_mps2 / FORCE_UNIT, (cae.accel_mps2 - cae.trend_mps2) / FORCE_UNIT
         return np.column_stack([points.displacement_m, x, trend, humps, share, stopping, alike])
 
-    def sample(
-        self,
-        condition: Condition,
-        displacement_m: FloatArray,
-        cae: CaeForce,
-        stop: CaeStop,
-        n_draws: int,
-        rng: np.random.Generator,
-    ) -> BiasDraws:
+    def sample(self, moving: BiasPoints, stop: CaeStop, n_draws: int, rng: np.random.Generator) -> BiasDraws:
         """Mean and draws (Student's t) of a new test's bias with its specific deviation and stop, without noise."""
-        moving = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)
-        stopping = self._rows(BiasPoints(condition, crush, stop.speed_share, hump), crushing=False)
-        rows = np.vstack([moving, stopping])
+        stopping = BiasPoints(moving.condition, crush, stop.speed_share, hump)
+        rows = np.vstack([self._rows(moving), self._rows(stopping, crushing=False)])
         mean, covariance = self.process_.posterior(rows)
         mean += self._expected(rows)
         functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
-        return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
+        return BiasDraws(*np.split(functions, [moving.displacement_m.size], axis=1))
 
     def common(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance of new tests' bias before their stop, one after the other, without specific parts."""

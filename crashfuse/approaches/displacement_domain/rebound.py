@@ -94,21 +94,17 @@ class Rebound:
     process_: GaussianProcess | None  # None if no test stops early enough to show a rebound
     freedom_: int  # degrees of freedom of the draws
 
-    def fit(self, tests: Sequence[Unloading]) -> Self:
-        """Fit to tests; those whose record ends at zero velocity are skipped."""
-        x, y = self._rows_of(tests)
-        self.process_ = GaussianProcess(_PARTS, _NOISE).fit(x, y) if len(x) else None
+    def fit(self, tests: Sequence[Unloading], learned: FittedState | None = None) -> Self:
+        """Fit to tests, or restore what was learned from them; those whose record ends at zero velocity are skipped."""
+        (x, y), process = self._rows_of(tests), GaussianProcess(_PARTS, _NOISE)
+        self.process_ = None
+        if len(x):
+            self.process_ = process.fit(x, y) if learned is None else process.restore(x, y, learned)
         return self
 
     def learned(self) -> FittedState:
         """The hyperparameters."""
         return FittedState({}, {}) if self.process_ is None else self.process_.learned()
-
-    def restore(self, tests: Sequence[Unloading], learned: FittedState) -> Self:
-        """Restore hyperparameters that were learned from these tests."""
-        x, y = self._rows_of(tests)
-        self.process_ = GaussianProcess(_PARTS, _NOISE).restore(x, y, learned) if len(x) else None
-        return self
 
     def _rows_of(self, tests: Sequence[Unloading]) -> tuple[FloatArray, FloatArray]:
         x: list[FloatArray] = [np.empty((0, _LATE + 2))]

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from crashfuse.approaches.base import FittedState, draw
-from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints, CaeForce, CaeStop
-from crashfuse.condition import Condition
+from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints, CaeStop
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 
@@ -84,7 +83,7 @@ class Table4Bias:
         return self
 
     def _fit(self, process: "GaussianProcessRegressor", tests: Sequence[BiasPoints]) -> None:
-        x = np.concatenate([_columns(test.condition, test.displacement_m) for test in tests])
+        x = np.concatenate([_columns(test) for test in tests])
         y = np.concatenate([test.bias_mps2 for test in tests])
         self.centre_ = x.mean(axis=0)
         self.spread_ = np.where((spread := x.std(axis=0)) > 0, spread, 1.0)
@@ -92,17 +91,9 @@ class Table4Bias:
         noise_alone = -0.5 * y.size * (np.log(2 * np.pi * max(np.mean(y**2), _ALPHA)) + 1)
         self.dead_ = bool(self.process_.log_marginal_likelihood_value_ < noise_alone + _DEAD * y.size)
 
-    def sample(
-        self,
-        condition: Condition,
-        displacement_m: FloatArray,
-        cae: CaeForce,  # noqa: ARG002 - common to all bias models
-        stop: CaeStop,
-        n_draws: int,
-        rng: np.random.Generator,
-    ) -> BiasDraws:
+    def sample(self, moving: BiasPoints, stop: CaeStop, n_draws: int, rng: np.random.Generator) -> BiasDraws:
         """Mean and draws at displacements (Eqs. 26 and 27); zero over velocity, which is not in Table 4."""
-        x = (_columns(condition, displacement_m) - self.centre_) / self.spread_
+        x = (_columns(moving) - self.centre_) / self.spread_
         mean, covariance = self.process_.predict(x, return_cov=True)
         functions = np.vstack([mean, draw(mean, covariance, n_draws, rng)])
         return BiasDraws(functions, np.zeros((1 + n_draws, stop.speed_share.size)))
@@ -134,5 +125,5 @@ def _kernel(variance: float, lengths: FloatArray) -> "Product":
     return ConstantKernel(variance, _BOUNDS) * Matern(lengths, _BOUNDS, nu=1.5)
 
 
-def _columns(condition: Condition, displacement_m: FloatArray) -> FloatArray:
-    return np.column_stack([displacement_m, np.tile(condition.vector, (displacement_m.size, 1))])
+def _columns(points: BiasPoints) -> FloatArray:
+    return np.column_stack([points.displacement_m, np.tile(points.condition.vector, (points.displacement_m.size, 1))])

@@ -18,7 +18,6 @@ from crashfuse.approaches.time_domain.tangent_kernel import KernelBlocks
 from crashfuse.approaches.time_domain.training import Checkpoint, fine_tune, load_weights, mean_outputs, weights_of
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.run import UNKEPT, Run, one_thread
 from crashfuse.signals.pulse import FloatArray
@@ -44,8 +43,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
 
     def fit(self, campaign: Campaign, run: Run = UNKEPT) -> Self:
         """Fine-tune the LF networks on the tests, after training them if they are not in the cache."""
-        if not campaign.tests:
-            raise UsageError("The time domain learns from tests; this campaign has none.")
+        self._require_tests(campaign)
         campaign = self._seen(campaign)
         accel = self._begin(campaign, self._lf().fit(campaign, run), run)
         if self.config.tuning == "gradient":

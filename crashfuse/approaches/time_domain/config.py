@@ -1,6 +1,6 @@
 """Hyperparameters of the time domain, and what its approaches say of themselves: known without PyTorch."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Literal, Self
 
 from crashfuse.approaches.base import Approach
@@ -46,11 +46,10 @@ class TcnConfig:
     @classmethod
     def paper(cls) -> Self:
         """Table 2 as published, 1000 epochs; one residual block, so one dilation, 1. For a GPU."""
-        return cls(
-            channels=600, kernel=20, dilations=(1,), dropout=0.05, stride=1, time_waves=0, travel_waves=0,
-            velocity_waves=0, scale_floor=1.0, batch=32, epochs=1000, min_steps=0, max_runs=0, learning_rate=3e-4,
-            annealing_epochs=100, members=1, tuning="gradient",
-        )  # fmt: skip
+        network = cls(channels=600, kernel=20, dilations=(1,), dropout=0.05, stride=1, scale_floor=1.0, members=1)
+        inputs = replace(network, time_waves=0, travel_waves=0, velocity_waves=0)
+        length = replace(inputs, batch=32, epochs=1000, min_steps=0, max_runs=0)
+        return replace(length, learning_rate=3e-4, annealing_epochs=100, tuning="gradient")
 
     @property
     def lf_settings(self) -> dict[str, object]:

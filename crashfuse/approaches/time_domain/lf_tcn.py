@@ -37,7 +37,7 @@ class TcnApproach(Approach):
     @classmethod
     def create(cls, settings: Settings) -> Self:
         """Create it with Table 2 under the paper's preset, else with the small networks."""
-        config = TcnConfig.paper() if settings.preset == "paper" else TcnConfig.fast()
+        config = TcnConfig.paper() if settings.preset == "paper" else None
         return cls(config, seed=settings.seed, device=settings.device)
 
     @property
@@ -68,8 +68,8 @@ class LfTcn(AboutLfTcn, TcnApproach):
 
         def compute() -> tuple[Approach, Entry]:
             vectors, accel = self._begin(cae)
-            checkpoint, device = Checkpoint(run, {**key, "training": _KIND}), torch.device(self.device)
-            self.network_, self.losses_ = train(vectors, accel, self.scaling_, self.seed, device, checkpoint)
+            checkpoint = Checkpoint(run, {**key, "training": _KIND})
+            self.network_, self.losses_ = train(vectors, accel, self.scaling_, self.seed, self.device, checkpoint)
             return self, self.learned().arrays
 
         run.get_or_compute(_KIND, key, compute, lambda entry: self.restore(campaign, FittedState({}, entry)))

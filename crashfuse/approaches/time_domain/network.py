@@ -31,10 +31,10 @@ class Tcn(nn.Module):
     def __init__(self, config: TcnConfig, generator: torch.Generator, members: int | None = None) -> None:
         super().__init__()
         members = config.members if members is None else members
-        widths = [config.n_inputs] + [config.channels] * len(config.dilations)
+        widths = [config.n_inputs] + [config.channels] * (len(config.dilations) - 1)
         self.blocks = nn.ModuleList(
-            ResidualBlock(members, widths[i], widths[i + 1], config.kernel, dilation, config.dropout, generator)
-            for i, dilation in enumerate(config.dilations)
+            ResidualBlock(config, members, n_in, dilation, generator)
+            for n_in, dilation in zip(widths, config.dilations, strict=True)
         )
         self.head = CausalConv(members, config.channels, 1, 1, 1, generator)
 
@@ -73,21 +73,13 @@ class Tcn(nn.Module):
 class ResidualBlock(nn.Module):
     """Fig. 4: convolution, ReLU and spatial dropout, twice, beside a shortcut that matches the channels."""
 
-    def __init__(
-        self,
-        members: int,
-        n_in: int,
-        n_out: int,
-        kernel: int,
-        dilation: int,
-        dropout: float,
-        generator: torch.Generator,
-    ) -> None:
+    def __init__(self, config: TcnConfig, members: int, n_in: int, dilation: int, generator: torch.Generator) -> None:
         super().__init__()
+        n_out, kernel = config.channels, config.kernel
         self.first = CausalConv(members, n_in, n_out, kernel, dilation, generator)
         self.second = CausalConv(members, n_out, n_out, kernel, dilation, generator)
         self.shortcut = nn.Identity() if n_in == n_out else CausalConv(members, n_in, n_out, 1, 1, generator)
-        self._dropout, self._generator = dropout, generator
+        self._dropout, self._generator = config.dropout, generator
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Map sequences of shape (n_members, n_times, n_pulses, n_in) to as many of n_out channels."""
@@ -130,10 +122,8 @@ class CausalConv(nn.Module):
         n_times, n_pulses = inputs.shape[1:3]
         sequences = inputs.permute(2, 0, 3, 1).reshape(n_pulses, members * n_in, n_times)
         weights = self.weight.permute(0, 3, 2, 1).reshape(members * n_out, n_in, kernel)
-        convolved = functional.conv1d(
-            functional.pad(sequences, (self.lags[0], 0)), weights, self.bias.flatten(), dilation=self._dilation,
-            groups=members,
-        )  # fmt: skip
+        padded, biases = functional.pad(sequences, (self.lags[0], 0)), self.bias.flatten()
+        convolved = functional.conv1d(padded, weights, biases, dilation=self._dilation, groups=members)
         return convolved.view(n_pulses, members, n_out, n_times).permute(1, 3, 0, 2)
 
 

@@ -199,16 +199,15 @@ def mean_outputs(network: Tcn, inputs: Tensor) -> FloatArray:
 
 
 def train(
-    vectors: FloatArray, accel_mps2: FloatArray, scaling: Scaling, seed: int, device: torch.device,
-    checkpoint: Checkpoint,
-) -> tuple[Tcn, FloatArray]:  # fmt: skip
+    vectors: FloatArray, accel_mps2: FloatArray, scaling: Scaling, seed: int, device: str, checkpoint: Checkpoint
+) -> tuple[Tcn, FloatArray]:
     """Train the LF networks on CAE runs, conditions of shape (n_runs, 3) and pulses of shape (n_runs, 1250).
 
     Also returns the mean square error (Eq. 5) of training and validation, shape (n_members, n_epochs, 2).
     """
     config, inputs = scaling.config, scaling.inputs(vectors).to(device)
     targets = scaling.targets(vectors, accel_mps2).to(device)
-    together = _SIDE_BY_SIDE if device.type == "cpu" else config.members
+    together = _SIDE_BY_SIDE if device == "cpu" else config.members
     networks, objectives = [], []
     for first in range(0, config.members, together):
         generator = torch.Generator().manual_seed(_mixed(seed, first))

@@ -41,7 +41,6 @@ _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "tria
 _MAX_RUNS = 600  # more points only fill the same cloud
 _CHECKED = _AGREES = "#0072B2"
 _DISAGREES, _INTERVAL = "#D55E00", "#868D98"
-_NONE = "No test was left out: nothing to compare with."
 
 
 def verdict_matrix(
@@ -164,7 +163,11 @@ def reliability(record: TrackRecord) -> Drawing:
     axis = Look(range=[-0.09, 1.09], tickvals=[0, 0.2, 0.4, 0.6, 0.8, 1], zeroline=False)
     drawing = drawing_of_points(440, "Probability given in advance", **axis)
     if not record.reliability:
-        return _said(drawing, "No left-out test lies inside what the others check." if record.trials else _NONE)
+        drawing.note("No left-out test lies inside what the others check.", 0.5, 0.5)
+        drawing.update(showlegend=False)
+        for name in "xy":
+            drawing.axis(name, visible=False)
+        return drawing
     drawing.points([0, 1], [0, 1], **PROMISED)
     for name, colour, symbol, holds in (
         ("Within its bounds", _AGREES, "circle", True),
@@ -195,9 +198,7 @@ def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: D
     trials.sort(key=lambda trial: trial.verdict.condition.speed_mps)
     tests = list(dict.fromkeys(trial.held_out for trial in trials))
     places = Look(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=[*map(tick_name, tests)])
-    drawing = drawing_of_points(max(120 + 210 * len(criteria), 330), **(places if criteria else {}))
-    if not criteria:
-        return _said(drawing, _NONE)
+    drawing = drawing_of_points(max(120 + 210 * len(criteria), 330), **places)
     stack(drawing, len(criteria), 0.24 / (len(criteria) + 0.6))
     for row, criterion in enumerate(criteria, start=1):
         own = [trial for trial in trials if trial.verdict.criterion == criterion]
@@ -261,11 +262,3 @@ def _told(trial: Trial, display: Display) -> str:
             f"verdict: {verdict.word}{', wrong' * trial.wrong}",
         ]
     )
-
-
-def _said(drawing: Drawing, words: str) -> Drawing:
-    drawing.note(words, 0.5, 0.5)
-    drawing.update(showlegend=False)
-    for axis in "xy":
-        drawing.axis(axis, visible=False)
-    return drawing

@@ -1,6 +1,6 @@
 """Curves common to figures over any axis: a test with its predictions, whatever is put beside, and tests by speed."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from textwrap import shorten, wrap
@@ -22,6 +22,8 @@ POINTWISE, WHOLE = "95 of 100 tests inside at each point", "9 of 10 tests inside
 
 Band = tuple[FloatArray, FloatArray, FloatArray]
 Predictions = Mapping[str, Prediction]  # by approach, or another name in the legend
+NONE: Predictions = {}
+StyledTests = Sequence[tuple[CrashTest, dict[str, Any]]]
 
 
 class LegendName(str):
@@ -104,23 +106,21 @@ def curve_lines(names: Collection[str]) -> dict[str, dict[str, Any]]:
 
 def by_speed(
     tests: Sequence[CrashTest],
-    highlight: str | None = None,
     display: Display = DEFAULT,
+    *,
+    highlight: str | None = None,
     speeds_mps: Mapping[str, float] | None = None,
-) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
+) -> StyledTests:
     """Tests by increasing speed, each with its name and its style among all speeds; the highlight is thick."""
-    styles = speed_lines(speeds_mps or {test.id: test.condition.speed_mps for test in tests})
-    for test in sorted(tests, key=lambda test: test.condition.speed_mps):
-        thick = test.id == highlight
-        yield (
-            test,
-            {
-                "name": f"{test.id} · {display.speed(test.condition.speed_mps)}" + (" (held out)" if thick else ""),
-                **styles[test.id],
-                "line": {**styles[test.id]["line"], "width": 4 if thick else 1.7},
-                "legendgroup": test.id,  # in a group of its own, each name is spaced as closely as possible
-            },
-        )
+    lines = speed_lines(speeds_mps or {test.id: test.condition.speed_mps for test in tests})
+
+    def style(test: CrashTest) -> dict[str, Any]:
+        width, words = (4, " (held out)") if test.id == highlight else (1.7, "")
+        name, line = f"{test.id} · {display.speed(test.condition.speed_mps)}{words}", lines[test.id]
+        # in a group of its own, each name is spaced as closely as possible
+        return {**line, "name": name, "line": {**line["line"], "width": width}, "legendgroup": test.id}
+
+    return [(test, style(test)) for test in sorted(tests, key=lambda test: test.condition.speed_mps)]
 
 
 def label(name: str) -> str:

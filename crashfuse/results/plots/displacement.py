@@ -16,6 +16,7 @@ from crashfuse.results.plots.curves import (
     TEST,
     Curve,
     Predictions,
+    StyledTests,
     by_speed,
     curve_line,
     curve_lines,
@@ -139,7 +140,7 @@ def _mark_crush(drawing: Drawing, name: str, curve: Curve, colour: str, crush: M
         interval["error_x_array"] = [None if crush.upper is None else crush.upper - end]
         interval["error_x_arrayminus"] = [None if crush.lower is None else end - crush.lower]
         interval["numbers"] = {"x_lower": [crush.lower], "x_upper": [crush.upper]}
-    legend = f"Maximum crush {f'{end:.1f}' if crush is None else crush.text} mm"
+    legend = f"Maximum crush {f'{end:.1f} mm' if crush is None else crush.text_with_unit}"
     drawing.line(
         curve.x[-1:], curve.y[-1:], name=f"{label(name)}: {legend}", legend=legend, legendgroup=name, showlegend=False,
         mode="markers", marker_color=colour, marker_size=8, hovertemplate=" ", **interval,
@@ -158,19 +159,11 @@ _PARTS: Mapping[str, str] = {
 _IN_A_ROW = 3  # with more, the titles overlap on a narrow page
 
 
-def bias_by_speed(
-    tests: Sequence[CrashTest],
-    biases: Sequence[BiasPoints],
-    *,
-    speeds_mps: Mapping[str, float] | None = None,
-    highlight: str | None = None,
-    display: Display = DEFAULT,
-) -> Drawing:
+def bias_by_speed(tests: StyledTests, biases: Mapping[str, BiasPoints], display: Display = DEFAULT) -> Drawing:
     """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16)."""
     drawing = _over_displacement(height_under_names(len(tests)))
-    of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
-    for test, style in by_speed(tests, highlight, display, speeds_mps):
-        bias = of_test[test.id]
+    for test, style in tests:
+        bias = biases[test.id]
         drawing.line(bias.displacement_m / _MM, bias.bias_mps2 * display.accel_scale, **style)
     drawing.axis("y", _BIAS, display.unit)
     return _fitted(drawing)
@@ -187,7 +180,7 @@ def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str |
         )  # fmt: skip
         drawing.note(f"<b>{rank}</b>", ends_mm.mean(), force_kn[0], "y", yshift=10 * np.sign(event.force_n))
     forces = dict(zip(found.tests, found.force_n / _KN, strict=True))
-    for test, style in by_speed(found.tests, highlight, display):
+    for test, style in by_speed(found.tests, display, highlight=highlight):
         drawing.line(found.displacement_m / _MM, forces[test], **style)
     drawing.axis("y", "Force, test − CAE", "kN")
     return _fitted(drawing)

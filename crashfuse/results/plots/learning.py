@@ -84,10 +84,12 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> Dr
             drawing.band(sizes, low, high, colour=colour, showlegend=False)
         _ratings(drawing, even, f"{LABELS[name]}, evenly over speed", colour, "circle", -_SHIFT)
         _ratings(drawing, random, f"{LABELS[name]}, at random", colour, "circle-open", _SHIFT)
-        half_width, hover = even["half_width_g"] * display.units.factor("g"), "%{customdata:.0f} % of a(t) inside"
-        _below(drawing, even, half_width, name, "y2", f"± %{{y:.1f}} {unit}, {hover}", 100 * even["inside"].to_numpy())
+        half_width, inside = even["half_width_g"] * display.units.factor("g"), 100 * even["inside"].to_numpy()
+        hover = f"± %{{y:.1f}} {unit}, %{{customdata:.0f}} % of a(t) inside"
+        _below(drawing, even["n_tests"], half_width, name, hover, Look(yaxis="y2", customdata=inside))
         if "decided" in even:
-            _below(drawing, even, 100 * even["decided"], name, "y3", "%{y:.0f} % of verdicts decided")
+            hover = "%{y:.0f} % of verdicts decided"
+            _below(drawing, even["n_tests"], 100 * even["decided"], name, hover, Look(yaxis="y3"))
     _expect(drawing, curve)
     drawing.rule("x", n, colour=CURSOR, dash="dot")
     drawing.note(f"all {n} tests", n, 1, "y domain", xanchor="left", yanchor="top")
@@ -106,19 +108,11 @@ def _ratings(drawing: Drawing, rows: pd.DataFrame, name: str, colour: str, symbo
     )  # fmt: skip
 
 
-def _below(
-    drawing: Drawing,
-    rows: pd.DataFrame,
-    values: pd.Series,
-    name: str,
-    yaxis: str,
-    hover: str,
-    customdata: object = None,
-) -> None:
+def _below(drawing: Drawing, sizes: pd.Series, values: pd.Series, name: str, hover: str, look: Look) -> None:
     if not values.isna().all():
         hover = f"%{{x:.0f}} tests: {hover}<extra>{LABELS[name]}</extra>"
-        look = _MARKED | Look(name=LABELS[name], showlegend=False, line_color=COLOURS[name], hovertemplate=hover)
-        drawing.points(rows["n_tests"].to_numpy(), values.to_numpy(), yaxis=yaxis, customdata=customdata, **look)
+        look |= _MARKED | Look(name=LABELS[name], showlegend=False, line_color=COLOURS[name], hovertemplate=hover)
+        drawing.points(sizes.to_numpy(), values.to_numpy(), **look)
 
 
 def _expect(drawing: Drawing, curve: LearningCurve) -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from crashfuse.approaches.base import WHOLE_S, Prediction, central_interval
+from crashfuse.approaches.base import WHOLE_S, central_interval
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.crash_test import CrashTest
 from crashfuse.importing.pulse_conversion import Settled
@@ -15,11 +15,12 @@ from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.drawing import Drawing, Look, Sheer, Values
 from crashfuse.results.plots import canvas
 from crashfuse.results.plots.curves import (
+    NONE,
     TEST,
     Band,
     Curve,
     Predictions,
-    by_speed,
+    StyledTests,
     curve_line,
     draw_curves,
     with_filled_band,
@@ -111,17 +112,11 @@ def add_corridors(drawing: Drawing, measured: Pulse, display: Display = DEFAULT)
 
 
 def measured_pulses(
-    tests: Sequence[CrashTest],
-    *,
-    speeds_mps: Mapping[str, float] | None = None,
-    highlight: str | None = None,
-    cfc: float | None = None,
-    display: Display = DEFAULT,
-    further: Mapping[str, Prediction] = {},
+    tests: StyledTests, display: Display = DEFAULT, *, cfc: float | None = None, further: Predictions = NONE
 ) -> Drawing:
     """Draw tests, coloured by their speeds among all; with a filter class the curves as read are thin behind."""
     drawing = canvas.new_drawing(canvas.height_under_names(len(tests) + len(further)))
-    for test, style in by_speed(tests, highlight, display, speeds_mps):
+    for test, style in tests:
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
         if cfc is not None:
             line = {**style["line"], "dash": "solid", "width": 1}
@@ -132,12 +127,10 @@ def measured_pulses(
     return _with_further(drawing, further, display)
 
 
-def wall_forces(
-    tests: Sequence[CrashTest], *, speeds_mps: Mapping[str, float] | None = None, display: Display = DEFAULT
-) -> Drawing:
+def wall_forces(tests: StyledTests) -> Drawing:
     """Draw the barrier's force on tests that have it, and dotted their mass times deceleration."""
     drawing = canvas.new_drawing(canvas.height_under_names(2 * len(tests)))
-    for test, style in by_speed(tests, None, display, speeds_mps):
+    for test, style in tests:
         if (wall := test.wall) is not None:
             drawing.line(wall.time_s / MS, wall.force_n / KN, **style)
             force = -test.condition.mass_kg * test.pulse.accel_mps2 / KN
@@ -149,12 +142,7 @@ def wall_forces(
 
 
 def library_band(
-    library: CaeLibrary,
-    tests: Sequence[CrashTest] = (),
-    *,
-    speeds_mps: Mapping[str, float] | None = None,
-    display: Display = DEFAULT,
-    further: Mapping[str, Prediction] = {},
+    library: CaeLibrary, tests: StyledTests = (), display: Display = DEFAULT, *, further: Predictions = NONE
 ) -> Drawing:
     """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top."""
     drawing = canvas.new_drawing(canvas.height_under_names(len(tests) + len(further)))
@@ -162,10 +150,10 @@ def library_band(
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale
     drawing.band(_GRID_MS, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs")
     drawing.line(_GRID_MS, median, name="Median run", line_color=COLOURS["cae"], line_width=2.5)
-    for test, style in by_speed(tests, None, display, speeds_mps):
+    for test, style in tests:
         if (run := library.paired_run(test.condition)) is not None:
-            style["name"] = f"{library.ids[run]} · {display.speed(test.condition.speed_mps)}"
-            drawing.line(_GRID_MS, library.accel_mps2[run] * display.accel_scale, **style)
+            name = f"{library.ids[run]} · {display.speed(test.condition.speed_mps)}"
+            drawing.line(_GRID_MS, library.accel_mps2[run] * display.accel_scale, **{**style, "name": name})
     return _with_further(drawing, further, display)
 
 

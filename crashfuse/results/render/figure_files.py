@@ -269,4 +269,4 @@ def _add_table(slide: Any, rows: Sequence[Sequence[str]]) -> None:  # noqa: ANN4
         table.rows[number].height = Inches(0.25)
         for cell, text in zip(table.rows[number].cells, row, strict=True):
             cell.text, cell.margin_top, cell.margin_bottom = text, 0, 0
-            cell.text_frame.paragraphs[0].font.size = Pt(11)
+            cell.text_frame.paragraphs[0].font.size = Pt(10)

@@ -1,8 +1,7 @@
-"""The acceptance criteria: those of the campaign, an uploaded file's, or typed in, a row each."""
+"""The acceptance criteria: those of the campaign, an uploaded file's, or typed in."""
 
 from contextlib import suppress
 from dataclasses import asdict
-from functools import partial
 from typing import Any, Literal
 
 import streamlit as st
@@ -21,7 +20,16 @@ from crashfuse.certification.criteria import (
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
-from crashfuse.ui.certify.entry import SEPARATOR, Field, edit_rows, parts_of, show_wrong, upload, uploaded
+from crashfuse.ui.certify.entry import (
+    SEPARATOR,
+    Field,
+    edit_table,
+    parts_of,
+    require_few,
+    show_wrong,
+    upload,
+    uploaded,
+)
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import kept
 from crashfuse.ui.kit.campaigns import View
@@ -49,9 +57,10 @@ def criteria_asked(view: View) -> Criteria | None:
     with suppress(DataError):  # which the criteria tell below
         usual = with_costs(usual, costs)
     address.default("confidence", usual.confidence)
-    if state["criteria"]:
+    if rows := [row for text in state["criteria"] if (row := _row(text))]:
         confidence = usual.declared if state["confidence"] == usual.confidence else state["confidence"]
-        return criteria_of([_row(text) for text in state["criteria"]], confidence, costs or None)
+        require_few(rows, "the criteria")
+        return criteria_of(rows, confidence, costs or None)
     if wrong is not None:
         raise wrong
     return None
@@ -66,19 +75,17 @@ def choose_criteria(view: View) -> Criteria | None:
         criteria, wrong = None, error
     labels = {name: view.display.title(label, METRIC_UNITS.get(name, "")) for name, label in _METRICS.items()}
 
-    def fields(parts: list[str]) -> list[Field | None]:
-        factor = units.factor(METRIC_UNITS.get(parts[0], ""))
-        return [
-            Field("Metric", labels, clears=(1, 2, 3, 4, 5)),
-            Field("Window (ms)", factor=1.0, help="Of a rating.") if parts[0] == RATING or parts[1] else None,
-            Field("At least", factor=factor, help="In the unit of the metric."),
-            Field("At most", factor=factor),
-            Field("Name", help="Yours to choose; else the metric’s."),
-            None,
-        ]
+    def factor(row: list[str]) -> float:
+        return units.factor(METRIC_UNITS.get(row[0], ""))
 
-    with st.container(gap="xsmall"):
-        edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5, 0), fields, units)
+    fields = {
+        0: Field("Metric", options=labels),
+        1: Field("Window (ms)", "Of a rating.", factor=lambda _: 1.0),
+        2: Field("At least", "In the unit of the metric.", factor),
+        3: Field("At most", "In the unit of the metric.", factor),
+        4: Field("Name", "Yours to choose; else the metric’s."),
+    }
+    edit_table("criteria", fields, [""] * len(_FIELDS), units, deciding=0)
 
     def start(rows: list[dict[str, Any]]) -> None:
         state["criteria"] = [_text(row) for row in rows]
@@ -91,9 +98,6 @@ def choose_criteria(view: View) -> Criteria | None:
             st.number_input(label, value=None, **kept(key, **look))
         names = tuple(APPROACHES)
         st.selectbox("Approach that is judged", names, format_func=LABELS.__getitem__, width=210, **kept("approach"))
-        another = _text({"metric": RATING if any(RATING in text for text in state["criteria"]) else MAIN_METRICS[0]})
-        add = partial(state.update, criteria=[*state["criteria"], another])
-        st.button("Add a criterion", icon=":material/add:", on_click=add)
         kind: Literal["secondary", "primary"] = "secondary" if criteria else "primary"
         st.button("Limits of these tests", type=kind, on_click=lambda: start(limits_of_tests(view.campaign, units)))
         st.button("Good ratings", on_click=start, args=(ratings_wanted(),))
@@ -105,7 +109,7 @@ def choose_criteria(view: View) -> Criteria | None:
     if wrong is not None:
         show_wrong(wrong)
     elif criteria is None:
-        st.info("No criteria yet: start with limits of these tests, or add your own.", icon=":material/edit:")
+        st.info("No criteria yet: start with limits of these tests, or fill in the table.", icon=":material/edit:")
     return criteria
 
 

@@ -1,46 +1,69 @@
-"""What the page Certify is given: rows typed in field by field, uploaded files, and what is wrong with either."""
+"""What the page Certify is given: rows typed or pasted into a table, uploaded files, and what is wrong with either."""
 
 import math
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Literal, TypeVar
 
+import pandas as pd
 import streamlit as st
+from streamlit.elements.lib.column_types import ColumnConfig
 
 from crashfuse.certification import file_store
-from crashfuse.errors import CrashfuseError, DataError, UsageError, shortened
+from crashfuse.errors import CrashfuseError, DataError, UsageError, refuse_if, shortened
+from crashfuse.files.csv_text import neutral
 from crashfuse.ui.kit.text import plain
 from crashfuse.units import UnitSystem
 
 T = TypeVar("T")
 SEPARATOR = "~"  # between the fields of a row, kept as a text
+_LONGEST, _WIDE, _MOST_ROWS = 100, 30, 1000  # of a text; of one that needs room; of rows, which stand in the address
 
 
-class Field(NamedTuple):
-    """A field of a row; ``factor`` leads from the number kept to the one shown, ``clears`` has places to be emptied."""
+@dataclass(frozen=True)
+class Field:
+    """A column of a table to be filled in."""
 
     label: str
-    options: dict[str, str] | None = None
-    factor: float | None = None
     help: str | None = None
-    clears: Sequence[int] = ()
+    factor: Callable[[list[str]], float] | None = None  # of a number: by the row, from what is kept to what is shown
+    options: Mapping[str, str] | None = None  # with their labels, of a text that is chosen
 
-    def number(self, text: str) -> float | None:
-        """The number that is shown for a text, if it is one."""
-        with suppress(ValueError):
-            shown = float(f"{float(text) * (self.factor or 1.0):.6g}")
-            return shown if math.isfinite(shown) else None
-        return None
+    def column(self, begun: Sequence[str]) -> ColumnConfig:
+        """How the browser shows it. Numbers are texts: else it would take 25,5 for 255, and drop what is none."""
+        if self.options is None:
+            alignment: Literal["right", "left"] = "left" if self.factor is None else "right"
+            return st.column_config.TextColumn(self.label, help=self.help, alignment=alignment)
+        labels = {**self.options, **{text: text for text in begun if text and text not in self.options}}
+        width: Literal["large"] | None = "large" if any(len(label) > _WIDE for label in labels.values()) else None
+        return st.column_config.SelectboxColumn(
+            self.label, width=width, options=labels, format_func=lambda text: labels[str(text)]
+        )
 
-    def text(self, value: float | str | None, kept: str) -> str:
-        """What is kept of a widget's value: what it shows already changes nothing."""
-        if isinstance(value, float):
-            return kept if value == self.number(kept) else f"{value / (self.factor or 1.0):.12g}"
-        return (value or "").replace(SEPARATOR, "-")
+    def shown(self, text: str, row: list[str]) -> str | None:
+        """What a cell shows of a text that is kept."""
+        number = _number(text) if self.factor is not None else None
+        if number is None or self.factor is None:
+            return neutral(text) or None  # the table can be saved
+        return f"{number * self.factor(row):.6g}"
+
+    def text(self, value: object, row: list[str]) -> str:
+        """What is kept of what was filled into a cell."""
+        text = str(value or "").strip()[:_LONGEST].replace(SEPARATOR, "-")
+        number = _number(text) if self.factor is not None else None
+        return text if number is None or self.factor is None else f"{number / self.factor(row):.12g}"
+
+
+def _number(text: str) -> float | None:
+    """The number that a text is, if it is one, also with a decimal comma; of 1,234 nobody knows."""
+    whole, comma, decimals = text.partition(",")
+    with suppress(ValueError):
+        number = float(f"{whole}.{decimals}" if comma and len(decimals) != len("234") else text)
+        return number if math.isfinite(number) else None
+    return None
 
 
 def parts_of(text: str, n: int) -> list[str]:
@@ -48,65 +71,49 @@ def parts_of(text: str, n: int) -> list[str]:
     return [*text.split(SEPARATOR, n - 1), *[""] * n][:n]
 
 
-def edit_rows(
-    key: str,
-    widths: Sequence[float],
-    fields: Callable[[list[str]], Sequence[Field | None]],
-    units: UnitSystem,
-    most: int | None = None,
+def edit_table(
+    key: str, fields: Mapping[int, Field], blank: Sequence[str], units: UnitSystem, deciding: int | None = None
 ) -> None:
-    """Let rows, the first ``most``, be typed in that session and address hold as texts; a width of 0 hides a place.
+    """Let rows that session and address hold as texts be edited, of which a new one begins as ``blank``.
 
-    Another list or unit begins with widgets of its own: a browser would send what it showed before.
+    The table keeps the rows that it began with, and the browser what was edited since, until something else changes
+    rows or units, or rows are deleted. Another text in a ``deciding`` place empties the others of its row.
     """
-    state, written = st.session_state, f"{key} as typed"
-    texts, number = state.get(written, (None, 0))
-    if texts != state[key]:
-        number += 1
-        state[written] = list(state[key]), number
-    unlabelled = {place for place, width in enumerate(widths) if width}
+    state, memory = st.session_state, f"{key} table"
+    begun, number, before = state.get(memory, ([], 0, None))
+    if f"{key} {number}" not in state or before != (state[key], units):
+        rows = (parts_of(text, len(blank)) for text in state[key])
+        begun, number = [parts for parts in rows if parts != [*blank]], number + 1
+        state[memory] = begun, number, (list(state[key]), units)
 
-    def keep(row: int, place: int, field: Field, widget: str) -> None:
-        parts = parts_of(state[key][row], len(widths))
-        parts[place] = field.text(state[widget], parts[place])
-        parts = ["" if other in field.clears else part for other, part in enumerate(parts)]
-        state[key] = [*state[key][:row], SEPARATOR.join(parts), *state[key][row + 1 :]]
-        if not field.clears:  # else other widgets begin
-            state[written] = list(state[key]), number
+    def take() -> None:
+        edits = state[f"{key} {number}"]
+        rows, anew = [*map(list, begun), *(list(blank) for _ in edits["added_rows"])], bool(edits["deleted_rows"])
+        for row, cells in (*edits["edited_rows"].items(), *enumerate(edits["added_rows"], len(begun))):
+            if row < len(begun) and cells.get(str(deciding), rows[row][deciding or 0]) != rows[row][deciding or 0]:
+                rows[row], anew = list(blank), True
+            for place in filter(lambda place: str(place) in cells, fields):  # one that decides is the first
+                rows[row][place] = fields[place].text(cells[str(place)], rows[row])
+        left = [parts for row, parts in enumerate(rows) if row not in edits["deleted_rows"] and parts != [*blank]]
+        state[key] = [SEPARATOR.join(parts) for parts in left][: _MOST_ROWS + 1]  # of more it is told that they are
+        state[memory] = begun, number, None if anew else (list(state[key]), units)
 
-    for row, text in enumerate(state[key][:most]):
-        parts = parts_of(text, len(widths))
-        *columns, last = st.columns([*filter(None, widths), 0.5], vertical_alignment="bottom", gap="small")
-        shown = [(place, field) for place, field in enumerate(fields(parts)) if widths[place]]
-        for column, (place, field) in zip(columns, shown, strict=True):
-            if field is not None:
-                widget = f"{key} {number} {row} {place} in {units.speed} {units.weight} {units.acceleration}"
-                with column:
-                    change = partial(keep, row, place, field, widget)
-                    _edit(field, parts[place], widget, change, row=None if place in unlabelled else row + 1)
-                unlabelled.discard(place)
-        remaining = [*state[key][:row], *state[key][row + 1 :]]
-        last.button(
-            "", icon=":material/close:", help=f"Remove row {row + 1}", key=f"remove {key} {number} {row}",
-            type="tertiary", on_click=state.update, args=({key: remaining},),
-        )  # fmt: skip
+    columns = {str(place): [field.shown(row[place], row) for row in begun] for place, field in fields.items()}
+    st.data_editor(
+        pd.DataFrame(columns, pd.RangeIndex(1, len(begun) + 1), dtype=object),
+        column_config={str(place): field.column([row[place] for row in begun]) for place, field in fields.items()},
+        key=f"{key} {number}",
+        num_rows="dynamic",
+        on_change=take,
+        placeholder="",
+        hide_index=False,  # by which messages name a row
+        alt=key.capitalize(),
+    )
 
 
-def _edit(field: Field, text: str, widget: str, change: Callable[[], None], *, row: int | None) -> None:
-    label = field.label if row is None else f"{field.label}, row {row}"  # which is read out
-    look: dict[str, Any] = {"key": widget, "on_change": change}
-    look |= {"help": field.help} if row is None else {"label_visibility": "collapsed"}
-    if field.factor is not None:
-        st.session_state.setdefault(widget, field.number(text))
-        st.number_input(label, value=None, step=1.0, format="%.6g", **look)
-    elif field.options is not None:
-        options = field.options | ({} if text in ("", *field.options) else {text: text})  # what is not known, too
-        st.session_state.setdefault(widget, text or None)
-        look |= {"format_func": options.__getitem__, "placeholder": "not given", "required": bool(field.clears)}
-        st.selectbox(label, list(options), index=None, **look)
-    else:
-        st.session_state.setdefault(widget, text)
-        st.text_input(label, max_chars=100, **look)
+def require_few(rows: Sequence[object], name: str) -> None:
+    """Raise a DataError for more rows than an address can hold."""
+    refuse_if(len(rows) > _MOST_ROWS, name, f"at most {_MOST_ROWS} rows", "more", "upload a file for more")
 
 
 def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:

@@ -1,4 +1,4 @@
-"""The planned tests: those of the campaign, of an uploaded file, or typed in, a row each."""
+"""The planned tests: those of the campaign, of an uploaded file, or typed in."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -22,9 +22,10 @@ from crashfuse.ui.certify.entry import (
     SEPARATOR,
     Field,
     choose_kept,
-    edit_rows,
+    edit_table,
     find_kept,
     parts_of,
+    require_few,
     show_wrong,
     uploaded,
 )
@@ -38,7 +39,7 @@ JUDGED = "judged"  # session key: what is chosen, in a line, if it has verdicts
 _FILE = "matrix.csv"
 _OWN, _UPLOAD, _TYPED = "The campaign’s", "Upload", "Typed in"
 _STEPS = {"mph": 5, "km/h": 10}  # between speeds to start with
-_MOST_ROWS, _FEW_ROWS = 40, 8  # with widgets, a file has more; without scrolling
+_NUMBERS = ("Speed", "Front weight", "Rear weight")
 _SYSTEM = 4  # place of the name of the units in a row, before the factors
 
 
@@ -105,6 +106,7 @@ def _checked(content: bytes, campaign: Campaign) -> Matrix:
 
 @st.cache_resource(max_entries=32, show_spinner=False, hash_funcs=HASHED)
 def _typed(texts: tuple[str, ...], campaign: Campaign) -> Matrix:
+    require_few(texts, "Planned tests")
     rows = [_parts(text, campaign) for text in texts]
     system = SYSTEMS[rows[0][_SYSTEM]]
     if mixed := [row[0] for row in rows if row[_SYSTEM] != rows[0][_SYSTEM]]:  # of a link, a page writes none
@@ -159,28 +161,17 @@ def _usual(view: View) -> list[str]:
 
 def _edit(view: View) -> None:
     """Numbers are kept in the units that the test was begun in."""
-    campaign, shown, state = view.campaign, _units(view.display.system), st.session_state
-    address.put("planned", [SEPARATOR.join(_parts(text, campaign)) for text in state["planned"]])
+    campaign, state = view.campaign, st.session_state
+    rows = [_parts(text, campaign) for text in state["planned"]]
+    address.put("planned", [SEPARATOR.join(row) for row in rows])
+    fields = {0: Field("Id")}
+    for place, unit in enumerate(_units(view.display.system)):
 
-    def fields(parts: list[str]) -> list[Field | None]:
-        units = zip(("Speed", "Front weight", "Rear weight"), shown, _units(SYSTEMS[parts[_SYSTEM]]), strict=True)
-        numbers = [Field(f"{label} ({unit})", factor=IN_SI[kept] / IN_SI[unit]) for label, unit, kept in units]
-        factors = [
-            Field(plain(name.capitalize()), {own: own for own in known}) for name, known in campaign.factors.items()
-        ]
-        return [Field("Id"), *numbers, None, *factors]
+        def factor(row: list[str], place: int = place, unit: str = unit) -> float:
+            return IN_SI[_units(SYSTEMS[row[_SYSTEM]])[place]] / IN_SI[unit]
 
-    with st.container(height=420 if len(state["planned"]) > _FEW_ROWS else "content", border=False, gap="xsmall"):
-        edit_rows("planned", (2, 2, 2, 2, 0, *[2] * len(campaign.factors)), fields, view.display.units, _MOST_ROWS)
-    if len(state["planned"]) > _MOST_ROWS:
-        st.caption(f"{len(state['planned']) - _MOST_ROWS} more are judged; a file shows and changes them.")
-    if len(state["planned"]) < _MOST_ROWS:
-        st.button("Add a planned test", icon=":material/add:", on_click=_add, args=(view,))
-
-
-def _add(view: View) -> None:
-    state = st.session_state
-    rows = state["planned"] or _usual(view)
-    known = {text.partition(SEPARATOR)[0] for text in rows}
-    name = next(i for n in range(1, _MOST_ROWS + 2) if (i := f"P{n:02d}") not in known)
-    state["planned"] = [*state["planned"], SEPARATOR.join([name, *rows[-1].split(SEPARATOR)[1:]])]
+        fields[place + 1] = Field(f"{_NUMBERS[place]} ({unit})", factor=factor)
+    for place, (name, known) in enumerate(campaign.factors.items(), start=_SYSTEM + 1):
+        fields[place] = Field(name.capitalize(), options={text: text for text in known})
+    system = rows[0][_SYSTEM] if rows else state["system"]
+    edit_table("planned", fields, _parts(SEPARATOR * _SYSTEM + system, campaign), view.display.units)

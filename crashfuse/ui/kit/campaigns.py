@@ -1,6 +1,5 @@
 """Campaigns open on this server, each read once; everyone sees their own, those of the server, and those linked to."""
 
-import json
 import os
 import secrets
 import threading
@@ -17,17 +16,15 @@ from crashfuse.campaign_folder.history import sample_folder
 from crashfuse.campaign_folder.load import ARCHIVE, read_folder
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem
-from crashfuse.execution.cache import default_folder
-from crashfuse.files.atomic import sole_writer, write_atomically
+from crashfuse.execution.visitors import note_in_log
 from crashfuse.results.display import Display
 from crashfuse.ui.kit import visitors
-from crashfuse.ui.kit.visitors import logged_in, note_in_log, visitor
+from crashfuse.ui.kit.visitors import keep_for_visitor, kept_for_visitor, visitor
 
 SAMPLE = "sample"
 HASHED: dict[str | type, Callable[[Any], object]] = {Campaign: lambda campaign: campaign.fingerprint}  # in caches
 _opening = threading.Lock()  # with the list in hand: to make it takes the lock
-_MOST_RECENT = 8
-_PATIENCE_S = 5.0  # to wait for another who writes it
+_FOLDERS, _MOST_RECENT = "folders", 8  # opened before, kept for the visitor
 
 
 @dataclass(frozen=True)
@@ -225,19 +222,18 @@ def _sample_folder() -> Path:
 
 
 def recent_folders() -> tuple[Path, ...]:
-    """The folders, the last one first; not those that are gone, or that pages may not open."""
+    """The folders that the visitor opened, the last one first; not those that are gone, or that pages may not open."""
     there = []
-    for folder in _listed():
+    for folder in map(Path, kept_for_visitor().get(_FOLDERS, ())):
         with suppress(OSError, ValueError):
-            there += [folder] * (may_open(folder) and folder.is_dir())
+            there += [folder] * (folder.is_absolute() and may_open(folder) and folder.is_dir())
     return tuple(there)
 
 
 def remember(folder: Path) -> None:
-    """Put a folder first; whatever goes wrong, it is only not offered again."""
-    with suppress(OSError, DataError), sole_writer(default_folder(), _PATIENCE_S):
-        kept = [folder, *(other for other in _listed() if other != folder)][:_MOST_RECENT]
-        write_atomically(_recent_file(), json.dumps([str(path) for path in kept], indent=1).encode())
+    """Put a folder first."""
+    others = (other for other in kept_for_visitor().get(_FOLDERS, ()) if other != str(folder))
+    keep_for_visitor(_FOLDERS, *[str(folder), *others][:_MOST_RECENT])
 
 
 def folder_labels(folders: tuple[Path, ...]) -> list[str]:
@@ -247,15 +243,3 @@ def folder_labels(folders: tuple[Path, ...]) -> list[str]:
         name if names.count(name) == 1 else f"{folder.parent.name}/{name}"
         for folder, name in zip(folders, names, strict=True)
     ]
-
-
-def _listed() -> list[Path]:
-    paths = visitors.read_small(_recent_file())
-    listed = paths[:_MOST_RECENT] if isinstance(paths, list) else []
-    return [Path(path) for path in listed if isinstance(path, str) and Path(path).is_absolute()]
-
-
-def _recent_file() -> Path:
-    if not logged_in():
-        return default_folder() / "recent.json"
-    return default_folder() / f"recent-{visitors.short_key()}.json"

@@ -15,6 +15,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import read_folder
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError
+from crashfuse.execution.jobs import Job, Jobs
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.run import Run
 from crashfuse.files.archive import zipped
@@ -30,7 +31,6 @@ from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.campaigns import data_stamp
-from crashfuse.ui.kit.jobs import Job, Jobs
 from crashfuse.ui.kit.visitors import visitor
 from crashfuse.vehicle_archive import VehicleArchive
 

@@ -12,13 +12,14 @@ from crashfuse.campaign_folder.history import changed_by, changes, undo
 from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, change_notes, read_notes
 from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.errors import DataError, UsageError
+from crashfuse.execution.visitors import note_in_log
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import choose_campaign, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.results import refused_into, show_problems
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import is_ours
-from crashfuse.ui.kit.visitors import note_in_log, visitor
+from crashfuse.ui.kit.visitors import visitor
 
 _USED, _COPY = "tests in use", "copy folder"  # widget keys
 _REFUSED = "edit refused"  # session key

@@ -30,8 +30,8 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
     ``light`` has the parts that differ on a light page, by name or place: files have its colours.
     """
 
-    drawing: Any = None
-    light: Any = None
+    drawing = Drawing({}, {})
+    light: Mapping[str, Any] = {}
 
     def __init__(self, drawing: Drawing, *, dark: bool = False, **more: object) -> None:
         super().__init__()
@@ -101,16 +101,12 @@ def choose(label: str, options: Sequence[str], key: str, label_of: Callable[[str
 
 def show_figure(drawing: Drawing, alt: str, key: str | None = None, name: str = "") -> None:
     """Show a figure; its files have the ``name``, else the alternative text."""
-    sent = SentFigure(drawing, dark=_is_dark())
-    st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_TOOLS)
-    offer_files(sent, caption(alt, name), key or alt)
+    _show(SentFigure(drawing, dark=_is_dark()), alt, name, key or alt, key=key)
 
 
 def show_cached_figure(draw: Callable[[], Drawing], alt: str, *key: Hashable, name: str = "") -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
-    sent = _cached(key, _is_dark(), draw)
-    st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS)
-    offer_files(sent, caption(alt, name), alt)
+    _show(_cached(key, _is_dark(), draw), alt, name, alt)
 
 
 def show_clickable(
@@ -129,11 +125,13 @@ def show_clickable(
 
     # as Streamlit would set it once the figure is drawn, to be drawn again
     sent = _cached((widget, *key), _is_dark(), draw, clickmode="event+select")
-    event = st.plotly_chart(
-        sent, alt=alt, key=widget, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
-    )
-    offer_files(sent, caption(alt, name), widget)
-    return bool(_points(event))
+    return bool(_points(_show(sent, alt, name, widget, key=widget, on_select=take, selection_mode="points")))
+
+
+def _show(sent: SentFigure, alt: str, name: str, place: str, **chart: Any) -> Any:  # noqa: ANN401 - as Streamlit has it
+    event = st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS, **chart)
+    offer_files(sent, caption(alt, name), place)
+    return event
 
 
 def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit returns two forms

@@ -9,13 +9,14 @@ import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.execution.jobs import Job
+from crashfuse.execution.visitors import names
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui.kit.computation import Request, jobs
 from crashfuse.ui.kit.figures import show_figure
-from crashfuse.ui.kit.jobs import Job
 from crashfuse.ui.kit.navigation import end_page, open_page, show_link
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.kit.visitors import names, visitor
+from crashfuse.ui.kit.visitors import visitor
 
 T = TypeVar("T")
 _PART_S = 3.0  # between two parts of a result: each redraws the page

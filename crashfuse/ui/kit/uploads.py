@@ -27,8 +27,7 @@ from crashfuse.campaign_folder.load import lay_out
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.importing import Choices, Reading, Settled, format_of, read_each, settle_each
-from crashfuse.importing.sources import is_archive, lay_out_source, members_of, tables_of
-from crashfuse.importing.tables import TableForm, table_forms
+from crashfuse.importing.sources import TableForm, is_archive, lay_out_source, members_of, table_forms, tables_of
 from crashfuse.readers.formats import TABLES, formats_of
 from crashfuse.readers.record import Record
 from crashfuse.ui.kit import campaigns

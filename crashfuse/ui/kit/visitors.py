@@ -1,28 +1,20 @@
-"""Who is in front of a session: the person who has logged in, else the browser; log-in, and the log of a server.
+"""Who is in front of a session: the person who has logged in, else the browser; the log-in.
 
 A log-in by an identity provider (OpenID Connect) is asked for where the secrets file has a section ``[auth]``.
 """
 
 import hashlib
-import importlib.util
 import json
-import logging
-import os
-import sys
 import threading
-import time
-import tomllib
 import uuid
-from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import streamlit as st
 
-from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.errors import DataError
 from crashfuse.execution.cache import default_folder
+from crashfuse.execution.visitors import Visitor, note_in_log, providers
 from crashfuse.files.atomic import sole_writer, write_atomically
 from crashfuse.ui.kit.navigation import pages
 from crashfuse.ui.kit.text import plain
@@ -30,30 +22,13 @@ from crashfuse.ui.kit.text import plain
 BROWSER = "crashfuse_browser"  # cookie with a random value, so that a browser is known again after a reload
 _SESSION = "visitor"  # session key, where there is no cookie
 ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, one a line
-LOG = "CRASHFUSE_LOG"  # environment variable: file to append to, instead of standard error
-_LINE = "%(asctime)s %(message)s"
-_LONGEST, _LONGEST_ADDRESS = 1000, 200
-_PAUSE_S, _MOST_ORIGINS = 60, 20  # of lines on refused pages, which anybody can cause
-log = logging.getLogger(__name__)
-_SHARED = ("redirect_uri", "cookie_secret")
-_OWN = ("client_id", "client_secret", "server_metadata_url")
-_SHORTEST = 32  # characters of the secret that signs the cookies
 _MOST_LINKS = 1000
-_HOW_TO = "see the how-to on a team server"
 _NOTED = "log-in noted"  # session key
 _KEPT, _MOST_VISITORS = "visitors.json", 200  # what they want in every session; the latest of them
-_LARGEST = 64 << 10  # bytes of a small file
+_LARGEST = 1 << 20  # bytes of the file
 _PATIENCE_S = 5.0  # to wait for another who writes it
 login_insisted = threading.Event()  # while this process runs, even if the secrets file is lost meanwhile
 _linking = threading.Lock()
-
-
-@dataclass(frozen=True)
-class Visitor:
-    """Whom uploads, imports and jobs belong to."""
-
-    key: str  # the same in all sessions of one person or browser; nobody else can guess it
-    name: str  # what others and the log may know: the e-mail address, or a short name of the browser
 
 
 def visitor() -> Visitor:
@@ -64,11 +39,6 @@ def visitor() -> Visitor:
         return Visitor(key, str(person.get("email") or person.get("name") or person.get("sub")))
     key = browser()
     return Visitor(key, f"browser {hashlib.sha256(key.encode()).hexdigest()[:6]}")
-
-
-def names(visitors: Iterable[Visitor]) -> str:
-    """What others may know of them, in a line."""
-    return " and ".join(sorted(visitor.name for visitor in visitors))
 
 
 def browser() -> str:
@@ -83,86 +53,29 @@ def logged_in() -> bool:
 
 def kept_for_visitor() -> dict[str, list[str]]:
     """What the visitor wants in every session, as an address has it."""
-    mine = _kept().get(short_key())
-    return {key: [str(text)] for key, text in mine.items()} if isinstance(mine, dict) else {}
+    mine = _kept().get(short_key(), {})
+    return {key: [str(text) for text in texts] for key, texts in mine.items() if texts and isinstance(texts, list)}
 
 
-def keep_for_visitor(key: str, text: str) -> None:
+def keep_for_visitor(key: str, *texts: str) -> None:
     """Keep it in the cache folder, for this visitor alone; whatever goes wrong, it is only not kept."""
     with suppress(OSError, DataError), sole_writer(default_folder(), _PATIENCE_S):
-        mine = {name: texts[0] for name, texts in kept_for_visitor().items()} | {key: text}
+        mine = kept_for_visitor() | {key: [*texts]}
         others = [(who, theirs) for who, theirs in _kept().items() if who != short_key()]
         kept = dict([*others[1 - _MOST_VISITORS :], (short_key(), mine)])
         write_atomically(default_folder() / _KEPT, json.dumps(kept).encode())
 
 
-def read_small(file: Path) -> object:
-    """What a small JSON file holds; None if there is none, or it is damaged."""
-    with suppress(OSError, ValueError, RecursionError):
-        return json.loads(file.read_text(encoding="utf-8")) if file.stat().st_size <= _LARGEST else None
-    return None
-
-
-def _kept() -> dict[str, Any]:
-    known = read_small(default_folder() / _KEPT)
-    return known if isinstance(known, dict) else {}
+def _kept() -> dict[str, dict[str, Any]]:
+    file, known = default_folder() / _KEPT, None
+    with suppress(OSError, ValueError, RecursionError):  # there is none, or it is damaged
+        known = json.loads(file.read_text(encoding="utf-8")) if file.stat().st_size <= _LARGEST else None
+    return {who: own for who, own in known.items() if isinstance(own, dict)} if isinstance(known, dict) else {}
 
 
 def short_key() -> str:
-    """What stands for the visitor in names of files: nobody can guess them by it."""
+    """What stands for the visitor in the file: nobody can guess them by it."""
     return hashlib.sha256(visitor().key.encode()).hexdigest()[:16]
-
-
-def begin_log() -> None:
-    """Let lines, warnings and errors go to the file, else to standard error."""
-    file = os.environ.get(LOG)
-    handler = logging.FileHandler(file, encoding="utf-8") if file else logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter(_LINE, "%Y-%m-%dT%H:%M:%S%z"))
-    whole = logging.getLogger("crashfuse")
-    whole.handlers[:] = [handler]
-    whole.propagate = False
-    log.setLevel(logging.INFO)
-
-
-def note_in_log(who: Visitor | set[Visitor], what: str) -> None:
-    """Add a line."""
-    visitors = {who} if isinstance(who, Visitor) else who
-    _add_line(f"{names(visitors) or 'nobody'}: {what}")
-
-
-class Refusals:
-    """Pages of another origin that may not open the WebSocket: why a browser stays empty behind a proxy."""
-
-    def __init__(self) -> None:
-        self._noted: dict[str, float] = {}  # by the origin, when
-
-    def note(self, origin: str, host: str | None) -> None:
-        """Add a line, once a minute for each origin; ``host`` is the name that was asked for."""
-        now, who, here = time.monotonic(), *(printable(repr(text), _LONGEST_ADDRESS) for text in (origin, host))
-        self._noted = {each: at for each, at in self._noted.items() if now - at < _PAUSE_S}
-        if who not in self._noted and len(self._noted) < _MOST_ORIGINS:
-            self._noted[who] = now
-            _add_line(
-                f"page of {who}: was refused and stays empty, for the server was asked for as {here}. Let the proxy "
-                "pass on that name with its port (Host), or add the address to server.corsAllowedOrigins."
-            )
-
-
-def _add_line(line: str) -> None:
-    log.info("%s", printable(line, _LONGEST))
-
-
-def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:
-    """Whether a secrets file asks for a log-in; an error if that cannot work, or if it is ``required`` in vain."""
-    asked = [(path, auth) for path in map(Path, files) if path.is_file() and (auth := _auth_in(path)) is not None]
-    for path, auth in asked:
-        _check_section(path, auth)
-    if required and not asked:
-        expected = "a secrets file with a section [auth]"
-        raise DataError(Problem(str(files[0]), expected, "none", _HOW_TO))
-    if asked and importlib.util.find_spec("authlib") is None:
-        raise UsageError('A log-in needs the extra "login": python -m pip install "crashfuse[login]".')
-    return bool(asked)
 
 
 def require_login(page: str) -> None:
@@ -186,7 +99,7 @@ def require_login(page: str) -> None:
             _links()[browser()] = page, address.given()
     st.title("crashfuse")
     st.markdown("This server is for people who are known to it." if auth else "Nobody can log in at the moment.")
-    for provider in _providers(auth):
+    for provider in providers(auth):
         name = f" with {provider}" if provider else ""
         st.button(f"Log in{plain(name)}", type="primary", icon=":material/login:", on_click=st.login, args=(provider,))
     st.stop()
@@ -207,33 +120,3 @@ def _links() -> dict[str, tuple[str, dict[str, list[str]]]]:
 def _log_out() -> None:
     note_in_log(visitor(), "logged out")
     st.logout()
-
-
-def _providers(auth: dict[str, Any]) -> list[str | None]:
-    if "client_id" in auth:
-        return [None]
-    return [name for name, value in auth.items() if hasattr(value, "keys") and "client_id" in value]
-
-
-def _auth_in(path: Path) -> dict[str, Any] | None:
-    try:
-        auth = tomllib.loads(path.read_text(encoding="utf-8")).get("auth")
-    except (OSError, ValueError) as error:
-        raise DataError(Problem(str(path), "a TOML file that can be read", str(error), "correct it")) from error
-    return auth if auth is None or isinstance(auth, dict) else {}
-
-
-def _check_section(path: Path, auth: dict[str, Any]) -> None:
-    wanted = [auth[name] for name in _providers(auth) if name] or [auth]
-    lacking = [name for name in _SHARED if not auth.get(name)]
-    lacking += [name for section in wanted for name in _OWN if not section.get(name)]
-    where, advice = f"{path}, [auth]", _HOW_TO
-    problems = [Problem(where, name, "none", advice) for name in dict.fromkeys(lacking)]
-    if not lacking and not str(auth["redirect_uri"]).endswith("/oauth2callback"):
-        expected = "the server's address with /oauth2callback"
-        problems.append(Problem(where, expected, str(auth["redirect_uri"]), advice, "redirect_uri"))
-    if not lacking and len(str(auth["cookie_secret"])) < _SHORTEST:
-        expected, found = f"at least {_SHORTEST} random characters", f"{len(str(auth['cookie_secret']))}"
-        problems.append(Problem(where, expected, found, advice, "cookie_secret"))
-    if problems:
-        raise DataError(problems)

@@ -119,15 +119,6 @@ def test_the_band_covers_velocity_and_crush() -> None:
 
 
 @pytest.mark.slow
-def test_the_seed_decides_the_draws(campaign: Campaign) -> None:
-    condition = campaign.tests[0].condition
-    fits = [DisplacementDomain(FEW, seed=seed).fit(campaign) for seed in (1, 1, 2)]
-    first, again, other = (np.asarray(fit.predict(condition).draws_mps2) for fit in fits)
-    np.testing.assert_array_equal(first, again)
-    assert np.abs(first - other).max() > 1
-
-
-@pytest.mark.slow
 def test_one_test_is_a_fallback_that_is_said() -> None:
     first, second, *_ = (campaign := made_up(bias())).tests
     prediction = DisplacementDomain(FEW).fit(replace(campaign, tests=(first,))).predict(second.condition)
@@ -155,20 +146,22 @@ def test_the_paper_preset_runs_and_tells_how_its_fit_went() -> None:
     model = DisplacementDomain(config).fit(campaign.without(["T3"]))
     prediction = model.predict(campaign.test("T3").condition)
     assert np.asarray(prediction.draws_mps2).shape == (20, 1250)
-    assert model.state["points"] == 5 * 2 * 8
+    assert json.loads(json.dumps(model.state))["points"] == 5 * 2 * 8
     assert "dead" in model.state
-    json.dumps(model.state)
 
 
 @pytest.mark.slow
-def test_progress_is_reported_and_the_state_is_plain_json(campaign: Campaign) -> None:
+def test_progress_is_reported_and_the_seed_decides_the_draws(campaign: Campaign) -> None:
     seen: list[Progress] = []
     model = DisplacementDomain(FEW).fit(campaign, Run(watch=Watch(seen.append)))
     assert list(dict.fromkeys(p.step for p in seen)) == ["CAE emulator", "Bias model", "Check of the band"]
-    state = json.loads(json.dumps(model.state))
-    assert state["seconds"] >= 0
-    assert state["band_check"]["left_out_tests"] == len(campaign.tests)
-    assert state["spread_factors"].keys() == state["hyperparameters"].keys()
+    check, state = model.state["band_check"], model.state
+    assert isinstance(check, dict)
+    assert check["left_out_tests"] == len(campaign.tests)
+    assert dict(state["spread_factors"]).keys() == dict(state["hyperparameters"]).keys()  # type: ignore[call-overload]
+    other, condition = DisplacementDomain(FEW, seed=1).restore(campaign, model.learned()), campaign.tests[0].condition
+    drawn = [np.asarray(fit.predict(condition).draws_mps2) for fit in (model, other)]
+    assert np.abs(drawn[0] - drawn[1]).max() > 1
 
 
 def test_the_parts_of_the_bias_foresee_a_test_that_was_left_out(campaign: Campaign) -> None:
@@ -227,7 +220,7 @@ def test_the_band_after_the_stop_holds_tests_that_rebound_in_their_own_way() -> 
 def test_of_many_tests_as_many_are_learned_from_as_an_exact_posterior_bears(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is what the thinned campaign teaches, kept fits and tests left out included, and the prediction says so."""
+    """It is what the thinned campaign teaches, tests left out included, and the prediction says so."""
     monkeypatch.setattr("crashfuse.approaches.base.MOST_TESTS", 3)
     monkeypatch.setattr("crashfuse.approaches.calibration.MOST_TESTS", 3)
     thinned, condition = campaign.evenly_over_speed(3), campaign.tests[1].condition
@@ -235,18 +228,16 @@ def test_of_many_tests_as_many_are_learned_from_as_an_exact_posterior_bears(
     one, other = domain.predict(condition), expected.predict(condition)
     np.testing.assert_array_equal(one.accel_mps2, other.accel_mps2)
     assert "Of 4 tests 3 were learned from, evenly over speed." in one.notes
-    again = DisplacementDomain().restore(campaign, domain.learned())
-    np.testing.assert_array_equal(again.predict(condition).accel_mps2, one.accel_mps2)
     assert list(domain.left_out(campaign)) == list(thinned.test_ids)
 
 
 @pytest.mark.slow
 def test_a_left_out_group_says_nothing_of_its_tests() -> None:
     """Tests at one speed are predicted from the others alone, whatever they measured; a lone test as in left_out_."""
-    campaign = made_up(bias(), (5.0, 7.5, 10.0, 10.3, 15.5))
-    group, others = [2, 3], [0, 1, 4]
+    campaign = made_up(bias(), (6.0, 10.0, 10.3, 15.5))
+    group, others = [1, 2], [0, 3]
     domain = DisplacementDomain(FEW).fit(campaign)
-    np.testing.assert_array_equal(domain.left_out_groups_.numbers, range(5))
+    np.testing.assert_array_equal(domain.left_out_groups_.numbers, range(4))
     np.testing.assert_array_equal(domain.left_out_groups_.mean_mps2[others], domain.left_out_.mean_mps2[others])
     np.testing.assert_array_equal(domain.left_out_groups_.draws_mps2[others], domain.left_out_.draws_mps2[others])
     stiffer = [

@@ -10,8 +10,6 @@ from crashfuse.approaches.displacement_domain.covariance import Covariance, LogN
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.signals.pulse import FloatArray
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 WIDE = LogNormal(1.0, 1.0)
 ONE = Part("one", LogNormal(1.0, 1.0), (((0, LogNormal(0.3, 1.0)), (1, LogNormal(2.0, 1.0))),))
 TWO = Part("two", LogNormal(0.5, 1.0), (((0, LogNormal(1.0, 1.0)), (1, LogNormal(1.0, 1.0))),))
@@ -26,6 +24,20 @@ NOISE = LogNormal(0.1, 0.7)
 
 def deviations(process: GaussianProcess, x: FloatArray) -> FloatArray:
     return np.sqrt(np.diag(process.posterior(x)[1]))
+
+
+@pytest.fixture(scope="module")
+def process() -> GaussianProcess:
+    """Fitted to :func:`rows`, the output in units far from one."""
+    x, y = rows()
+    return GaussianProcess(ALL_KINDS, NOISE).fit(x, 40 * y)
+
+
+def new_rows(n: int = 15, seed: int = 5, test: int = -1) -> FloatArray:
+    """Inputs of another test."""
+    new = rows(n, seed)[0]
+    new[:, -1] = test
+    return new
 
 
 def rows(n: int = 60, seed: int = 0) -> tuple[FloatArray, FloatArray]:
@@ -46,38 +58,38 @@ def test_the_likelihood_is_scikit_learns() -> None:
     assert ours == pytest.approx(peer.log_marginal_likelihood_value_, abs=1e-8 * len(y))
 
 
-def test_the_gradient_is_the_finite_difference() -> None:
-    process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
+def test_the_gradient_is_the_finite_difference(process: GaussianProcess) -> None:
     theta = process.theta_ + np.random.default_rng(1).normal(scale=0.3, size=process.theta_.size)
     gradient = process.log_marginal_likelihood(theta)[1]
     step = 1e-5
     for i, direction in enumerate(step * np.eye(theta.size)):
-        change = (
-            process.log_marginal_likelihood(theta + direction)[0]
-            - process.log_marginal_likelihood(theta - direction)[0]
-        )
-        assert gradient[i] == pytest.approx(change / (2 * step), rel=1e-5, abs=1e-5)
+        up, down = (process.log_marginal_likelihood(theta + sign * direction)[0] for sign in (1, -1))
+        assert gradient[i] == pytest.approx((up - down) / (2 * step), rel=1e-5, abs=1e-5)
 
 
-def test_predictions_are_the_textbooks() -> None:
-    """Mean K*ᵀ K⁻¹ y and covariance K** - K*ᵀ K⁻¹ K*, with a plain solver; output in units far from one."""
-    x, y = rows()
-    y = 40 * y
-    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, y)
-    new = rows(15, seed=5)[0]
-    new[:, -1] = -1
+def test_predictions_and_their_parts_are_the_textbooks(process: GaussianProcess) -> None:
+    """Means K*ᵀ K⁻¹ y and covariances K** - K*ᵀ K⁻¹ K*, with a plain solver; output in units far from one."""
+    (x, y), new = rows(), new_rows()
     logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1])
     inverse = np.linalg.inv(Covariance(ALL_KINDS, x, x)(logs) + noise * np.eye(len(y)))
-    cross = Covariance(ALL_KINDS, new, x)(logs)
     mean, covariance = process.posterior(new)
-    np.testing.assert_allclose(mean, cross @ inverse @ y, rtol=1e-5, atol=1e-5)
-    expected = process.output_scale_**2 * (Covariance(ALL_KINDS, new, new)(logs) - cross @ inverse @ cross.T)
-    np.testing.assert_allclose(covariance, expected, rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(deviations(process, new), np.sqrt(np.diag(expected)), rtol=1e-4)
+    moments: list[tuple[tuple[Part, ...], FloatArray, FloatArray, FloatArray]]
+    moments = [(ALL_KINDS, logs, mean, np.diag(covariance))]
+    lengths = np.cumsum([len(part.priors) for part in ALL_KINDS])[:-1]
+    for part, own, (mean_of_part, std) in zip(
+        ALL_KINDS, np.split(logs, lengths), process.predict_parts(new), strict=True
+    ):
+        moments.append(((part,), own, mean_of_part, std**2))
+    for parts, own, found, variances in moments:
+        cross, prior = Covariance(parts, new, x)(own), Covariance(parts, new, new)(own)
+        np.testing.assert_allclose(found, cross @ inverse @ (40 * y), rtol=1e-5, atol=1e-5)
+        expected = process.output_scale_**2 * (prior - cross @ inverse @ cross.T)
+        np.testing.assert_allclose(variances, np.diag(expected), rtol=1e-4, atol=1e-4)
+        if len(parts) > 1:
+            np.testing.assert_allclose(covariance, expected, rtol=1e-4, atol=1e-4)
 
 
-def test_the_fit_is_a_maximum_of_the_posterior() -> None:
-    process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
+def test_the_fit_is_a_maximum_of_the_posterior(process: GaussianProcess) -> None:
     medians = [prior.median for part in ALL_KINDS for prior in part.priors] + [NOISE.median]
     spreads = np.array([prior.spread for part in ALL_KINDS for prior in part.priors] + [NOISE.spread])
 
@@ -104,29 +116,8 @@ def test_noise_alone_is_told_from_a_pattern() -> None:
     assert [(fit.dead_, fit.retries_) for fit in fits] == [(True, 2), (False, 0), (False, 0)]
 
 
-def test_each_part_is_the_textbooks() -> None:
-    """Its mean and variance are those of a function that enters the data together with others and noise."""
+def test_the_density_of_a_left_out_test_is_the_textbooks(process: GaussianProcess) -> None:
     x, y = rows()
-    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 40 * y)
-    new = rows(15, seed=5)[0]
-    new[:, -1] = -1
-    logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1])
-    inverse = np.linalg.inv(Covariance(ALL_KINDS, x, x)(logs) + noise * np.eye(len(y)))
-    parts = process.predict_parts(new)
-    np.testing.assert_allclose(sum(mean for mean, _ in parts), process.predict(new), rtol=1e-9, atol=1e-9)
-    start = 0
-    for part, (mean, std) in zip(ALL_KINDS, parts, strict=True):
-        own = logs[start : (start := start + len(part.priors))]
-        cross, prior = Covariance((part,), new, x)(own), Covariance((part,), new, new)(own)
-        scale = np.sqrt(np.mean((40 * y) ** 2))
-        np.testing.assert_allclose(mean, cross @ inverse @ (40 * y), rtol=1e-5, atol=1e-5)
-        variance = scale**2 * np.diag(prior - cross @ inverse @ cross.T)
-        np.testing.assert_allclose(std**2, variance, rtol=1e-5, atol=1e-5 * scale**2)
-
-
-def test_the_density_of_a_left_out_test_is_the_textbooks() -> None:
-    x, y = rows()
-    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 3 * y)
     covariance = Covariance(ALL_KINDS, x, x)(process.theta_[:-1])
     covariance += (np.exp(2 * process.theta_[-1]) + 1e-10) * np.eye(len(y))
     expected = []
@@ -134,7 +125,7 @@ def test_the_density_of_a_left_out_test_is_the_textbooks() -> None:
         out = x[:, -1] == test
         gain = covariance[np.ix_(out, ~out)] @ np.linalg.inv(covariance[np.ix_(~out, ~out)])
         left = covariance[np.ix_(out, out)] - gain @ covariance[np.ix_(~out, out)]
-        scaled = 3 * y / process.output_scale_
+        scaled = 40 * y / process.output_scale_
         expected.append(multivariate_normal.logpdf(scaled[out], gain @ scaled[~out], left))
     np.testing.assert_allclose(process.left_out_log_density(), expected, rtol=1e-6)
 
@@ -163,24 +154,14 @@ def test_the_spread_of_hyperparameters_is_that_of_the_posteriors_curvature() -> 
     assert noise_of_60_rows < spread[-1] < 2 * noise_of_60_rows
 
 
-def test_further_rows_take_off_what_a_fit_with_them_would() -> None:
-    """The closed form, set by set, is the textbook's with all rows at once; what is found there does not matter."""
-    x, y = rows()
-    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 40 * y)
-    new, further = rows(15, seed=5)[0], [rows(6, seed=6)[0], rows(3, seed=7)[0]]
-    new[:, -1], further[0][:, -1], further[1][:, -1] = 98, 99, 3
-    logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1]) + 1e-10
+def test_further_rows_take_off_what_a_fit_with_them_would(process: GaussianProcess) -> None:
+    """The closed form, set by set, is that of all rows at once; what is found there does not matter."""
+    new, further = new_rows(test=98), [new_rows(6, 6, 99), new_rows(3, 7, 3)]
     now, then = process.std_given(new, further)
     np.testing.assert_allclose(now, deviations(process, new), rtol=1e-9)
     for std, more in zip(then, further, strict=True):
-        known = np.vstack([x, more])
-        inverse = np.linalg.inv(Covariance(ALL_KINDS, known, known)(logs) + noise * np.eye(len(known)))
-        cross = Covariance(ALL_KINDS, new, known)(logs)
-        left = np.diag(Covariance(ALL_KINDS, new, new)(logs) - cross @ inverse @ cross.T)
-        np.testing.assert_allclose(std, process.output_scale_ * np.sqrt(left), rtol=1e-5)
         other = process.also_at(more)
-        mean, peer = other.predict(new), deviations(other, new)
-        np.testing.assert_allclose(std, peer, rtol=1e-6)
-        np.testing.assert_allclose(mean, process.predict(new), rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(std, deviations(other, new), rtol=1e-6)
+        np.testing.assert_allclose(other.predict(new), process.predict(new), rtol=1e-6, atol=1e-6)
         assert (std <= now).all()
         assert std.mean() < 0.999 * now.mean()

@@ -57,6 +57,12 @@ def moving(pulses_mps2: FloatArray, stride: int = 1) -> Kinematics:
     return kinematics(pulses_mps2, 12.0, stride * DT_S)
 
 
+@pytest.fixture(scope="module")
+def model() -> Rebound:
+    """Learned from three tests that let go in their own ways."""
+    return Rebound().fit([unloading(k * EXTRA, 10.0 + k) for k in (-2.0, 1.0, 3.0)])
+
+
 EXTRA = -80 * (GRID_S / 0.01) * np.exp(1 - GRID_S / 0.01)  # lets go later than the CAE model
 
 
@@ -75,9 +81,8 @@ def test_what_tests_add_to_the_unloading_is_learned() -> None:
 
 
 @pytest.mark.slow
-def test_the_rebound_is_the_same_in_coarser_steps() -> None:
+def test_the_rebound_is_the_same_in_coarser_steps(model: Rebound) -> None:
     """Equal draws on every fifth sample differ by less than 1 % of what was learned."""
-    model = Rebound().fit([unloading(k * EXTRA, 10.0 + k) for k in (-2.0, 1.0, 3.0)])
     new = unloading(EXTRA, 12.0)
     fine, coarse = (
         model.follow(moving(np.tile(new.cae_mps2[::k], (11, 1)), k), new.cae_mps2, new.cae_loading, 12.0, rng)
@@ -86,8 +91,7 @@ def test_the_rebound_is_the_same_in_coarser_steps() -> None:
     assert np.abs(fine[:, ::5] - coarse).max() < 0.01 * np.abs(fine - new.cae_mps2).max()
 
 
-def test_draws_start_at_t0_without_a_step() -> None:
-    model = Rebound().fit([unloading(k * EXTRA, 10.0 + k) for k in (-2.0, 1.0, 3.0)])
+def test_draws_start_at_t0_without_a_step(model: Rebound) -> None:
     new = unloading(EXTRA, 12.0)
     rng = np.random.default_rng(0)
     pulses = model.follow(moving(np.tile(new.cae_mps2, (51, 1))), new.cae_mps2, new.cae_loading, 12.0, rng)

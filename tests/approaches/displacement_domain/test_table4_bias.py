@@ -13,8 +13,6 @@ from crashfuse.execution.progress import Progress
 from crashfuse.signals.pulse import FloatArray
 from tests.conftest import cancelled_after
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 
 def points(bias: FloatArray, k: int) -> BiasPoints:
     """A test's bias at 15 displacements."""
@@ -42,10 +40,8 @@ def test_it_learns_a_smooth_bias_and_passes_through_it() -> None:
     model = Table4Bias(restarts=3).fit([points(smooth(k), k) for k in (0, 2, 4)])
     s = np.linspace(0, 0.5, 15)
     shares = np.linspace(0, 1, 5)
-    condition = Condition.of_vector([10.0, 970.0, 686.0])
-    draws = model.sample(
-        condition, s, CaeForce(0 * s, 0 * s), CaeStop(shares, 0 * shares, 0.5), 50, np.random.default_rng(0)
-    )
+    new = BiasPoints(Condition.of_vector([10.0, 970.0, 686.0]), s, 0 * s + 1, CaeForce(0 * s, 0 * s))
+    draws = model.sample(new, CaeStop(shares, 0 * shares, 0.5), 50, np.random.default_rng(0))
     np.testing.assert_allclose(draws.over_displacement_mps2[0], smooth(2), atol=0.5)
     assert draws.over_displacement_mps2.shape == (51, 15)
     assert not draws.over_speed_mps2.any()
@@ -63,10 +59,9 @@ def test_a_dead_optimum_is_found_out() -> None:
     json.dumps(model.state)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_same_seed_gives_the_same_fit(seed: int) -> None:
+def test_the_same_seed_gives_the_same_fit() -> None:
     tests = [points(smooth(k), k) for k in range(3)]
-    first, second = (Table4Bias(restarts=2, seed=seed).fit(tests) for _ in range(2))
+    first, second = (Table4Bias(restarts=2, seed=1).fit(tests) for _ in range(2))
     np.testing.assert_array_equal(first.process_.kernel_.theta, second.process_.kernel_.theta)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.approaches.time_domain.network import Tcn
@@ -35,16 +36,9 @@ def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> No
     assert max(errors) < 0.15
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: Campaign, lf: LfTcn) -> None:
-    torch.manual_seed(77)
-    condition = campaign.tests[0].condition
-    again = LfTcn(SMALL).fit(campaign)
-    other = LfTcn(replace(SMALL, min_steps=2), seed=1).fit(campaign)
-    assert again.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
-    assert np.abs(other.predict(condition).accel_mps2 - lf.predict(condition).accel_mps2).max() > 0
-
-
 def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trained again, whatever torch's own seed is, it has the same bits."""
+    torch.manual_seed(77)
     LfTcn(SMALL).fit(campaign, Run())
     monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", None)
     again = LfTcn(SMALL).fit(campaign, Run())
@@ -52,6 +46,7 @@ def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monk
     assert again.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
     np.testing.assert_array_equal(again.losses_, lf.losses_)
     LfTcn(replace(SMALL, tuning="gradient", penalty=1.0, n_draws=3)).fit(campaign, Run())
+    TimeDomain(SMALL).fit(campaign, Run())
 
 
 def test_members_differ_and_their_mean_predicts(campaign: Campaign, lf: LfTcn) -> None:

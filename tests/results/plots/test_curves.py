@@ -59,7 +59,8 @@ def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the
 
 
 def test_tests_come_by_rising_speed_and_one_is_thick(campaign: Campaign) -> None:
-    styles = [(test.id, style["line"]["width"], style["name"]) for test, style in by_speed(campaign.tests[::-1], "T2")]
+    styled = by_speed(campaign.tests[::-1], highlight="T2")
+    styles = [(test.id, style["line"]["width"], style["name"]) for test, style in styled]
     assert [test_id for test_id, _, _ in styles] == ["T1", "T2", "T3", "T4"]
     assert [width for _, width, _ in styles] == [1.7, 4, 1.7, 1.7]
     assert styles[1][2] == "T2 · 25.0 mph (held out)"

@@ -12,6 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.display import Display
 from crashfuse.results.plots import displacement as plots
+from crashfuse.results.plots.curves import Predictions, by_speed
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.units import MS, G
@@ -25,7 +26,7 @@ def model(campaign: Campaign) -> CaeModel:
 
 
 @pytest.fixture
-def predictions(test: CrashTest) -> dict[str, Prediction]:
+def predictions(test: CrashTest) -> Predictions:
     """Constant decelerations: 250 m/s², and 201 draws from 150 to 350 m/s²."""
     draws = np.repeat(-np.linspace(150.0, 350.0, 201)[:, None], GRID_S.size, axis=1)
     return {
@@ -55,16 +56,14 @@ def band(figure: go.Figure) -> tuple[FloatArray, FloatArray, FloatArray]:
     return found.x[:n], found.y[:n], found.y[n:][::-1]
 
 
-def test_a_half_sine_over_displacement_is_that_of_the_closed_form(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_a_half_sine_over_displacement_is_that_of_the_closed_form(test: CrashTest, predictions: Predictions) -> None:
     curve = trace(plots.over_displacement(test, predictions).figure(), "Test")
     _, displacement, accel = motion(test)
     np.testing.assert_allclose(curve.y, np.interp(curve.x / 1000, displacement, accel) / G, atol=0.05)
     assert curve.x[-1] == pytest.approx(displacement[-1] * 1000, abs=0.1)
 
 
-def test_every_curve_holds_the_same_energy(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_every_curve_holds_the_same_energy(test: CrashTest, predictions: Predictions) -> None:
     speed = test.condition.speed_mps
     figure = plots.over_displacement(test, predictions, Display(unit="m/s²", deceleration=True)).figure()
     for name in ("Test", "CAE", "Displacement domain"):
@@ -73,9 +72,7 @@ def test_every_curve_holds_the_same_energy(test: CrashTest, predictions: dict[st
         assert np.sum(np.diff(x) * (y[1:] + y[:-1]) / 2) == pytest.approx(0.5 * speed**2, rel=1e-3)
 
 
-def test_the_band_holds_95_percent_of_the_draws_that_get_so_far(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_the_band_holds_95_percent_of_the_draws_that_get_so_far(test: CrashTest, predictions: Predictions) -> None:
     """From 155 to 345 m/s² until the hardest have stopped, after v0² / 2a, and no further than half of them get."""
     energy = 0.5 * test.condition.speed_mps**2
     figure = plots.over_displacement(None, predictions, Display(unit="m/s²")).figure()
@@ -88,7 +85,7 @@ def test_the_band_holds_95_percent_of_the_draws_that_get_so_far(
 
 
 def test_the_mark_is_the_maximum_crush_with_the_interval_of_the_tables(
-    test: CrashTest, predictions: dict[str, Prediction]
+    test: CrashTest, predictions: Predictions
 ) -> None:
     """v0² / 2a at 250 m/s²; an end that the record leaves open has no bar, a vehicle that never stops no mark."""
     crush = 1000 * 0.5 * test.condition.speed_mps**2 / 250
@@ -107,16 +104,17 @@ def test_the_mark_is_the_maximum_crush_with_the_interval_of_the_tables(
 
 
 def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: CaeModel) -> None:
-    biases = [measured_bias(test, model) for test in campaign.tests]
-    figure = plots.bias_by_speed(campaign.tests, biases, display=Display(unit="m/s²", deceleration=True)).figure()
-    for test, bias, curve in zip(campaign.tests, biases, figure.data, strict=True):
+    biases = {test.id: measured_bias(test, model) for test in campaign.tests}
+    display = Display(unit="m/s²", deceleration=True)
+    figure = plots.bias_by_speed(by_speed(campaign.tests), biases, display).figure()
+    for test, bias, curve in zip(campaign.tests, biases.values(), figure.data, strict=True):
         _, displacement, accel = motion(test)
         expected = np.interp(curve.x / 1000, displacement, accel)
         np.testing.assert_allclose(bias.cae.accel_mps2 - curve.y, expected, atol=0.01 * np.abs(accel).max())
         assert curve.x[-1] == pytest.approx(displacement[-1] * 1000, abs=0.1)
 
 
-def test_the_way_over_displacement_gives_the_closed_form(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_the_way_over_displacement_gives_the_closed_form(test: CrashTest, predictions: Predictions) -> None:
     """Line and circles are the displacement of the closed form, and their difference is below 0.1 mm."""
     figure = plots.integration_check(test, predictions).figure()
     time, displacement, _ = motion(test)
@@ -146,7 +144,7 @@ def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
     assert [a.text for a in figure.layout.annotations][1:] == ["Shared", "By speed", "The test's own"]
 
 
-def test_energy_over_crush_is_in_kilojoules_up_to_all(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_energy_over_crush_is_in_kilojoules_up_to_all(test: CrashTest, predictions: Predictions) -> None:
     """Constant braking: m a s, a straight line to ½ m v0² at v0²/2a; the test ends at the same energy."""
     speed, mass = test.condition.speed_mps, test.condition.mass_kg
     figure = plots.energy_over_crush(test, predictions).figure()
@@ -159,7 +157,7 @@ def test_energy_over_crush_is_in_kilojoules_up_to_all(test: CrashTest, predictio
 
 
 def test_a_further_pulse_absorbs_the_energy_of_its_own_crash(
-    campaign: Campaign, test: CrashTest, predictions: dict[str, Prediction]
+    campaign: Campaign, test: CrashTest, predictions: Predictions
 ) -> None:
     """½ m v0² of a faster, heavier crash, up to its own maximum crush."""
     other = campaign.test("T4")

@@ -14,6 +14,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.results.drawing import darkened
 from crashfuse.results.plots import palette
 from crashfuse.results.plots.conditions import condition_space
+from crashfuse.results.plots.curves import Predictions, by_speed
 from crashfuse.results.plots.pulses import library_band, measured_pulses, motion, overlay
 from crashfuse.signals.pulse import FloatArray
 from tests.conftest import ROOT
@@ -68,7 +69,7 @@ def blend(colour: str, ground: str, share: float = 0.6) -> str:
 
 
 @pytest.fixture
-def predictions(campaign: Campaign) -> dict[str, Prediction]:
+def predictions(campaign: Campaign) -> Predictions:
     test = campaign.test("T2")
     accel = test.pulse.accel_mps2
     draws = accel * np.linspace(0.9, 1.1, 21)[:, None]
@@ -78,14 +79,14 @@ def predictions(campaign: Campaign) -> dict[str, Prediction]:
 
 
 @pytest.fixture
-def figures(campaign: Campaign, predictions: dict[str, Prediction]) -> list[go.Figure]:
+def figures(campaign: Campaign, predictions: Predictions) -> list[go.Figure]:
     """Figures with all that figures have: curves, bands, points, windows, text."""
     test = campaign.test("T2")
     return [
         overlay(test, predictions).figure(),
         motion(test, predictions).figure(),
-        measured_pulses(campaign.tests, highlight="T2", cfc=180).figure(),
-        library_band(campaign.cae, campaign.tests).figure(),
+        measured_pulses(by_speed(campaign.tests, highlight="T2"), cfc=180).figure(),
+        library_band(campaign.cae, by_speed(campaign.tests)).figure(),
         condition_space(campaign.cae, campaign.tests, held_out="T2").figure(),
     ]
 

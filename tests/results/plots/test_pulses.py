@@ -14,19 +14,12 @@ from crashfuse.importing import settle
 from crashfuse.results.display import Display
 from crashfuse.results.plots import pulses as plots
 from crashfuse.results.plots.canvas import new_drawing
-from crashfuse.results.plots.curves import WHOLE
+from crashfuse.results.plots.curves import WHOLE, Predictions, by_speed
 from crashfuse.results.plots.pulses import imported_pulse
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, motion
 from crashfuse.units import MPH, G
 from tests.importing.crashes import CONDITION, PEAK_MPS2, channel, record
-from tests.results.conftest import with_and_without_band
-
-
-@pytest.fixture
-def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
-    """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
-    return with_and_without_band(campaign, test, "displacement_domain")
 
 
 def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
@@ -35,7 +28,7 @@ def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
     return found
 
 
-def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predictions: Predictions) -> None:
     """A pulse of -9.80665 m/s² is drawn at -1."""
     measured = trace(plots.overlay(test, predictions).figure(), "Test")
     np.testing.assert_allclose(measured.x, GRID_S * 1000, rtol=1e-6)
@@ -43,9 +36,7 @@ def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predi
     assert measured.line.color == "#000000"
 
 
-def test_deceleration_in_si_is_the_negative_of_the_signed_data(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_deceleration_in_si_is_the_negative_of_the_signed_data(test: CrashTest, predictions: Predictions) -> None:
     """The sign and the unit are the plot's own; the axis says so, and the rated window is shaded and named."""
     figure = plots.overlay(test, predictions, Display(40.0, unit="m/s²", deceleration=True)).figure()
     np.testing.assert_allclose(trace(figure, "CAE").y, -predictions["cae"].accel_mps2, rtol=1e-6)
@@ -55,19 +46,19 @@ def test_deceleration_in_si_is_the_negative_of_the_signed_data(
     assert figure.layout.annotations[0].text == "rated: 0–40 ms"
 
 
-def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predictions: Predictions) -> None:
     """Of 101 evenly spaced draws from -50 to +50 the interval is -47.5 to +47.5."""
     figure = plots.overlay(test, predictions, Display(unit="m/s²")).figure()
     (band,) = [t for t in figure.data if t.fill == "toself"]
     half = band.x.size // 2
     lower, upper = band.y[:half], band.y[half:][::-1]
     np.testing.assert_array_equal(band.x[:half], band.x[half:][::-1])
-    accel = np.interp(band.x[:half], GRID_S * 1e3, predictions["displacement_domain"].accel_mps2)
+    accel = np.interp(band.x[:half], GRID_S * 1e3, predictions["fused"].accel_mps2)
     np.testing.assert_allclose(lower, accel - 47.5, atol=1e-3)
     np.testing.assert_allclose(upper, accel + 47.5, atol=1e-3)
 
 
-def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, predictions: Predictions) -> None:
     for curve in plots.motion(test, predictions).figure().data:
         assert curve.x.size == curve.y.size
         assert curve.x.size < N_SAMPLES if curve.hoverinfo == "skip" else curve.x.size == N_SAMPLES
@@ -75,9 +66,7 @@ def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, pred
         assert (np.nanmin(curve.x), np.nanmax(curve.x)) == (0, end)
 
 
-def test_velocity_and_displacement_are_those_of_the_closed_form(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_velocity_and_displacement_are_those_of_the_closed_form(test: CrashTest, predictions: Predictions) -> None:
     """A half sine that stops the car and throws it back at a tenth of v0: v(t) = v0 (0.45 + 0.55 cos(π t / T))."""
     v0 = test.condition.speed_mps
     figure = plots.motion(test, predictions).figure()
@@ -89,7 +78,7 @@ def test_velocity_and_displacement_are_those_of_the_closed_form(
     np.testing.assert_allclose(trace(figure, "Test", 3).y, moved * 1000, atol=0.5)
 
 
-def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions: dict[str, Prediction]) -> None:
+def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions: Predictions) -> None:
     """A test at 35 mph beside one at 25: its velocity begins at 35 mph, its displacement ends where its own does."""
     test, other = campaign.test("T2"), campaign.test("T4")
     beside = {"T4 · 35 mph": Prediction(other.condition, other.pulse.accel_mps2)}
@@ -100,7 +89,7 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
     assert trace(figure, "CAE", 2).y[0] == pytest.approx(test.condition.speed_mps / MPH)
 
 
-def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: Predictions) -> None:
     """Where the acceleration is, with the ends of the filled band; numbers have a minus sign, not a hyphen."""
     figure = plots.motion(test, predictions).figure()
     accel = trace(figure, "CAE")
@@ -112,10 +101,10 @@ def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predict
     assert "-" not in "".join(accel.customdata)
     assert ":" not in accel.hovertemplate  # the formats of templates know hyphens only
     assert trace(figure, "CAE", 2).hoverinfo == "none"
-    figure = plots.motion(test, predictions, filled="displacement_domain").figure()
+    figure = plots.motion(test, predictions, filled="fused").figure()
     (banded,) = [own for own in figure.data if own.hovertemplate == "%{y} [%{customdata} mm"]
-    assert banded.legendgroup == "displacement_domain"
-    prediction = predictions["displacement_domain"]
+    assert banded.legendgroup == "fused"
+    prediction = predictions["fused"]
     assert prediction.draws_mps2 is not None
     ends = np.quantile(prediction.draws_mps2[:, 400] / G, [0.025, 0.975])
     said, rest = banded.customdata[400].replace("\N{MINUS SIGN}", "-").split("] g, ")
@@ -133,18 +122,18 @@ def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
     assert band.name == "5–95 % of 101 runs"
     stray = CrashTest("stray", campaign.cae.conditions[0], campaign.tests[0].pulse)
     figure = plots.library_band(
-        CaeLibrary(("C",), campaign.cae.conditions[1:2], campaign.cae.accel_mps2[1:2]), [stray]
+        CaeLibrary(("C",), campaign.cae.conditions[1:2], campaign.cae.accel_mps2[1:2]), by_speed([stray])
     ).figure()
     assert len(figure.data) == 2
-    figure = plots.library_band(campaign.cae, campaign.tests).figure()
+    figure = plots.library_band(campaign.cae, by_speed(campaign.tests)).figure()
     assert len(figure.data) == 2 + len(campaign.tests)
     assert figure.data[2].name == f"C20 · {campaign.tests[0].condition.speed_mps / MPH:.1f} mph"
 
 
 def test_filtered_tests_are_drawn_over_what_was_read(campaign: Campaign) -> None:
     """Two curves a test of one colour: the thin one as read, the named one filtered to the class."""
-    plain = plots.measured_pulses(campaign.tests).figure()
-    figure = plots.measured_pulses(campaign.tests, cfc=180, display=Display(unit="m/s²")).figure()
+    plain = plots.measured_pulses(by_speed(campaign.tests)).figure()
+    figure = plots.measured_pulses(by_speed(campaign.tests), Display(unit="m/s²"), cfc=180).figure()
     assert (len(plain.data), len(figure.data)) == (4, 8)
     for test in campaign.tests:
         read, filtered = (trace for trace in figure.data if trace.legendgroup == test.id)

@@ -18,7 +18,7 @@ from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.display import Display
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.canvas import new_drawing
-from crashfuse.results.plots.curves import WHOLE
+from crashfuse.results.plots.curves import WHOLE, Predictions
 from crashfuse.results.plots.displacement import over_displacement
 from crashfuse.results.plots.pulses import add_corridors, motion, overlay
 from crashfuse.results.plots.ratings import rated_curves, rating_heatmap, rating_spread
@@ -29,13 +29,6 @@ from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, Pulse, kinematics
 from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.study.estimate import Estimate
 from crashfuse.units import MPH, MS, G
-from tests.results.conftest import with_and_without_band
-
-
-@pytest.fixture
-def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
-    """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
-    return with_and_without_band(campaign, test, "fused")
 
 
 def table(drawing: Drawing, hidden: tuple[int, ...] = ()) -> pd.DataFrame:
@@ -44,7 +37,7 @@ def table(drawing: Drawing, hidden: tuple[int, ...] = ()) -> pd.DataFrame:
 
 
 def test_curves_over_time_stand_side_by_side_in_the_units_of_the_figure(
-    test: CrashTest, predictions: dict[str, Prediction]
+    test: CrashTest, predictions: Predictions
 ) -> None:
     """One row a sample; test, approaches and the ends of the band are what the library holds, scaled by hand."""
     shown = table(motion(test, predictions, Display(unit="m/s²", deceleration=True)))
@@ -84,7 +77,7 @@ def test_of_plots_above_each_other_the_table_says_which_is_meant(test: CrashTest
     assert parts == ["Corridor", "Phase", "Magnitude", "Slope"]
 
 
-def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: Predictions) -> None:
     """By the reader, with a click in the legend, or by whoever drew it; corridors count once they are added."""
     drawing = overlay(test, predictions)
     places = [place for place, mark in enumerate(drawing.marks) if mark.look.get("legendgroup") == "cae"]
@@ -102,9 +95,7 @@ def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[s
     np.testing.assert_allclose(corridors[inner[1]][known] - corridors[inner[0]][known], 2 * half, rtol=1e-4)
 
 
-def test_curves_with_positions_of_their_own_stand_below_each_other(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_curves_with_positions_of_their_own_stand_below_each_other(test: CrashTest, predictions: Predictions) -> None:
     interval = {"fused": Metric("max_crush", 500.0, 100.0, None, "mm")}
     shown = table(over_displacement(test, predictions, crush=interval))
     assert set(shown["Curve"]) > {"Test", "CAE", "Fused"}

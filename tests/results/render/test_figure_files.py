@@ -32,11 +32,14 @@ def drawn(name: str, height: int) -> go.Figure:
     return go.Figure(go.Scatter(x=[0, 1], y=[0, 1], name=name), {"height": height, "showlegend": True})
 
 
+TABLE = (("Planned test", "Answer"), ("M1", "skip"))
+
+
 def report_of(*figures: go.Figure, titles: Sequence[str] = ("Result", "Result: By test", "Limits")) -> FiguresOfReport:
     drawn = zip(titles, figures, strict=False)
     content = [ReportFigure(t, json.loads(f.to_json()), "Time (ms),Test\n0,1\n", t == "Limits") for t, f in drawn]
     notices, labels = ("It is odd.", "Made up & small."), ("T9 stands apart", "Made up")
-    return FiguresOfReport("Tiny: a study", notices, labels, tuple(content), ("Skip one.",))
+    return FiguresOfReport("Tiny: a study", notices, labels, tuple(content), ("Skip one.",), TABLE, ("Odd: so.",))
 
 
 REPORT = report_of(drawn("a </script> <b", 300), drawn("c", 500), drawn("d", 400))
@@ -97,10 +100,12 @@ def test_figures_become_files_in_every_format() -> None:
     assert struct.unpack(">II", png[16:24]) == (1920, 1000)
     slides = pptx.Presentation(io.BytesIO(files["figures.pptx"])).slides
     assert [slide.shapes.title.text for slide in slides] == ["Skip one.", "Limits", "Result", "Result: By test"]
-    assert [shape.text_frame.text for shape in slides[0].shapes][1:] == [
+    _, below, table, notices = slides[0].shapes
+    assert (below.text_frame.text, notices.text_frame.text) == (
         "Tiny: a study",
-        "It is odd.\nMade up & small.",
-    ]
+        "It is odd.\nMade up & small.\nOdd: so.",
+    )
+    assert tuple(tuple(cell.text for cell in row.cells) for row in table.table.rows) == TABLE
     for slide in list(slides)[1:]:
         (picture,) = [shape for shape in slide.shapes if hasattr(shape, "image")]
         assert picture.left >= 0

@@ -5,7 +5,7 @@ import pytest
 
 from crashfuse import StudyConfig, run_study, watching
 from crashfuse.campaign import Campaign
-from crashfuse.results.training_progress import Watched
+from crashfuse.execution.training_progress import Watched
 
 
 def watched() -> Watched:

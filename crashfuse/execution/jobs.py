@@ -1,4 +1,4 @@
-"""Computations in the background, queued and watched from any page; they know nothing of Streamlit."""
+"""Computations in the background of a server, queued, shared by its visitors and watched by them."""
 
 import logging
 import math
@@ -12,9 +12,8 @@ from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.results.training_progress import Watched
-from crashfuse.ui.kit.address import Place
-from crashfuse.ui.kit.visitors import Visitor, note_in_log
+from crashfuse.execution.training_progress import Watched
+from crashfuse.execution.visitors import Visitor, note_in_log
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 T = TypeVar("T")
@@ -33,7 +32,7 @@ class Job(Generic[T]):
         self.title = title
         self.wanted_by: set[Visitor] = set()
         self._asked_by: set[Visitor] = set()  # those who have cancelled it since among them
-        self.places: dict[Visitor, Place] = {}  # where each of them asked for it, and will look for the result
+        self.places: dict[Visitor, Any] = {}  # where each of them asked for it, and will look for the result
         self.state: State = "waiting"
         self.part: T | None = None  # while it runs: what is known of the result, replaced as more is known
         self.result: T | None = None  # what the work returned, once done

@@ -5,18 +5,20 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import pytest
 
 from crashfuse.errors import OUT_OF_MEMORY, DataError, Problem
+from crashfuse.execution.jobs import Job, Jobs
 from crashfuse.execution.progress import Watch
-from crashfuse.ui.kit.jobs import Jobs
-from crashfuse.ui.kit.visitors import Visitor
+from crashfuse.execution.visitors import Visitor
 
 SOON = 60.0
 ANNA, BEN = Visitor("k1", "anna@example.com"), Visitor("k2", "browser 0a1b2c")
+Work = Callable[[Watch], object]
 
 
 @pytest.fixture
@@ -27,36 +29,46 @@ def gate() -> Iterator[threading.Event]:
     event.set()
 
 
-def test_who_asks_for_the_same_joins_the_same_job(gate: threading.Event) -> None:
-    """The work is done once, whether it still runs or has ended."""
-    jobs, calls = Jobs(), []
+@pytest.fixture
+def held(gate: threading.Event) -> Work:
+    """Work that ends as the gate opens."""
+    return lambda _: gate.wait(SOON)
+
+
+@pytest.fixture
+def jobs() -> Jobs:
+    """A queue with nothing in it."""
+    return Jobs()
+
+
+def ended(job: Job[Any]) -> object:
+    """What a job has come to, once it has ended."""
+    assert job.wait(SOON)
+    return job.result
+
+
+def test_who_asks_for_the_same_joins_the_same_job_and_others_wait(jobs: Jobs, gate: threading.Event) -> None:
+    """The work is done once, whether it still runs or has ended; one job runs at a time, in the order of asking."""
+    calls: list[bool] = []
 
     def work(_: Watch) -> None:
         calls.append(gate.wait(SOON))
 
     first = jobs.start("a", "A", work, ANNA)
     assert jobs.start("a", "A", work, ANNA) is first
-    gate.set()
-    assert first.wait(SOON)
-    assert jobs.start("a", "A", work, ANNA) is first
-    assert calls == [True]
-
-
-def test_one_job_runs_at_a_time_in_the_order_of_asking(gate: threading.Event) -> None:
-    jobs = Jobs()
-    first = jobs.start("a", "First", lambda _: gate.wait(SOON), ANNA)
     second = jobs.start("b", "Second", lambda _: first.state, ANNA)
     assert second.state == "waiting"
     assert jobs.active == [first, second]
     gate.set()
-    assert second.wait(SOON)
-    assert second.result == "done"
+    assert ended(second) == "done"
     assert jobs.active == []
+    assert jobs.start("a", "A", work, ANNA) is first
+    assert calls == [True]
 
 
-def test_what_two_want_stops_at_its_next_report_once_neither_does_and_can_be_started_again() -> None:
+def test_what_two_want_stops_at_its_next_report_once_neither_does_and_can_be_started_again(jobs: Jobs) -> None:
     """Anna cancels for herself; the job runs on for Ben, and stops once he cancels, too. Nothing hangs or is kept."""
-    jobs, reached = Jobs(), threading.Event()
+    reached = threading.Event()
 
     def endless(watch: Watch) -> None:
         for i in range(10**9):
@@ -69,26 +81,24 @@ def test_what_two_want_stops_at_its_next_report_once_neither_does_and_can_be_sta
     job.cancel(ANNA)
     assert (job.state, job.cancelling, job.wanted_by) == ("running", False, {BEN})
     job.cancel(BEN)
-    assert job.wait(SOON)
-    assert (job.state, job.result) == ("cancelled", None)
+    assert (ended(job), job.state) == (None, "cancelled")
     again = jobs.start("a", "A", lambda _: 1, ANNA)
-    assert again.wait(SOON)
-    assert (again.state, again.result) == ("done", 1)
+    assert (ended(again), again.state) == (1, "done")
 
 
 def test_a_job_cancelled_while_it_waits_has_ended_and_never_begins(
-    gate: threading.Event, caplog: pytest.LogCaptureFixture
+    jobs: Jobs, held: Work, gate: threading.Event, caplog: pytest.LogCaptureFixture
 ) -> None:
     """At once, whatever is still ahead of it; its work is not called, and the log says who cancelled it."""
-    jobs, calls = Jobs(), []
-    jobs.start("a", "A", lambda _: gate.wait(SOON), ANNA)
+    calls: list[int] = []
+    jobs.start("a", "A", held, ANNA)
     waiting = jobs.start("b", "B", lambda _: calls.append(1), BEN)
     with caplog.at_level(logging.INFO, "crashfuse"):
         waiting.cancel(BEN)
         assert waiting.wait(0)
         assert (waiting.state, waiting in jobs.active) == ("cancelled", False)
         gate.set()
-        assert jobs.start("c", "C", lambda _: None, ANNA).wait(SOON)
+        ended(jobs.start("c", "C", lambda _: None, ANNA))
     assert calls == []
     assert [told for told in caplog.messages if told.endswith(": B")] == [f"{BEN.name}: cancelled: B"]
 
@@ -104,18 +114,16 @@ ERRORS: list[tuple[BaseException, str]] = [
 
 @pytest.mark.parametrize(("error", "told"), ERRORS)
 def test_a_failed_job_has_a_sentence_and_the_queue_goes_on(
-    error: BaseException, told: str, caplog: pytest.LogCaptureFixture
+    jobs: Jobs, error: BaseException, told: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Whoever ran out of memory, or called sys.exit; the rest of what nobody foresaw is for the log."""
-    jobs = Jobs()
 
     def fail(_: Watch) -> None:
         raise error
 
     with caplog.at_level(logging.ERROR):
         job = jobs.start("a", "A", fail, ANNA)
-        assert job.wait(SOON)
-        assert jobs.start("b", "B", lambda _: None, ANNA).wait(SOON)
+        ended(jobs.start("b", "B", lambda _: None, ANNA))
     assert job.state == "failed"
     assert told in job.message
     assert "Traceback" not in job.message
@@ -125,12 +133,12 @@ def test_a_failed_job_has_a_sentence_and_the_queue_goes_on(
 @pytest.mark.parametrize("way", ["cancelled", "silent"])
 @pytest.mark.parametrize("at_once", [False, True])
 def test_a_job_that_hangs_does_not_hold_up_the_others(
-    gate: threading.Event, monkeypatch: pytest.MonkeyPatch, way: str, *, at_once: bool
+    jobs: Jobs, gate: threading.Event, monkeypatch: pytest.MonkeyPatch, way: str, *, at_once: bool
 ) -> None:
     """It is left behind, once it was cancelled or has not reported for long; what it returns later is not wanted."""
-    monkeypatch.setattr("crashfuse.ui.kit.jobs._LOOK_S", 0.01)
-    monkeypatch.setattr(f"crashfuse.ui.kit.jobs.{'_STOPS_S' if way == 'cancelled' else '_SILENT_S'}", 0.05)
-    jobs, begun, returned = Jobs(), threading.Event(), threading.Event()
+    monkeypatch.setattr("crashfuse.execution.jobs._LOOK_S", 0.01)
+    monkeypatch.setattr(f"crashfuse.execution.jobs.{'_STOPS_S' if way == 'cancelled' else '_SILENT_S'}", 0.05)
+    begun, returned = threading.Event(), threading.Event()
 
     def hang(_: Watch) -> int:
         begun.set()
@@ -143,18 +151,15 @@ def test_a_job_that_hangs_does_not_hold_up_the_others(
     if way == "cancelled":
         job.cancel(ANNA)
         assert job.wait(SOON)
-    assert jobs.start("b", "B", lambda _: 2, BEN).wait(SOON)
+    ended(jobs.start("b", "B", lambda _: 2, BEN))
     gate.set()
     assert returned.wait(SOON)
-    assert job.wait(SOON)
-    outcome = job.state, job.result
-    assert outcome == (("cancelled", None) if way == "cancelled" else ("done", 1))
+    assert (ended(job), job.state) == ((None, "cancelled") if way == "cancelled" else (1, "done"))
 
 
-def test_a_job_that_reports_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("crashfuse.ui.kit.jobs._LOOK_S", 0.01)
-    monkeypatch.setattr("crashfuse.ui.kit.jobs._SILENT_S", 0.3)
-    jobs = Jobs()
+def test_a_job_that_reports_is_waited_for(jobs: Jobs, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("crashfuse.execution.jobs._LOOK_S", 0.01)
+    monkeypatch.setattr("crashfuse.execution.jobs._SILENT_S", 0.3)
 
     def work(watch: Watch) -> None:
         for i in range(20):
@@ -162,14 +167,12 @@ def test_a_job_that_reports_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> No
             time.sleep(0.05)
 
     first = jobs.start("a", "A", work, ANNA)
-    second = jobs.start("b", "B", lambda _: first.state, BEN)
-    assert second.wait(SOON)
-    assert second.result == "done"
+    assert ended(jobs.start("b", "B", lambda _: first.state, BEN)) == "done"
 
 
-def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None:
+def test_progress_and_reported_values_can_be_read(jobs: Jobs, gate: threading.Event) -> None:
     """Each step with its values as points over how far it was."""
-    jobs, reached = Jobs(), threading.Event()
+    reached = threading.Event()
 
     def work(watch: Watch) -> None:
         watch.report("Read", 1, 1)
@@ -180,35 +183,31 @@ def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None
 
     job = jobs.start("a", "A", work, ANNA)
     assert reached.wait(SOON)
-    assert list(job.steps) == ["Read", "Train"]
-    assert job.steps["Read"].finished
-    train = job.steps["Train"]
-    assert train.progress.fraction == pytest.approx(0.3)
-    assert train.curves["loss"] == [(0, 1), (1, 1 / 2), (2, 1 / 3), (3, 1 / 4)]
-    gate.set()
-    assert job.wait(SOON)
+    read, train = job.steps.items()
+    assert (read[0], read[1].finished, train[0]) == ("Read", True, "Train")
+    assert train[1].progress.fraction == pytest.approx(0.3)
+    assert train[1].curves["loss"] == [(0, 1), (1, 1 / 2), (2, 1 / 3), (3, 1 / 4)]
 
 
-def test_only_the_last_outcomes_are_kept() -> None:
-    jobs = Jobs()
+def test_only_the_last_outcomes_are_kept(jobs: Jobs) -> None:
     for i in range(40):
-        assert jobs.start(i, str(i), lambda _: None, ANNA).wait(SOON)
+        ended(jobs.start(i, str(i), lambda _: None, ANNA))
     kept = [i for i in range(40) if jobs.get(i) is not None]
     assert kept[-1] == 39
     assert len(kept) <= 25
 
 
-def test_who_asks_for_what_is_being_stopped_gets_a_job_of_their_own(gate: threading.Event) -> None:
-    jobs = Jobs()
-    first = jobs.start("a", "A", lambda _: gate.wait(SOON), ANNA)
+def test_who_asks_for_what_is_being_stopped_gets_a_job_of_their_own(
+    jobs: Jobs, held: Work, gate: threading.Event
+) -> None:
+    first = jobs.start("a", "A", held, ANNA)
     first.cancel(ANNA)
     second = jobs.start("a", "A", lambda _: 2, BEN)
     assert second is not first
     first.join(BEN)
     assert first.wanted_by == set()
     gate.set()
-    assert second.wait(SOON)
-    assert second.result == 2
+    assert ended(second) == 2
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a thread cannot be given a priority of its own")

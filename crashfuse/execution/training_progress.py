@@ -10,8 +10,6 @@ from typing import Any
 from crashfuse import views
 from crashfuse.errors import UsageError, one_of
 from crashfuse.execution.progress import Progress, ProgressBar, Watch
-from crashfuse.results.drawing import Drawing
-from crashfuse.results.plots.learning import learning_curves
 
 _CURVE_POINTS = 1000
 
@@ -36,13 +34,13 @@ class Step:
         """True if it has reported enough values for a figure."""
         return any(len(points) > 1 for points in list(self.curves.values()))
 
-    def draw(self) -> Drawing:
+    def draw(self) -> "views.Drawing":
         """The values reported so far over the step's progress; a UsageError if there are none."""
         if not self.learns:
             raise UsageError(f"The step {self.progress.step} has reported no values to draw.")
         curves = {name.replace("_", " "): list(points) for name, points in list(self.curves.items())}
         value = "Loss" if all(name.endswith("loss") for name in curves) else "Error"
-        return learning_curves(curves, value=value, total=self.progress.total)
+        return views.learning_curves(curves, value=value, total=self.progress.total)
 
     plot = views.as_plotly(draw)
     """The same as a Plotly figure."""
@@ -77,7 +75,7 @@ class Watched(Watch):
         super().__init__(take, cancel, on_part)
         self.steps: dict[str, Step] = {}
 
-    def draw(self, step: str = "") -> Drawing:
+    def draw(self, step: str = "") -> "views.Drawing":
         """What a step has reported so far, by default the last that reported values, see :meth:`Step.draw`."""
         learning = [name for name, own in self.steps.items() if own.learns]
         if not (step or learning):

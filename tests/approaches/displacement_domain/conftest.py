@@ -1,4 +1,4 @@
-"""What the tests of the approaches share."""
+"""What the tests of the displacement domain share."""
 
 from collections.abc import Iterator
 
@@ -6,8 +6,8 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 
-@pytest.fixture
+@pytest.fixture(scope="module", autouse=True)
 def one_thread() -> Iterator[None]:
     """Small matrices: more threads would only get in each other's way."""
-    with threadpool_limits(1):
+    with threadpool_limits(1, user_api="blas"):
         yield
