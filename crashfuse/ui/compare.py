@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
+from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import estimates_result, whole_sentences
 from crashfuse.results.plots.curves import TEST
-from crashfuse.results.rating_tables import REPEAT, excursions_table, humps_table
-from crashfuse.results.study import study_files, study_result
+from crashfuse.results.rating_tables import excursions_table, humps_table
+from crashfuse.results.study import quality_of, study_files, study_result
 from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.facts import window_facts
@@ -27,12 +27,10 @@ from crashfuse.ui.kit.curves import choose_curves, without_clicks
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_pulses, offer_result
-from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
+from crashfuse.ui.kit.progress import result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plain
-from crashfuse.units import difference
 
-_NO_CHANGE = 0.005  # in rating
 _BADGES = {"Excellent": "blue", "Good": "blue", "Fair": "orange", "Poor": "orange"}
 _MOTION, _RESIDUALS = "Motion", "Residuals"
 _CORRIDORS_HELP = "1 inside the inner corridor, 0 outside the outer: ± 5 %, ± 50 % of the test's largest acceleration."
@@ -61,8 +59,7 @@ def show(view: View) -> None:
     study = result_of(
         request,
         invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will be fitted on the CAE runs "
-        f"and {len(others.tests)} other tests. "
-        + patience(config, "The displacement domain takes some seconds, the networks a little longer."),
+        f"and {len(others.tests)} other tests.",
         button=f"Predict test {test.id}",
     )
     show_training(config, study.config.approaches)
@@ -104,15 +101,14 @@ def _show_headline(comparison: _Comparison) -> None:
     if (advice := comparison.advice) is None:
         return
     overall = {name: ratings[comparison.window_ms].overall for name, ratings in comparison.fold.ratings.items()}
-    rated = overall[advice.approach]
-    missed = advice.expected is not None and advice.expected.is_missed_by(rated)
-    repeat = comparison.repeats.get(comparison.window_ms)
-    beside = [] if repeat is None else [repeat.sentence(rated, LABELS[advice.approach])]
-    first, *reasons = (fact.sentence for fact in advice.after(rated))
-    headline: list[str] = [first]
-    if (raw := overall.get(BASELINE, rated)) - rated >= _NO_CHANGE:
-        headline.append(f"The raw CAE model rates {raw:.3f}, higher.")
-    results.show_recommendation(headline, [*reasons, *beside], "warning" if missed else "lightbulb")
+    repeat, approach = comparison.repeats.get(comparison.window_ms), st.session_state["explained"]
+    test_account = _account(comparison.key, comparison, approach)
+    lines = [f"**{plain(of)}:** {plain(how)}" for of, how in quality_of(test_account, repeat).items()]
+    reasons = [fact.sentence for fact in advice.after(overall[advice.approach])]
+    if repeat is not None:
+        reasons.append(repeat.sentence(overall[approach], LABELS[approach]))
+    icon = ":material/warning: " if test_account.disappoints else ""
+    results.show_with_reasons(icon + "  \n".join(lines), reasons)
 
 
 def _choose_rated(comparison: _Comparison) -> None:
@@ -122,18 +118,13 @@ def _choose_rated(comparison: _Comparison) -> None:
 
     def label(name: str) -> str:
         overall, grade = rated[name].overall, rated[name].grade
-        change = ""
-        if BASELINE in rated and name != BASELINE:
-            change = f" :small[{difference(overall, rated[BASELINE].overall, 3)}]"
         star = ":material/star: " if name == best and comparison.advice is not None else ""
-        return f"{star}{LABELS[name]} **{overall:.3f}**{change} :{_BADGES[grade]}-badge[{grade}]"
+        return f"{star}{LABELS[name]} **{overall:.3f}** :{_BADGES[grade]}-badge[{grade}]"
 
     address.default("explained", best, list(rated))
-    of = f"Ratings over {results.window_label(comparison.window_ms)}, with the change from the raw CAE model"
+    of = f"Ratings over {results.window_label(comparison.window_ms)}"
     look = {"label_visibility": "collapsed", "required": True, "wrap": True, "format_func": label}
     st.segmented_control(of, list(rated), **kept("explained", on_change=address.publish, **look))
-    if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
-        st.caption(f"{REPEAT}: {repeat.value:.3f}, {repeat.lower:.2f}–{repeat.upper:.2f} (95 %).")
 
 
 def _show_pulses(comparison: _Comparison) -> None:
@@ -190,7 +181,7 @@ def _show_why(comparison: _Comparison) -> None:
         show_table(excursions_table(explanation), "excursions")
 
 
-@st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")
+@st.cache_resource(max_entries=50, show_spinner=False)  # which would stand over figures of another choice
 def _account(key: Hashable, _comparison: _Comparison, approach: str) -> Account:  # noqa: ARG001
     view, fold = _comparison.view, _comparison.fold
     return account(view.campaign, chosen_config(), fold, view.display.window_ms, approach=approach)
@@ -198,7 +189,7 @@ def _account(key: Hashable, _comparison: _Comparison, approach: str) -> Account:
 
 def _show_ratings(comparison: _Comparison) -> None:
     campaign, fold, window_ms, config = comparison.view.campaign, comparison.fold, comparison.window_ms, chosen_config()
-    terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {A_REPEAT}"
+    terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {A_REPEAT} {LF}"
     st.subheader("Rating by approach and window", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
     to_ttzv = {}
@@ -206,8 +197,6 @@ def _show_ratings(comparison: _Comparison) -> None:
         to_ttzv = {name: fold.overall_to_ttzv(name) for name in fold.ratings}
     show_table(results.ratings_table(fold.ratings, window_ms, comparison.repeats, draws, to_ttzv), "ratings")
     st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
-    if "lf_tcn" in config.approaches:
-        st.caption(LF)
     known = () if comparison.advice is None else comparison.advice.sentences
     about = estimates_result(campaign, fold.estimates, comparison.view.held_out, known)
     results.show_metrics(about)

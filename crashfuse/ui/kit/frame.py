@@ -46,8 +46,8 @@ _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 def choose_settings() -> tuple[StudyConfig, str]:
     """Ask for the settings; second is what is wrong with them, if anything."""
     label = LABELS.__getitem__
-    chosen = st.pills("Approaches", tuple(APPROACHES), selection_mode="multi", format_func=label, **kept("approaches"))
-    st.caption(f"{LF} {TIME_DOMAIN}")
+    look = {"selection_mode": "multi", "format_func": label, "help": f"{LF} {TIME_DOMAIN}"}
+    chosen = st.pills("Approaches", tuple(APPROACHES), **kept("approaches", **look))
     left, right = st.columns(2, gap="large")
     acts_on = read_out([LABELS[name] for name in filter(uses_preset, APPROACHES)])
     captions = ["Ours: minutes on a laptop.", f"As published (Zeng et al. 2023): {acts_on}."]
