@@ -125,7 +125,7 @@ def quality_table(study: Study, window_ms: float) -> Table:
         lines.append((_LEFT_OUT[_way(view)], LABELS[approach], rated))
     repeats = {test: repeat.value for test, repeat in study.repeats(window_ms).items()}
     if len(repeats) == len(study.folds):
-        lines.append(("A repeat of the test", None, repeats))
+        lines.append(("A repeat of the test", "–", repeats))
     grades = (Column(name, "grade") for name in ("Mean", "Worst"))
     rows = (
         {"How good is a prediction?": of, "Mean": float(np.mean([*rated.values()])), "Worst": min(rated.values())}
@@ -137,19 +137,18 @@ def quality_table(study: Study, window_ms: float) -> Table:
 
 def quality_of(account: Account, repeat: Repeatability | None) -> dict[Sentence, Sentence]:
     """How good a prediction of a left-out test is, by what was left out, and what a repeat of it would rate."""
-    test, expected, rated = account.test, account.expected, f"{graded(account.rating)}."
-    alone = Sentence("{} left out", test.id)
+    test, expected, rated = account.test, account.expected, graded(account.rating)
     at_its_speed = Sentence("All at {} left out", speed(test.condition.speed_mps))
-    outcome = rated if expected is None else expected.outcome(account.rating)
-    lines = {at_its_speed if account.with_group else alone: Sentence("{}: {}", LABELS[account.approach], outcome)}
-    if (without := account.without_neighbours) is not None:
-        lines[at_its_speed] = Sentence("{}.", graded(without))
-    elif not (account.with_group or account.neighbours):
-        lines[at_its_speed] = Sentence("the same: no other test is at this speed.")
-    elif not account.with_group:
-        lines[at_its_speed] = Sentence("not known yet; Study computes it for every test.")
+    if expected is not None:
+        rated = f"{rated}, {expected.surprise(account.rating)} ({expected.range})"
+    lines = {at_its_speed if account.with_group else Sentence("{} left out", test.id): Sentence("{}.", rated)}
+    if not account.with_group:
+        without = "not computed yet, see Study" if account.neighbours else "the same, it is the only one"
+        if account.without_neighbours is not None:
+            without = graded(account.without_neighbours)
+        lines[at_its_speed] = Sentence("{}.", without)
     if repeat is not None:
-        lines[Sentence("A repeat of {}", test.id)] = Sentence("{} (95 %).", repeat.text)
+        lines[Sentence("A repeat of {}", test.id)] = Sentence("{}.", repeat.text)
     return lines
 
 

@@ -1,12 +1,13 @@
 """The page Compare: how each approach rates on a held-out test, which one to use, why, and files."""
 
 from collections.abc import Hashable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import streamlit as st
 
-from crashfuse.approaches.registry import LABELS, by_preference
+from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import estimates_result, whole_sentences
@@ -15,7 +16,7 @@ from crashfuse.results.rating_tables import excursions_table, humps_table
 from crashfuse.results.study import quality_of, study_files, study_result
 from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
-from crashfuse.study.facts import window_facts
+from crashfuse.study.facts import departure_fact
 from crashfuse.study.recommendation import Account, Recommendation, account
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
@@ -33,7 +34,9 @@ from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plai
 
 _BADGES = {"Excellent": "blue", "Good": "blue", "Fair": "orange", "Poor": "orange"}
 _MOTION, _RESIDUALS = "Motion", "Residuals"
-_CORRIDORS_HELP = "1 inside the inner corridor, 0 outside the outer: ± 5 %, ± 50 % of the test's largest acceleration."
+_CORRIDORS_HELP = (
+    "Of the rating: 1 inside the inner corridor, 0 outside the outer: ± 5 %, ± 50 % of the test's largest acceleration."
+)
 _CURVES = {
     "Over displacement": (
         "displacement",
@@ -96,19 +99,17 @@ class _Comparison(NamedTuple):
 
 def _show_headline(comparison: _Comparison) -> None:
     _choose_rated(comparison)
-    for fact in window_facts(comparison.view.held_out, comparison.window_ms):
-        st.caption(plain(comparison.view.display.words(fact.sentence)))
     if (advice := comparison.advice) is None:
         return
-    overall = {name: ratings[comparison.window_ms].overall for name, ratings in comparison.fold.ratings.items()}
-    repeat, approach = comparison.repeats.get(comparison.window_ms), st.session_state["explained"]
-    test_account = _account(comparison.key, comparison, approach)
+    approach, window_ms = st.session_state["explained"], comparison.window_ms
+    rated = {name: ratings[window_ms].overall for name, ratings in comparison.fold.ratings.items()}
+    repeat, test_account = comparison.repeats.get(window_ms), _account(comparison.key, comparison, approach)
     lines = [f"**{plain(of)}:** {plain(how)}" for of, how in quality_of(test_account, repeat).items()]
-    reasons = [fact.sentence for fact in advice.after(overall[advice.approach])]
+    reasons: list[str] = [fact.sentence for fact in (*advice.after(rated[advice.approach]), *test_account.about_test)]
     if repeat is not None:
-        reasons.append(repeat.sentence(overall[approach], LABELS[approach]))
+        reasons.append(repeat.sentence(rated[approach], LABELS[approach]))
     icon = ":material/warning: " if test_account.disappoints else ""
-    results.show_with_reasons(icon + "  \n".join(lines), reasons)
+    results.show_with_reasons(icon + "  \n".join(lines), [*reasons, *whole_sentences(comparison.fold.estimates)])
 
 
 def _choose_rated(comparison: _Comparison) -> None:
@@ -132,7 +133,7 @@ def _show_pulses(comparison: _Comparison) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
         look = kept("corridors", help=_CORRIDORS_HELP)
-        corridors = shown == _MOTION and st.toggle("Corridors of the rating", **look)
+        corridors = shown == _MOTION and st.toggle("Corridors", **look)
         approach, known = st.session_state["explained"], list(comparison.fold.ratings)
         curves = choose_curves(comparison.view, test.condition, approach, known, test.id)
     figure, alt, caption = _CURVES.get(shown, ("motion", "Acceleration, velocity and displacement over time: {}", ""))
@@ -150,12 +151,13 @@ def _show_pulses(comparison: _Comparison) -> None:
     of = f"test {test.id}{' and its' if TEST in curves.others else ','} prediction by {curves.by}"
     key = shown, corridors, notes_here, comparison.key, curves.key
     show_cached_figure(draw, alt.format(of), *key, name=curves.named(name))
-    st.caption(caption or "".join(whole_sentences(comparison.fold.estimates)))
+    if caption:
+        st.caption(caption)
     edit_notes(comparison.view, notes)
 
 
 def _show_why(comparison: _Comparison) -> None:
-    display, test, advice = comparison.view.display, comparison.view.held_out, comparison.advice
+    display, test = comparison.view.display, comparison.view.held_out
     approach = st.session_state["explained"]
     explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = rating_sentences(explanation)
@@ -165,13 +167,14 @@ def _show_why(comparison: _Comparison) -> None:
     with bars:
         alt = f"The four scores of every prediction of test {test.id}, as bars"
         show_cached_figure(partial(draw, "scores"), alt, "parts", comparison.key, name="scores")
-    parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
-    words.markdown("\n".join(f"- {plain(said[part])}" for part in parts), help=RATING_PARTS)
-    if advice is not None:
-        test_account = _account(comparison.key, comparison, advice.approach)
-        if test_account.disappoints or (test_account.departure is not None and test_account.departure.apart):
-            sentences = [fact.sentence for fact in test_account.about_test]
-            results.show_account(sentences, missed=test_account.disappoints)
+    first, *others = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
+    with words:
+        st.markdown(plain(said[first]), help=RATING_PARTS)
+        with st.expander("The other three scores", icon=":material/notes:"):
+            st.markdown("\n".join(f"- {plain(said[part])}" for part in others))
+        departure = _account(comparison.key, comparison, approach).departure
+        if departure is not None and departure.apart:
+            st.markdown(f":material/warning: {plain(departure_fact(departure).sentence)}")
     alt = f"Test {test.id} and its prediction by {LABELS[approach]}: corridors, shifted, warped, and their slopes"
     curves, name = partial(draw, "rating", approaches=[approach]), f"rating of {LABELS[approach]}"
     show_cached_figure(curves, alt, "rated curves", approach, comparison.key, name=name)
@@ -190,16 +193,19 @@ def _account(key: Hashable, _comparison: _Comparison, approach: str) -> Account:
 def _show_ratings(comparison: _Comparison) -> None:
     campaign, fold, window_ms, config = comparison.view.campaign, comparison.fold, comparison.window_ms, chosen_config()
     terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {A_REPEAT} {LF}"
-    st.subheader("Rating by approach and window", help=terms)
+    window, approach = results.window_label(window_ms), st.session_state["explained"]
+    st.subheader(f"Ratings; scores and single draws over {window}", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
     to_ttzv = {}
     if config.to_ttzv and fold.ttzv_ms is not None:
         to_ttzv = {name: fold.overall_to_ttzv(name) for name in fold.ratings}
     show_table(results.ratings_table(fold.ratings, window_ms, comparison.repeats, draws, to_ttzv), "ratings")
-    st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
     known = () if comparison.advice is None else comparison.advice.sentences
     about = estimates_result(campaign, fold.estimates, comparison.view.held_out, known)
-    results.show_metrics(about)
+    metrics, others = about.tables["metrics"], {*fold.ratings} - {BASELINE, approach}
+    if not st.toggle("Metrics of all approaches", key="all_metrics", persist_state="session"):
+        metrics = metrics.without(*(LABELS[name] for name in others))
+    results.show_metrics(replace(about, tables={**about.tables, "metrics": metrics}))
     results.show_details(about)
 
 

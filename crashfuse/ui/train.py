@@ -180,7 +180,7 @@ def _show_diagnostics(view: View) -> None:
     request = study_request(campaign, (test,), config)
     study = progress.result_of(
         request,
-        invitation=f"Nothing was trained without {plain(test)} yet, with these settings.",
+        invitation=f"Nothing was trained without {plain(test)} yet.",
         button=f"Train without {test}",
     )
     progress.show_training(config, study.config.approaches)

@@ -7,7 +7,7 @@ import pytest
 from crashfuse.execution import jobs as jobs_module
 from crashfuse.execution.jobs import Job, Jobs
 from crashfuse.execution.pace import Pace, slowness
-from tests.execution.test_jobs import SOON
+from tests.execution.test_jobs import ANNA, SOON
 
 
 def test_a_range_follows_what_the_latest_jobs_took_and_how_slow_the_machine_is_now() -> None:
@@ -31,8 +31,8 @@ def test_a_job_knows_its_range_once_it_runs_and_teaches_the_next(monkeypatch: py
     """Measured as it begins; what it took counts for the next; a job of unknown length has none."""
     monkeypatch.setattr(jobs_module, "slowness", lambda: 2.0)
     gate, jobs = threading.Event(), Jobs()
-    unknown: Job[bool] = jobs.start("unknown", "Unknown", lambda _: gate.wait(SOON), "A")
-    job: Job[None] = jobs.start("known", "Known", lambda _: None, "A", usual_s=1e-6)
+    unknown: Job[bool] = jobs.start("unknown", "Unknown", lambda _: gate.wait(SOON), ANNA)
+    job: Job[None] = jobs.start("known", "Known", lambda _: None, ANNA, usual_s=1e-6)
     assert job.expected_s is None  # it waits, and who knows how the machine is then
     gate.set()
     assert job.wait(SOON)

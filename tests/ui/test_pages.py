@@ -257,9 +257,10 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert ratings["0–20 ms"][0] == f"{expected[20.0].overall:.3f} {expected[20.0].grade}"
     assert ratings["Slope"][0] == f"{expected[60.0].slope:.3f}"
     assert metrics.columns[:2].tolist() == ["Pulse metric, T1", "Measured"]
-    assert "[" in metrics["Displacement domain"][0]
+    assert "[" in metrics["Fused"][0]
+    assert "Displacement domain" not in metrics
     assert more["Pulse metric, T1"].iloc[0] == "Equivalent square wave (g)"
-    assert any("single draws: over 0–60 ms" in caption.value for caption in session.app.caption)
+    assert "scores and single draws over 0–60 ms" in session.words
     assert "Made for a test." in session.words
     assert "Fitted to 300 points of a bias of 7.2 g RMS" in session.words
     assert fit["Known to a factor of"].tolist() == ["1.50"]
@@ -302,7 +303,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     session.go("compare")
     assert rated(session) == list(LABELS.values())
     assert "still training" not in session.words
-    assert re.search(r"T1 left out:\*\* Fused: 0\.\d{3} \w+", session.words)
+    assert re.search(r"T1 left out:\*\* 0\.\d{3} \w+", session.words)
 
 
 CURVE = {"epoch": [1, 2], "train_loss": [1.0, 0.1], "validation_loss": [1.1, 0.2]}
@@ -480,7 +481,7 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
     assert job.wait(SOON)
     session.run()
     assert "still training" not in session.words
-    assert re.search(r"T1 left out:\*\* Fused: 0\.\d{3} \w+", session.words)
+    assert re.search(r"T1 left out:\*\* 0\.\d{3} \w+", session.words)
     assert "Predict over speed" in session.buttons
 
 
