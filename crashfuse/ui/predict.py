@@ -48,7 +48,7 @@ from crashfuse.ui.kit.files import (
     offer_result,
 )
 from crashfuse.ui.kit.frame import by_itself
-from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training
+from crashfuse.ui.kit.progress import result_of, result_or_none, show_training
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import TTZV, plain
 from crashfuse.units import IN_SI, joined
@@ -90,8 +90,7 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
     campaign, condition = view.campaign, _choose_condition(view.campaign, view.display)
     fitted = result_of(
         request,
-        invitation=f"The approaches have not been fitted on all {len(campaign.tests)} tests of this campaign yet. "
-        + patience(config, "This takes a minute or two, once; then every condition is answered at once."),
+        invitation=f"Fitted once on all {len(campaign.tests)} tests, the approaches answer every condition at once.",
         button="Predict",
     )
     prediction, advice = PredictedPulse(campaign, tuple(answers(condition, fitted)), config), None
@@ -257,7 +256,7 @@ def _show_differences(shown: Sequence[PredictedPulse], display: Display) -> None
 def _show_over_speed(view: View, fitted: Fitted, condition: Condition, approach: str) -> None:
     sweep = result_or_none(
         sweep_over_speed(view.campaign, fitted, condition),
-        invitation="Some thirty speeds take some ten seconds.",
+        invitation="The metrics over some thirty speeds.",
         button="Predict over speed",
     )
     if sweep is None:

@@ -180,8 +180,7 @@ def _show_diagnostics(view: View) -> None:
     request = study_request(campaign, (test,), config)
     study = progress.result_of(
         request,
-        invitation=f"Nothing was trained without {plain(test)} yet, with these settings. "
-        + progress.patience(config, "The displacement domain takes some seconds, the networks a little longer."),
+        invitation=f"Nothing was trained without {plain(test)} yet.",
         button=f"Train without {test}",
     )
     progress.show_training(config, study.config.approaches)
@@ -277,8 +276,7 @@ def _learn_archive(view: View, *, editable: bool) -> None:
     except DataError as error:
         show_wrong(error)
         return
-    invitation = "Four vehicles take some minutes on two cores; what is finished is kept."
-    archive = progress.result_or_none(request, invitation=invitation, button="Learn an archive")
+    archive = progress.result_or_none(request, invitation="What is finished is kept.", button="Learn an archive")
     if archive is None:
         return
     with st.container(horizontal=True):

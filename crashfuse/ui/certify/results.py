@@ -28,7 +28,7 @@ from crashfuse.ui.certify.matrix import matrix_asked
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import Request, said_of
+from crashfuse.ui.kit.computation import Request, said_of, usual_s
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
 from crashfuse.ui.kit.files import offer_result
@@ -64,6 +64,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Cer
         f"{campaign.name}: verdicts on {len(matrix.ids)} planned tests",
         lambda watch: certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch),
         lambda: is_computed(campaign, criteria, matrix, config),
+        lambda: usual_s(campaign, config, 2 * len(campaign.tests)),
     )
 
 

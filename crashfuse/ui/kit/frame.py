@@ -32,6 +32,7 @@ from crashfuse.ui.kit.text import LF, TIME_DOMAIN, TO_TTZV_HELP, chosen_units, p
 from crashfuse.units import SYSTEMS, counted, read_out, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
+_DRAWN = "drawn page"  # session key
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it
 _PLACE_OF = {  # of facts that stand above every page: where they lead
     "test.stands_apart": ("compare", {"compare_tab": "Why"}),
@@ -46,12 +47,12 @@ _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 def choose_settings() -> tuple[StudyConfig, str]:
     """Ask for the settings; second is what is wrong with them, if anything."""
     label = LABELS.__getitem__
-    chosen = st.pills("Approaches", tuple(APPROACHES), selection_mode="multi", format_func=label, **kept("approaches"))
-    st.caption(f"{LF} {TIME_DOMAIN}")
+    look = {"selection_mode": "multi", "format_func": label, "help": f"{LF} {TIME_DOMAIN}"}
+    chosen = st.pills("Approaches", tuple(APPROACHES), **kept("approaches", **look))
     left, right = st.columns(2, gap="large")
     acts_on = read_out([LABELS[name] for name in filter(uses_preset, APPROACHES)])
-    captions = ["Ours: minutes on a laptop.", f"As published (Zeng et al. 2023): {acts_on}."]
-    left.radio("Settings", PRESETS, format_func=str.capitalize, captions=captions, **kept("preset"))
+    tip = f"Fast: ours, minutes on a laptop. Paper: {acts_on} as published (Zeng et al. 2023)."
+    left.radio("Settings", PRESETS, format_func=str.capitalize, horizontal=True, **kept("preset", help=tip))
     with right.expander("Advanced", icon=":material/tune:"):
         # without bounds, within which a browser would keep the last one and say nothing to the page
         st.number_input("Seed", step=1, help="The same seed gives the same results.", **kept("seed"))
@@ -227,10 +228,12 @@ def route(page: Page) -> None:
     view = opened if isinstance(opened, View) and not _is_adding(page.url_path) else None
     if view is not None:
         row = st.container(horizontal=True, key="answer")
+    slot = st.empty() if st.session_state.get(_DRAWN) != page.url_path else st  # what the page that is left showed goes
+    st.session_state[_DRAWN] = page.url_path
     if ASKED not in st.session_state:  # else the link stays as it was given
         address.publish()
     try:
-        with suppress(StopException):  # of end_page
+        with slot.container(key="page"), suppress(StopException):  # of end_page
             page.run()
         if view is not None:
             _show_answer(row, view)

@@ -178,9 +178,14 @@ def ratings_table(
 
 def show_recommendation(headline: Sequence[str], reasons: Sequence[str] = (), icon: str = "lightbulb") -> None:
     """Show the recommendation in a line; reasons unfold."""
+    use, *details = map(plain, headline)
+    show_with_reasons(f":material/{icon}: **{use}** {' '.join(details)}", reasons)
+
+
+def show_with_reasons(text: str, reasons: Sequence[str]) -> None:
+    """Show what is known, in Markdown; reasons unfold."""
     with st.container(horizontal=True, wrap=False, vertical_alignment="center", key="recommendation"):
-        use, *details = map(plain, headline)
-        st.markdown(f":material/{icon}: **{use}** {' '.join(details)}", width="content")
+        st.markdown(text, width="content")
         if reasons:
             with st.popover("More", type="tertiary"):
                 st.markdown("\n\n".join(map(plain, reasons)))
