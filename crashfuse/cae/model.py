@@ -246,10 +246,10 @@ class CaeModel:
 
 def cae_pulses(cae: CaeLibrary, conditions: Sequence[Condition], run: Run = UNKEPT) -> list[FloatArray]:
     """The CAE pulse at each condition; the emulator is trained only if one has no run."""
-    runs = [cae.paired_run(condition) for condition in conditions]
-    model = CaeModel().fit(cae, run) if None in runs else None
+    runs, model = [cae.paired_run(condition) for condition in conditions], CaeModel()
+    if None in runs:
+        model.fit(cae, run)
     return [
-        cae.accel_mps2[own].astype(np.float64) if own is not None else model.pulse(condition).accel_mps2
+        model.pulse(condition).accel_mps2 if own is None else cae.accel_mps2[own].astype(np.float64)
         for own, condition in zip(runs, conditions, strict=True)
-        if own is not None or model is not None
     ]

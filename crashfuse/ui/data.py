@@ -16,6 +16,7 @@ from crashfuse.condition import about_label
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.formats import all_formats
 from crashfuse.results.campaign import cae_errors_table
+from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import events_sentences, events_table
 from crashfuse.results.plots.displacement import missing_force
 from crashfuse.results.result_tables import about_table, quality_table, tests_table, wall_table
@@ -180,9 +181,9 @@ def _show_library(view: View) -> None:
     campaign, test, display = view.campaign, view.held_out, view.display
     remark = f"CAE / test, **difference**; TTZV: time of zero velocity. {campaign.rating_basis}."
     show_table(cae_errors_table(campaign, display.window_ms), "cae errors", remark)
+    _choose_overlaid(view)
     left, right = st.columns(2, gap="medium")
     with left:
-        _choose_overlaid(view)
         draw = partial(campaign.draw, "cae and test", held_out=test.id, display=display)
         alt, key = f"Test {test.id} and the CAE model at its condition, over time", (test.id, display)
         show_cached_figure(draw, alt, "cae and test", campaign.fingerprint, key, name=f"{test.id} and CAE")
@@ -209,10 +210,16 @@ def _choose_overlaid(view: View) -> None:
 
 def _show_mending(view: View) -> None:
     campaign, display = view.campaign, view.display
-    st.markdown(f"**{_MEND}**", help="By all tests: a diagnosis, no left-out prediction.")
+    tip = "A line a test, dark: slow, bright: fast. By all tests: a diagnosis, no left-out prediction."
+    st.markdown(f"**{_MEND}**", help=tip)
     events = _events(campaign, display.window_ms)
     alt = "Force that the CAE model lacks in each test over displacement, and the ranges to mend"
-    draw = partial(missing_force, events, display)
+
+    def draw() -> Drawing:
+        drawing = missing_force(events, display)
+        drawing.update(showlegend=False)  # eleven names would leave half a column no room
+        return drawing
+
     show_cached_figure(draw, alt, _MEND, campaign.fingerprint, display, name="what to mend")
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in events_sentences(events)))
     if events.events:
