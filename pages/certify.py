@@ -34,6 +34,7 @@ if question != asked:  # the choices above fold away into it, or unfold
     st.rerun()
 if verdicts is None:
     end_page()
+results.keep_past(request.key, verdicts)
 verdicts = results.beside_earlier(verdicts, request.key)
 tabs = {name: partial(show, view) for name, show in TABS.items()}
 show_tabs(tabs, verdicts, key="certify_tab", export=partial(results.show_files, view))

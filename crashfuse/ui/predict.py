@@ -1,7 +1,7 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -112,6 +112,7 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
         args = kept("predict_approach", on_change=address.publish, **look)
         approach = st.selectbox("Approach", fitted.approaches, **args)
         if advice is not None:
+            _keep_past((fitted.key, condition), prediction)
             _show_pins(prediction)
         st.space("stretch")
         export_button(partial(_show_files, prediction, at_pins, advice, view.display))
@@ -185,17 +186,21 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     return float(state[name] * in_si)
 
 
+@st.cache_resource(max_entries=200, show_spinner=False)
+def _keep_past(key: Hashable, _prediction: PredictedPulse) -> None:  # noqa: ARG001 - once a condition
+    keep(PastResult.of_prediction(_prediction.campaign, _prediction.estimates, _prediction.config))
+
+
 def _show_pins(prediction: PredictedPulse) -> None:
     pins, here = pinned(), prediction.text
 
     def pin() -> None:
         st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
-        keep(PastResult.of_prediction(prediction.campaign, prediction.estimates, chosen_config()))
 
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
 
-    tip = f"Keeps up to {MOST_PINS} in figures, link, report and past results."
+    tip = f"Keeps up to {MOST_PINS} in figures, link and report."
     is_full = here in pins or len(pins) >= MOST_PINS
     st.button("Pin this prediction", icon=":material/keep:", on_click=pin, disabled=is_full, help=tip)
     if pins:

@@ -116,9 +116,11 @@ def test_on_data(open_campaign: Path, visit: "Visit") -> None:
     """Tests, conditions and CAE runs."""
     campaign = load_campaign(open_campaign)
     session = visit("data", test="T2", **OPTIONS)
-    for tab, figure in (("Tests", "tests"), ("Conditions", "conditions"), ("CAE model", "cae")):
-        expected = campaign.plot(figure, held_out="T2", display=SHOWN)
-        assert drawn(session.open_tab("data", tab)) == traces(expected), tab
+    on_cae = ("cae and test", "cae events", "cae")
+    for tab, figures in (("Tests", ["tests"]), ("Conditions", ["conditions"]), ("CAE model", on_cae)):
+        held_out = {figure: None if figure == "cae events" else "T2" for figure in figures}
+        expected = [campaign.plot(figure, held_out=held_out[figure], display=SHOWN) for figure in figures]
+        assert drawn(session.open_tab("data", tab)) == traces(*expected), tab
 
 
 def test_on_compare(open_campaign: Path, visit: "Visit") -> None:

@@ -1,6 +1,7 @@
 """Verdicts on the Certify page: the answer with reasons and what-ifs, their record, domain and files."""
 
 from collections.abc import Callable, Hashable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -125,6 +126,13 @@ def show_record(view: View, certification: Certification) -> None:
         _show_sentences(result.sentences["since"])
         if certification.since.trials:
             show_table(result.tables["since"], "earlier verdicts")
+
+
+@st.cache_resource(max_entries=50, show_spinner=False)
+def keep_past(key: Hashable, _verdicts: Certification) -> None:  # noqa: ARG001 - once
+    """List it among past results, if there is room on this machine."""
+    with suppress(CrashfuseError):
+        file_store.keep_certification(certification_json(_verdicts), _verdicts.campaign)
 
 
 def beside_earlier(verdicts: Certification, key: Hashable) -> Certification:

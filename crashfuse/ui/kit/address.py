@@ -97,6 +97,7 @@ CHOICES: dict[str, Choice] = {
     "unit": Choice(str, "g", ("g", "m/s²"), ("data", "train", "compare", "study", "predict", "certify")),
     "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "train", "compare", "predict")),
     # what is shown on a page
+    "overlaid": Choice(tuple, (), pages=("data",), of_campaign=True),  # tests drawn alone
     "opening": Choice(str, None, ("add", "open"), ("data",), of_campaign=True),
     "corridors": Choice(bool, False, pages=("compare",)),
     "cost": Choice(float, pages=("study",)),
