@@ -290,6 +290,16 @@ def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dic
     return dict(_further(campaign, asked, display) for asked in several(also))
 
 
+def single_tests(estimate: Estimate) -> dict[str, Prediction]:
+    """Pulses that look like tests by an approach, in either way that tests fold, by their names in the legend."""
+    line, label = curve_line(estimate.approach), LABELS[estimate.approach]
+    lines = line, {**line, "dash": _FOLDED}
+    return {
+        LegendName.of(f"{label}{name}", own): Prediction(estimate.condition, accel)
+        for (name, accel), own in zip(estimate.representative.items(), lines, strict=False)
+    }
+
+
 def other_fold(estimates: Mapping[str, Estimate], band: str | None) -> dict[str, Prediction]:
     """The pulse by the approach whose band is filled, if a test folds as one that stands apart near it, by its name."""
     approach = next(iter([band] if band in estimates else by_preference(estimates)), None) or ""

@@ -49,7 +49,10 @@ def next_tests_result(ranking: NextTests) -> Result:
         campaign=ranking.campaign,
         config=ranking.config,
         command=partial(next_test_command, over.low, over.high, ranking.config),
-        answer=(Sentence("Which test would narrow the band over {} to {} most.", over.low, over.high),),
+        answer=(
+            *ranking.repeats,
+            Sentence("Which test would narrow the band over {} to {} most.", over.low, over.high),
+        ),
         shown=("best",),
         sentences={"meaning": (MEANING,)},
         tables={"best": best.head(BEST), "more": best.head(_MOST)},

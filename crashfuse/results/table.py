@@ -61,6 +61,7 @@ class Column:
     source: str = ""  # the frame's column, by default that of the title
     units: str = ""  # the frame's column with the unit of each row
     unitless: str = ""  # format of rows without a unit, if another one
+    widest: float = np.inf  # an interval wider than so many times its value says nothing: readers see a dash
     ends_form: str = ""  # of an interval's ends, if not as the value
     further: tuple[str, ...] = ()  # columns of an interval's ends, an estimate's error, what a difference subtracts
     marks: str = ""  # the frame's column that says which cells stand out
@@ -101,6 +102,8 @@ class Column:
         if self.kind == "interval":
             is_open = any(end is not None and np.isinf(end) for end in further)
             shown, detail = interval_texts(main, ends[0], ends[1], is_open=is_open)
+            if None not in (value, *ends) and further[1] - further[0] > self.widest * abs(value):
+                detail = "[–]"
             return Cell(shown, detail, tuple(end or "" for end in (main, *ends)))
         if self.kind == "range" and None not in ends:
             return Cell("–".join(map(str, ends)))

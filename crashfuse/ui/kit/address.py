@@ -103,7 +103,7 @@ CHOICES: dict[str, Choice] = {
     "cost": Choice(float, pages=("study",)),
     "compare_curves": Choice(tuple, None, (TEST, *_APPROACHES), ("compare",)),
     "predict_approach": Choice(options=_APPROACHES, pages=("predict",)),
-    "predict_curves": Choice(tuple, None, (*_APPROACHES, "representative"), ("predict",)),
+    "predict_curves": Choice(tuple, None, (*_APPROACHES, "average"), ("predict",)),
     **{f"{page}_also": Choice(tuple, (), pages=(page,), of_campaign=True) for page in ("compare", "predict")},
     **{f"{page}_nearest": Choice(bool, False, pages=(page,)) for page in ("compare", "predict")},
     "pins": Choice(tuple, (), pages=("compare", "predict")),

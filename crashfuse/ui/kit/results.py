@@ -172,12 +172,12 @@ def show_account(sentences: Sequence[str], *, missed: bool) -> None:
     st.markdown(f":material/{'warning' if missed else 'info'}: **{first}** {' '.join(others)}")
 
 
-def show_metrics(about: Result) -> None:
-    """Show the main pulse metrics of the test and of approaches."""
+def show_metrics(about: Result, *hidden: str) -> None:
+    """Show the main pulse metrics of the test and of approaches, but for those hidden."""
     main = about.tables["metrics"]
     missed = " Coloured: the test lies outside." if main.is_marked else ""
-    remark = f"Values: the middle of what tests show. Brackets: 95 of 100 lie inside.{missed}"
-    show_table(main, remark=remark, meanings=[METRICS[name] for name in MAIN_METRICS])
+    remark = f"The middle of tests, [95 of 100 inside; –: wider than the value].{missed}"
+    show_table(main.without(*hidden), remark=remark, meanings=[METRICS[name] for name in MAIN_METRICS])
 
 
 def show_details(about: Result, remarks: Sequence[str] = ()) -> None:
