@@ -27,7 +27,7 @@ from crashfuse.results.render.text import json_bytes, parquet_bytes
 from crashfuse.results.result import Content, Figure, ForReading, Result
 from crashfuse.results.result_tables import metrics_shown
 from crashfuse.results.table import Table
-from crashfuse.study.facts import condition_facts, distinct
+from crashfuse.study.facts import campaign_facts, condition_facts, distinct
 from crashfuse.study.prediction import PredictedPulse, by_one
 from crashfuse.units import Sentence, UnitSystem, joined, speed
 
@@ -45,8 +45,10 @@ def prediction_result(
     require_a(PredictedPulse, prediction, "crashfuse.predict(campaign, condition)")
     is_whole = one_of("form of a report", form, {"whole": True, "short": False})
     campaign, condition, estimates = prediction.campaign, prediction.condition, prediction.estimates
+    known = dict.fromkeys(fact.sentence for fact in campaign_facts(campaign))
     here = [fact.sentence for fact in condition_facts(campaign, condition)]
-    answer, together = tuple(dict.fromkeys([*prediction.recommendation.sentences, *here])), (prediction, *others)
+    answer = tuple(dict.fromkeys(s for s in (*prediction.recommendation.sentences, *here) if s not in known))
+    together = (prediction, *others)
     more = {"displacement": Figure("Over displacement", _drawn(prediction, "displacement"))}
     near, pulses = tuple(nearest_sentences(campaign, condition)), cache(partial(export.files, campaign, estimates))
     pulses(units=campaign.units)  # that there are so many draws
