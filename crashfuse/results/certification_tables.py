@@ -159,23 +159,19 @@ def changed_text(variant: Variant) -> str:
     return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in variant.changed.items())
 
 
-def turned_texts(usual: Certification, other: Certification) -> list[str]:
+def turned_texts(usual: Certification, other: Certification) -> list[Sentence]:
     """Which answers another certification of the same conditions changes, each with its reason."""
-    texts = []
+    texts, confidence = [], other.criteria.confidence
     for i, (then, now) in Variant.of("", usual, other).changed.items():
         before, after = usual.rows[i], other.rows[i]
         place = min(range(len(after)), key=lambda place: after[place].probability or 0.0)
         name, chances = after[place].criterion.title, [row[place].probability for row in (before, after)]
         if all(verdict.word == "met" for verdict in (*before, *after)):
             name, chances = "all at once", [all_met(row).probability for row in (before, after)]
-        p, q = (probability_text(chance, other.criteria.confidence) for chance in chances)
-        limits = "" if p != q else f", {other.criteria.confidence:g} asked for"
-        why = (
-            after[place].reason
-            if after[place].word == "outside"
-            else f"{name}: {q}" + (f", was {p}" if p != q else limits)
-        )
-        texts.append(f"{i}: {then} → {now} ({why})")
+        was, is_now = (probability_text(chance, confidence) for chance in chances)
+        than = f"was {was}" if was != is_now else f"{confidence:g} asked for"
+        why = after[place].reason if after[place].word == "outside" else f"{name}: {is_now}, {than}"
+        texts.append(Sentence("{}: {} → {} ({})", i, then, now, why))
     return texts
 
 

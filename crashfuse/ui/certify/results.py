@@ -305,7 +305,7 @@ def _show_variants(certification: Certification) -> None:
         if job.active:
             show_job(job)
         elif job.result is not None:
-            saved, turned = "{} of {}".format(*job.result.saved), "; ".join(turned_texts(certification, job.result))
+            saved, turned = "{} of {}".format(*job.result.saved), joined(turned_texts(certification, job.result), "; ")
             table.append({"What if": name, "Need not be run": saved, "What changes": turned or "nothing"})
         else:
             show_end(job)

@@ -10,6 +10,8 @@ from crashfuse.certification.criteria import Criteria, criteria_text, read_crite
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import DataError
 from crashfuse.results.certification_tables import csv_as_given, matrix_table
+from crashfuse.ui.certify.matrix import read_own
+from crashfuse.ui.kit import campaigns
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import can_be_edited, edit, show_refused
 
@@ -27,9 +29,11 @@ def offer_saving(view: View, criteria: Criteria | None, matrix: Matrix | None) -
     folder, known = view.folder, dict[str, bytes]()
     with suppress(DataError):
         known |= question_files(read_criteria(folder / "criteria.toml"), None)
-    with suppress(DataError):
-        known |= question_files(None, Matrix.read(folder / "matrix.csv", view.campaign.factors))
-    files = {name: own for name, own in question_files(criteria, matrix).items() if known.get(name) != own}
+    with suppress(DataError, OSError):
+        path = folder / "matrix.csv"
+        known |= question_files(None, read_own(path, campaigns.stamp(path), view.campaign))
+    asked = question_files(criteria, matrix)
+    files = {name: content for name, content in asked.items() if known.get(name) != content}
 
     def save() -> str:
         what = _save(folder, files)
@@ -39,14 +43,7 @@ def offer_saving(view: View, criteria: Criteria | None, matrix: Matrix | None) -
     with st.container(horizontal=True):
         if can_be_edited(folder):
             tip = "Into criteria.toml and matrix.csv of the campaign; Undo on Data takes it back."
-            st.button(
-                "Save in the campaign",
-                icon=":material/save:",
-                on_click=edit,
-                args=(view, save),
-                disabled=not files,
-                help=tip,
-            )
+            st.button("Save in the campaign", on_click=edit, args=(view, save), disabled=not files, help=tip)
         else:
             for name, content in files.items():
                 st.download_button(name, content, file_name=name, icon=":material/download:", on_click="ignore")
