@@ -166,8 +166,7 @@ def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
     session = opened(visit, "certify", "Certify", approach="displacement_domain")
     paths = open_campaign / "criteria.toml", open_campaign / "matrix.csv"
     verdicts = crashfuse.certify(load_campaign(open_campaign), *paths, approach="displacement_domain", workers=1)
-    session.app.button_group(key="answered").set_value("By criterion")
-    for tab, figure in (("Answer", "verdicts"), ("Validated domain", "domain"), ("Track record", "record")):
+    for tab, figure in (("Answer", "planned"), ("Validated domain", "domain"), ("Track record", "record")):
         session.app.button_group(key="certify_tab").set_value(tab)
         assert drawn(session.run()) == traces(verdicts.plot(figure, display=SHOWN))
     session.app.button_group(key="record").set_value("Are the probabilities right?")
