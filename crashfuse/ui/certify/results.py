@@ -1,6 +1,7 @@
 """Verdicts on the Certify page: the answer with reasons and what-ifs, their record, domain and files."""
 
 from collections.abc import Hashable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
