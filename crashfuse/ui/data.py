@@ -8,7 +8,6 @@ from typing import Any
 
 import streamlit as st
 
-from crashfuse.approaches.displacement_domain.events import CaeEvents, cae_events
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.campaign_folder.load import unread_files
@@ -25,11 +24,12 @@ from crashfuse.study.facts import campaign_facts
 from crashfuse.ui import import_step
 from crashfuse.ui.kit import address, campaigns, editing
 from crashfuse.ui.kit.address import REFUSED, choose_campaign, choose_held_out, chosen_config, kept
-from crashfuse.ui.kit.campaigns import HASHED, View
-from crashfuse.ui.kit.computation import study_request
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.computation import mending_request, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.frame import offer_sample, show_title
 from crashfuse.ui.kit.navigation import open_page, show_link
+from crashfuse.ui.kit.progress import show_end, show_job
 from crashfuse.ui.kit.results import show_problems, show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import Source, begin_import, leave_import, open_uploads, running_import, source_at
@@ -193,7 +193,7 @@ def _show_library(view: View) -> None:
         show_cached_figure(draw, alt, "library", campaign.fingerprint, display, name="CAE runs")
     _show_quality(campaign)
     if len(campaign.tests) > 1:
-        with right:  # last, as it takes some seconds
+        with right:
             _show_mending(view)
 
 
@@ -212,7 +212,13 @@ def _show_mending(view: View) -> None:
     campaign, display = view.campaign, view.display
     tip = "A line a test, dark: slow, bright: fast. By all tests: a diagnosis, no left-out prediction."
     st.markdown(f"**{_MEND}**", help=tip)
-    events = _events(campaign, display.window_ms)
+    if (job := mending_request(campaign, display.window_ms).find()) is None or job.result is None:
+        if job is not None and job.active:
+            show_job(job)
+        elif job is not None:
+            show_end(job)
+        return
+    events = job.result
     alt = "Force that the CAE model lacks in each test over displacement, and the ranges to mend"
 
     def draw() -> Drawing:
@@ -225,11 +231,6 @@ def _show_mending(view: View) -> None:
     if events.events:
         with st.expander("Every range", icon=":material/table:"):
             show_table(events_table(events))
-
-
-@st.cache_resource(max_entries=4, show_spinner="Rating the mended CAE model …", hash_funcs=HASHED)
-def _events(campaign: Campaign, window_ms: float) -> CaeEvents:
-    return cae_events(campaign, window_ms)
 
 
 def _show_quality(campaign: Campaign) -> None:

@@ -23,6 +23,7 @@ from crashfuse.files.archive import zipped
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
+from crashfuse.study.facts import Fact
 from crashfuse.ui.kit import campaigns, uploads, visitors
 from crashfuse.ui.kit.results import problem_table
 from crashfuse.units import G
@@ -71,7 +72,7 @@ def test_a_folder_that_is_opened_is_shown(campaign_folder: Path) -> None:
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
     assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
     for tab, charts in (("Tests", 1), ("CAE model", 3), ("Conditions", 1)):
-        assert session.open_tab("data", tab).charts == charts
+        assert session.open_tab("data", tab).finish().charts == charts
     (table,) = session.tables
     assert table["Test"].tolist() == ["T1", "T2", "T3", "T4"]
     assert table["Speed (mph)"].tolist() == ["15.0", "25.0", "26.0", "35.0"]
@@ -93,6 +94,7 @@ def test_the_cae_model_is_held_against_each_test(campaign: Campaign) -> None:
     of_cae, measured = (round(float(-pulse.accel_mps2.min() / G), 1) for pulse in (run, test.pulse))
     assert table["Peak (g)"][0] == f"{of_cae} / {measured} {of_cae - measured:+.1f}".replace("-", "−")
     session.app.button_group(key="test over CAE").set_value("T3").run()
+    session.finish()
     assert session.app.session_state["test"] == "T3"
     assert "The CAE model rates" in session.words
     assert "of what is lost" not in session.words
@@ -288,6 +290,26 @@ def test_what_a_single_test_allows_is_said_on_every_page(open_campaign: Path) ->
         assert "T1 is the only test: without it there is nothing to learn from." in session.words
         assert not session.buttons
     assert session.go("predict").buttons
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("open_campaign")
+def test_the_badge_of_a_test_that_stands_apart_overlays_the_tests_at_its_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With what sets it apart; a button brings the others back, and so does any other badge."""
+    values = {"speed_mps": 11.4, "differs_by_g": 9.0, "others_differ_by_g": 3.0}
+    facts = lambda _: (Fact("test.stands_apart", values, ("T3",)),)  # noqa: E731
+    monkeypatch.setattr("crashfuse.ui.kit.frame.campaign_facts", facts)
+    monkeypatch.setattr("crashfuse.ui.data.campaign_facts", facts)
+    session = begin("study")
+    (badge,) = (button for button in session.app.button if "stands apart" in button.label)
+    badge.click()
+    session.run()
+    assert session.app.title[0].value != "Study"
+    assert session.app.session_state["overlaid"] == ["T2", "T3"]
+    assert "differs from the other tests" in session.words
+    session.press("All 4 tests")
+    assert session.app.session_state["overlaid"] == []
+    assert "differs from the other tests" not in session.words
 
 
 def pills(session: Session) -> list[Any]:

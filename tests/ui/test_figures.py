@@ -120,7 +120,7 @@ def test_on_data(open_campaign: Path, visit: "Visit") -> None:
     for tab, figures in (("Tests", ["tests"]), ("Conditions", ["conditions"]), ("CAE model", on_cae)):
         held_out = {figure: None if figure == "cae events" else "T2" for figure in figures}
         expected = [campaign.plot(figure, held_out=held_out[figure], display=SHOWN) for figure in figures]
-        assert drawn(session.open_tab("data", tab)) == traces(*expected), tab
+        assert drawn(session.open_tab("data", tab).finish()) == traces(*expected), tab
 
 
 def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
