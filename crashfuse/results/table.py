@@ -102,8 +102,8 @@ class Column:
         if self.kind == "interval":
             is_open = any(end is not None and np.isinf(end) for end in further)
             shown, detail = interval_texts(main, ends[0], ends[1], is_open=is_open)
-            lower, upper = further
-            if None not in (value, *ends) and float(upper or 0) - float(lower or 0) > self.widest * abs(float(value or 0)):
+            width = float(further[1] or 0) - float(further[0] or 0)
+            if None not in (value, *ends) and width > self.widest * abs(float(value or 0)):
                 detail = "[–]"
             return Cell(shown, detail, tuple(end or "" for end in (main, *ends)))
         if self.kind == "range" and None not in ends:
