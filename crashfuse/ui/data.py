@@ -133,8 +133,8 @@ def _show_tests(view: View) -> None:
         )
         choice = str(st.segmented_control("Channel filter class (SAE J211-1)", options, **look))
         if shown:
-            all_tests, args = f"All {len(campaign.tests)} tests", ({"overlaid": []},)
-            st.button(all_tests, icon=":material/stacked_line_chart:", on_click=st.session_state.update, args=args)
+            label, all_tests = f"All {len(campaign.tests)} tests", {"overlaid": list[str]()}
+            st.button(label, icon=":material/stacked_line_chart:", on_click=st.session_state.update, args=(all_tests,))
     for fact in [
         fact for fact in campaign_facts(campaign) if fact.code == "test.stands_apart" and fact.about[0] in shown
     ]:
@@ -164,8 +164,8 @@ def _show_conditions(view: View) -> None:
     alt, key = "Speed against front and rear weight of CAE runs and tests", (view.held_out.id, view.display.system)
     show_cached_figure(draw, alt, "conditions", campaign.fingerprint, key, name="conditions")
     tests = tests_table(campaign)
-    about = {about_label(name) for test in campaign.tests for name, _ in test.about}  # in a table of their own
-    show_table(tests.without(*about), "conditions")
+    stated = {about_label(name) for test in campaign.tests for name, _ in test.about}  # in a table of their own
+    show_table(tests.without(*stated), "conditions")
     if not (about := about_table(campaign)).empty:
         st.markdown("**Where tests and CAE runs come from**")
         show_table(about, "about")
@@ -290,8 +290,12 @@ def _pick_folder() -> None:
         is_top = here.parent == here or not campaigns.may_open(here.parent)
         st.button("Up", icon=":material/arrow_upward:", on_click=go, args=(here.parent,), disabled=is_top)
         names = campaigns.folders_in(here)
-        look = {"placeholder": "none" if not names else "choose one", "on_change": enter, "disabled": not names}
-        st.selectbox("Folders in it", names, None, key=f"folders in {here}", **look)
+        look: dict[str, Any] = {
+            "placeholder": "none" if not names else "choose one",
+            "on_change": enter,
+            "disabled": not names,
+        }
+        st.selectbox("Folders in it", names, None, key=f"folders in {here}", on_change=enter, **look)
         st.button("Open this folder", type="primary", on_click=_attempt, args=(partial(_campaign_or_source, here),))
 
 
