@@ -147,7 +147,8 @@ class ExpectedRating:
 
     def outcome(self, rating: float) -> str:
         """How the expectation came out, once the test is known."""
-        return f"Expected {self.range} (80 %), came out {rating:.3f} ({grade(rating)}): {self.surprise(rating)}."
+        rated, surprise = f"Rated {rating:.3f} ({grade(rating)})", self.surprise(rating)
+        return f"{rated}, {surprise}: {self.range} (80 %)."
 
 
 def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 60.0) -> ExpectedRating | None:

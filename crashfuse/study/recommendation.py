@@ -303,18 +303,15 @@ def _recommendation(study: Study) -> Recommendation:
     ]
     method = f"{CLASSES[name].in_words} {'away from tested speeds' if grouped else 'for this campaign'}"
     distance = {"crps_g": crps_of, "window_ms": window_ms, "n": n, "distances": joined(distances, ", ")}
-    facts = [
-        _use(name, method, ties),
-        Fact("recommendation.distance", distance),
-        _rated("recommendation.ratings", study, name, window_ms),
-    ]
+    facts = [_use(name, method, ties), _rated("recommendation.ratings", study, name, window_ms)]
+    if (groups := study.speed_groups) is not None:
+        facts.append(_rated(SPEED_GROUPS, groups, name, window_ms))
     if name in study.coverage:
         coverage = study.coverage[name]
         shown = {"inside": coverage.share("accel"), "n": len(coverage.tests)}
         shown |= {part: coverage.count(part) for part in ("crush", "peak")}
         facts.append(Fact("recommendation.coverage", {"coverage": coverage.counts, **shown}))
-    if (groups := study.speed_groups) is not None:
-        facts.append(_rated(SPEED_GROUPS, groups, name, window_ms))
+    facts.append(Fact("recommendation.distance", distance))
     decays = [bool(own.state.get("decay_over_speed")) for fold in study.folds for own in fold.estimates]
     if any(decays):
         facts.append(Fact("recommendation.falls_back", {"fits": sum(decays), "n": len(study.folds)}))

@@ -1,7 +1,7 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -48,7 +48,7 @@ from crashfuse.ui.kit.files import (
     offer_result,
 )
 from crashfuse.ui.kit.frame import by_itself
-from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training
+from crashfuse.ui.kit.progress import result_of, result_or_none, show_training
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import TTZV, plain
 from crashfuse.units import IN_SI, read_out
@@ -90,8 +90,7 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
     campaign, condition = view.campaign, _choose_condition(view.campaign, view.display)
     fitted = result_of(
         request,
-        invitation=f"The approaches have not been fitted on all {len(campaign.tests)} tests of this campaign yet. "
-        + patience(config, "This takes a minute or two, once; then every condition is answered at once."),
+        invitation=f"Fitted once on all {len(campaign.tests)} tests, the approaches answer every condition at once.",
         button="Predict",
     )
     prediction, advice = PredictedPulse(campaign, tuple(answers(condition, fitted)), config), None
@@ -112,6 +111,7 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
         args = kept("predict_approach", on_change=address.publish, **look)
         approach = st.selectbox("Approach", fitted.approaches, **args)
         if advice is not None:
+            _keep_past((fitted.key, condition), prediction)
             _show_pins(prediction)
         st.space("stretch")
         export_button(partial(_show_files, prediction, at_pins, advice, view.display))
@@ -199,17 +199,21 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     return float(state[name] * in_si)
 
 
+@st.cache_resource(max_entries=200, show_spinner=False)
+def _keep_past(key: Hashable, _prediction: PredictedPulse) -> None:  # noqa: ARG001 - once a condition
+    keep(PastResult.of_prediction(_prediction.campaign, _prediction.estimates, _prediction.config))
+
+
 def _show_pins(prediction: PredictedPulse) -> None:
     pins, here = pinned(), prediction.text
 
     def pin() -> None:
         st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
-        keep(PastResult.of_prediction(prediction.campaign, prediction.estimates, chosen_config()))
 
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
 
-    tip = f"Keeps up to {MOST_PINS} in figures, link, report and past results."
+    tip = f"Keeps up to {MOST_PINS} in figures, link and report."
     is_full = here in pins or len(pins) >= MOST_PINS
     st.button("Pin this prediction", icon=":material/keep:", on_click=pin, disabled=is_full, help=tip)
     if pins:
@@ -279,7 +283,7 @@ def _show_differences(shown: Sequence[PredictedPulse], display: Display) -> None
 def _show_over_speed(view: View, fitted: Fitted, condition: Condition, approach: str) -> None:
     sweep = result_or_none(
         sweep_over_speed(view.campaign, fitted, condition),
-        invitation="Some thirty speeds take some ten seconds.",
+        invitation="The metrics over some thirty speeds.",
         button="Predict over speed",
     )
     if sweep is None:

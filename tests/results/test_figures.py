@@ -56,7 +56,7 @@ def test_every_figure_is_one_call(study: Study) -> None:
     drawn = [study.plot("T2", name, unit="m/s2", units="kph-kg") for name in (*named, *networks)]
     for name in ("ratings", "draws", "calibration"):
         drawn += [study.plot(figure=name), study.plot(figure=name, approaches=["fused"])]
-    for name in ("tests", "conditions", "cae", "bias", "cae events"):
+    for name in ("tests", "conditions", "cae", "cae and test", "bias", "cae events"):
         drawn.append(study.campaign.plot(name, held_out="T2", units="kph-kg"))
     assert min(len(figure_table(figure)) for figure in drawn) > 0
 
