@@ -59,7 +59,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "recommendation.ratings": ("", *_RATED),
     "recommendation.coverage": (
         "",
-        "The 95 % band held {inside:.0%} of a(t) up to TTZV, the crush of {crush} of {n} left-out tests, the peak of {peak}.",
+        "On {n} left-out tests the 95 % band held {inside:.0%} of a(t) up to TTZV, crush {crush} times, peak {peak}.",
     ),
     "recommendation.speed_groups": ("", *_RATED),
     "recommendation.distance": (
