@@ -1,13 +1,12 @@
 """A study as a result: how well each approach predicted every test that was left out, in short or in whole."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
 import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
 from crashfuse.files.csv_text import csv_bytes
@@ -128,34 +127,20 @@ def _tables(study: Study) -> dict[str, Table]:
 
 
 def _figures(study: Study, window: float, *, whole: bool) -> dict[str, Figure]:
-    figures, groups = {}, study.speed_groups
+    figures, groups, over = {}, study.speed_groups, f"0–{window:g} ms"
     if len(study.folds) > 1:
-        figures["ratings"] = _figure(study, window, f"Every held-out test, 0–{window:g} ms", is_answer=True)
+        figures["ratings"] = Figure(f"Every held-out test, {over}", _drawn(window, study.draw), is_answer=True)
     if whole and groups is not None and len(groups.folds) > 1:
-        figures["speed_groups"] = _figure(groups, window, "A whole speed group left out", is_answer=True)
+        figures["speed_groups"] = Figure("A whole speed group left out", _drawn(window, groups.draw), is_answer=True)
     if whole and study.coverage:
-        spread = f"How sure the ratings are, 0–{window:g} ms"
-        figures["spread"] = _figure(study, window, spread, figure="draws")
-        figures["calibration"] = _figure(study, window, "What the 95 % band is worth", figure="calibration")
+        spread, calibration = (partial(study.draw, figure=name) for name in ("draws", "calibration"))
+        figures["spread"] = Figure(f"How sure the ratings are, {over}", _drawn(window, spread))
+        figures["calibration"] = Figure("What the 95 % band is worth", _drawn(window, calibration))
     return figures
 
 
-def _figure(
-    study: Study,
-    window: float,
-    title: str,
-    test: str = "",
-    figure: str = "",
-    *,
-    approaches: Sequence[str] | None = None,
-    notes: Sequence[Note] = (),
-    is_answer: bool = False,
-) -> Figure:
-    def draw(display: Display) -> Drawing:
-        shown = replace(display, window_ms=window)
-        return study.draw(test, figure, approaches=approaches, notes=notes, display=shown)
-
-    return Figure(title, draw, is_answer)
+def _drawn(window: float, draw: Callable[..., Drawing]) -> Callable[[Display], Drawing]:
+    return lambda display: draw(display=replace(display, window_ms=window))
 
 
 def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Result:
@@ -169,13 +154,14 @@ def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Re
     outcome += [repeat.sentence(rating.overall, LABELS[advice.approach])] if repeat is not None else []
     came_out = [expected.outcome(rating.overall)] if expected is not None and several else []
     about = estimates_result(study.campaign, fold.estimates, test, advice.sentences)
-    draw = partial(_figure, study, window, test=test.id)
-    figures = {"motion": draw("Pulses over time", notes=notes)}
+    draw = partial(study.draw, test.id)
+    figures = {"motion": Figure("Pulses over time", _drawn(window, partial(draw, notes=notes)))}
     if options.form == "whole":
         missed = expected is not None and expected.is_missed_by(rating.overall)
         if missed or test.id == worst_test(study, window).test.id:
-            figures["rating"] = draw("Why it is rated as it is", figure="rating", approaches=[advice.approach])
-        figures["displacement"] = draw("Over displacement", figure="displacement")
+            by_part = partial(draw, "rating", approaches=[advice.approach])
+            figures["rating"] = Figure("Why it is rated as it is", _drawn(window, by_part))
+        figures["displacement"] = Figure("Over displacement", _drawn(window, partial(draw, "displacement")))
     return replace(
         about,
         kind="fold",
