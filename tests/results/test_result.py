@@ -53,8 +53,9 @@ def test_every_renderer_shows_every_kind(campaign: Campaign, kind: str) -> None:
     assert html.count('class="plotly-graph-div"') == len(slides.figures) > 0
     assert kind == "comparison" or "Made up: of no car" in " ".join(result.notices)
     for notice in map(display.words, result.notices):
-        assert notice in slides.notices
+        assert (notice in slides.notices) is (notice not in slides.answers)
         assert all(notice in shown for shown in (printed, unescape(html), unescape(notebook)))
+    assert not contents_of(replace(result, answer=result.notices, figures={}, parts={}), display).notices
     for sentence in map(display.words, result.answer):
         assert sentence in printed
         assert sentence in html
