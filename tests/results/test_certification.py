@@ -21,7 +21,7 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
-from crashfuse.results.certification import certification_result
+from crashfuse.results.certification import certification_json, certification_record, certification_result
 from crashfuse.results.certification_facts import (
     CATALOGUE,
     PLACES,
@@ -32,7 +32,6 @@ from crashfuse.results.certification_facts import (
     sentences,
     support_text,
 )
-from crashfuse.results.certification_record import certification_json, certification_record
 from crashfuse.results.certification_tables import certification_table, planned, turned_texts
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.plots.certification import verdict_matrix

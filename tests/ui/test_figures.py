@@ -13,10 +13,9 @@ import crashfuse
 from crashfuse import Campaign, Condition, Display, StudyConfig, load_campaign
 from crashfuse.files.archive import zipped
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.results.drawing import Drawing, drawing_of
+from crashfuse.results.drawing import Drawing, drawing_of, drawing_table
 from crashfuse.results.figures import Further
 from crashfuse.results.plots.canvas import new_drawing
-from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.ui.kit.figures import SentFigure, offer_files
 from crashfuse.ui.kit.files import Caption
 from crashfuse.ui.predict import _ends

@@ -17,9 +17,8 @@ from markupsafe import Markup
 from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import Drawing
+from crashfuse.results.drawing import Drawing, drawing_table
 from crashfuse.results.plots.canvas import without_links
-from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.results.render.text import against_lines
 from crashfuse.results.result import Result
 
