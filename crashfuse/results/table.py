@@ -19,6 +19,7 @@ from crashfuse.units import LB, MPH, interval_texts, number, probability_text, u
 Kind = Literal[
     "text", "number", "spread", "share", "interval", "range", "estimate", "difference", "pair", "grade", "probability"
 ]
+VAGUE = "[–]"  # in place of an interval that says nothing
 PARTS: Mapping[str, tuple[str, ...]] = {
     "interval": ("", " lower", " upper"),
     "grade": ("", " grade"),
@@ -104,7 +105,7 @@ class Column:
             shown, detail = interval_texts(main, ends[0], ends[1], is_open=is_open)
             width = float(further[1] or 0) - float(further[0] or 0)
             if None not in (value, *ends) and width > self.widest * abs(float(value or 0)):
-                detail = "[–]"
+                detail = VAGUE
             return Cell(shown, detail, tuple(end or "" for end in (main, *ends)))
         if self.kind == "range" and None not in ends:
             return Cell("–".join(map(str, ends)))

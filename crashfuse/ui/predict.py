@@ -261,7 +261,8 @@ def _show_pulses(
         with pulse:
             show()
         with metrics:
-            results.show_metrics(about, *[LABELS[own.approach] for own in estimates[-1:] if own.by_fold])
+            mixed = [LABELS[own.approach] for own in estimates[-1:] if own.by_fold]  # both folds stand beside it
+            results.show_metrics(about, *mixed, beside=True)
     weight = f"{view.display.weight(condition.mass_kg)} in all."
     results.show_details(about, [weight, *nearest_sentences(view.campaign, condition), *about.sentences["whole"]])
 

@@ -54,7 +54,10 @@ def test_predict_answers_another_speed_at_once_and_what_is_pinned_stands_everywh
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", approaches=QUICK)
     user.starts("Predict", FIGURE)
-    assert re.search(r"Expected over 0–60 ms: 0\.\d\d to 0\.\d\d \(80.%, [A-Z]", user.sees("Use the"))
+    assert re.search(r": rating 0\.\d\d to 0\.\d\d expected \(80.%, [A-Z]", user.sees("Use the"))
+    pulse, metrics = (user.find(where).rect for where in (FIGURE, TABLE))
+    assert metrics["x"] >= pulse["x"] + pulse["width"]  # beside it
+    assert abs(metrics["y"] - pulse["y"]) < 100
     field = user.find('input[aria-label="Impact speed (mph)"]')
     field.send_keys(Keys.CONTROL, "a")
     field.send_keys("31.5", Keys.ENTER)
@@ -119,7 +122,7 @@ def test_predict_answers_another_speed_at_once_and_what_is_pinned_stands_everywh
     pinned = [f"Displacement domain at {speed} mph" for speed in ("30.0", "34.0")]
     assert [words in user.sees(words, FIGURE) for words in pinned] == [True, True]
     assert sorted(bands(user).values()) == [False, False, True]
-    assert bands(user)["displacement_domain"]
+    assert bands(user)["Displacement domain, representative pulse"]
     user.wait(lambda: "speed_mph=60" in user.browser.current_url)
     link = user.browser.current_url
     user.browser.switch_to.new_window("tab")

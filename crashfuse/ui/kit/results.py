@@ -17,7 +17,7 @@ from crashfuse.results.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED
 from crashfuse.results.rating_tables import REPEAT, TTZV_COLUMN
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result import Result
-from crashfuse.results.table import Cell, Column, Table
+from crashfuse.results.table import VAGUE, Cell, Column, Table
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.signals.rating import WEIGHTS, Rating
 from crashfuse.study.repeatability import Repeatability
@@ -172,12 +172,17 @@ def show_account(sentences: Sequence[str], *, missed: bool) -> None:
     st.markdown(f":material/{'warning' if missed else 'info'}: **{first}** {' '.join(others)}")
 
 
-def show_metrics(about: Result, *hidden: str) -> None:
-    """Show the main pulse metrics of the test and of approaches, but for those hidden."""
-    main = about.tables["metrics"]
+def show_metrics(about: Result, *hidden: str, beside: bool = False) -> None:
+    """Show the main pulse metrics of the test and of approaches, but for those hidden; beside a figure in few words."""
+    main = about.tables["metrics"].without(*hidden)
+    headings = main.frame["label"]
+    if beside:
+        main = replace(main, frame=main.frame.assign(label=headings.str.partition(",")[0]))
+    has_dash = any(cell.detail == VAGUE for _, cells in main.cells().values() for cell in cells)
+    remark = "Middle of tests [95 of 100 inside]." + f" {VAGUE}: wider than its value." * has_dash
     missed = " Coloured: the test lies outside." if main.is_marked else ""
-    remark = f"The middle of tests, [95 of 100 inside; –: wider than the value].{missed}"
-    show_table(main.without(*hidden), remark=remark, meanings=[METRICS[name] for name in MAIN_METRICS])
+    meanings = [f"{headings[name]}: {METRICS[name]}" for name in MAIN_METRICS]
+    show_table(main, remark=f"{remark}{missed}", meanings=meanings)
 
 
 def show_details(about: Result, remarks: Sequence[str] = ()) -> None:
