@@ -12,7 +12,8 @@ from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.campaign import campaign_result
 from crashfuse.results.certification_facts import PLACES, against, answer, exceptions, sentences
 from crashfuse.results.certification_record import certification_json
-from crashfuse.results.certification_tables import csv_as_given, makers_of_tables
+from crashfuse.results.certification_tables import certification_table, csv_as_given, makers_of_tables
+from crashfuse.results.credibility import credibility_rows, credibility_table
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.certification import (
@@ -23,7 +24,7 @@ from crashfuse.results.plots.certification import (
     verdict_matrix,
 )
 from crashfuse.results.provenance import certify_command
-from crashfuse.results.result import Deferred, Figure, Result
+from crashfuse.results.result import Deferred, Figure, ForReading, Result
 from crashfuse.results.result_tables import repeats_table
 from crashfuse.results.table import Table
 from crashfuse.study.repeatability import repeatability
@@ -37,6 +38,7 @@ _SHEET = ["Activity", "Factor", "Question", "What the data say", "Source"]
 def certification_result(certification: Certification, notes: Sequence[Note] = ()) -> Result:
     """A certification, with what became of an earlier one if it is beside one, and readers' notes on its tests."""
     campaign, config, criteria = certification.campaign, certification.config, certification.criteria
+    reading = partial(ForReading, usual=campaign.units)
 
     def repeats() -> Table:
         known = repeatability(campaign, config.windows_ms, seed=config.seed)
@@ -55,7 +57,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         sentences={place: sentences(certification, place) for place in PLACES},
         tables=Deferred(
             **makers_of_tables(certification),
-            credibility=lambda: Table.of("credibility", certification.credibility.set_axis(_SHEET, axis=1)),
+            credibility=lambda: Table.of("credibility", credibility_rows(certification).set_axis(_SHEET, axis=1)),
             repeats=repeats,
         ),
         figures=_figures(certification),
@@ -72,9 +74,9 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
             "earlier": certification.since and certification.since.earlier,
         },
         files={
-            "certification.csv": lambda: csv_as_given(certification.table),
+            "certification.csv": reading(lambda units: csv_as_given(certification_table(certification, units))),
             "track_record.csv": lambda: csv_bytes(certification.track_record),
-            "credibility.csv": lambda: csv_bytes(certification.credibility),
+            "credibility.csv": reading(lambda units: csv_bytes(credibility_table(certification, units))),
             "certification.json": lambda: certification_json(certification),
         },
     )

@@ -27,12 +27,12 @@ from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fa
 from crashfuse.units import KPH, Quantity, Sentence, counted, joined, probability_text, speed, weight
 
 _INTERVALS = (
-    "{inside} of {n} intervals, made to hold 95 %, held what left-out tests measured.",
+    "{inside} of {n} intervals (95 %) held what left-out tests measured.",
     "Outside the validated domain: {inside_outside} of {n_outside}.",
     "Missed: {missed}.",
 )
 _WRONG = (
-    "{about}, {how}: {criterion} ({limits}) at {condition} was said to be {said} (probability {probability}); measured "
+    "{about}, {how}: we called {criterion} ({limits}) at {condition} {said} (probability {probability}); measured "
     "{measured}."
 )
 _BOUNDS = "{bound}, exact one-sided 95 % bound; {bound_by_test} if verdicts on one test count as one"
@@ -50,7 +50,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "Skipping {tests} that would meet all criteria {expected_text} on average.",
         "If as many answers are wrong as the record cannot rule out ({wrong_at_most:.0%}), it {cautious_text}.",
     ),
-    "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Tested, and learned from: {run}."),
+    "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Already run: {run}."),
     "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, and certify again."),
     "test.stands_apart": ("Tests that stand apart",),
     "since.wrong": ("Verdicts contradicted since", _WRONG),
@@ -79,9 +79,9 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "since.beside": (
         "",
-        "Beside the earlier certification of {conditions} from {tests}, made {date} by its own account (SHA-256 "
+        "Compared with an earlier certification of {conditions} from {tests}, by its own account of {date} (SHA-256 "
         "{digest}…).",
-        "Tests that it did not know: {new}.",
+        "Run since: {new}.",
         "Repeats, which do not count: {repeats}.",
     ),
     "since.outcomes": (
@@ -132,8 +132,8 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "{sentence}",
         "Validated domain: {speeds}, {masses} in all, within the range of the CAE runs.",
         "Factors: {factors}.",
-        "By rule it goes beyond {n_tests} tests at {tested_speeds} and {tested_masses}: up to {reach_mps}.",
-        "Left out with their speed group, inside that of the others: {inside}.",
+        "By rule it reaches {reach_mps} beyond the {n_tests} tests ({tested_speeds}, {tested_masses}).",
+        "Inside it even without their speed group: {inside}.",
     ),
 }
 """By code, the most important first: the heading among the exceptions of what speaks against verdicts, and sentences.

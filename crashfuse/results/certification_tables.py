@@ -20,7 +20,7 @@ from crashfuse.results.certification_facts import measured_text, new_together, s
 from crashfuse.results.plots.canvas import tick_name
 from crashfuse.results.table import CONDITION, Column, Table, frame_of, of_condition
 from crashfuse.study.outliers import departures_near
-from crashfuse.units import MASS, SPEED, Sentence, joined, probability_text, read_out, unbroken
+from crashfuse.units import MASS, SPEED, Sentence, UnitSystem, joined, probability_text, read_out, unbroken
 
 ANSWER = "A test there"
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
@@ -32,8 +32,12 @@ _TRIAL_COLUMNS = (
 _JUDGED = ("met", "not met", "decided")
 
 
-def certification_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
+def certification_table(certification: Certification, units: UnitSystem | None = None) -> pd.DataFrame:
+    """All verdicts, one row a condition and criterion; with the tests that were run there, if any was.
+
+    Reasons are in these units, by default the campaign's.
+    """
+    system = certification.campaign.units if units is None else units
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
     answers, at_once = certification.answers, {i: all_met(row) for i, row in certification.rows.items()}
     though_met = {i: Sentence("{}.", at_once_text(certification, i)) for i in certification.uncertain}
@@ -43,7 +47,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             **_limit_columns(verdict.criterion),
             **{name: getattr(verdict, name) for name in ("value", "lower", "upper", "probability")},
             "verdict": verdict.word,
-            "reason": joined([verdict.reason, *([though_met[i]] if i in though_met else [])]),
+            "reason": joined([verdict.reason, *([though_met[i]] if i in though_met else [])]).in_units(system),
             "basis": basis[verdict.criterion.metric],
             "need_not_be_run": answers[i] == "skip",
             "all_met_at_least": at_once[i].at_least,

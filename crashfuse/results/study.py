@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
@@ -34,10 +35,12 @@ from crashfuse.results.render.html import ReportOptions, report
 from crashfuse.results.render.text import json_bytes
 from crashfuse.results.result import Content, Deferred, Figure, Result
 from crashfuse.results.result_tables import repeats_table
-from crashfuse.results.table import Table
+from crashfuse.results.table import Column, Table
+from crashfuse.signals.rating import graded
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.facts import window_facts
-from crashfuse.study.recommendation import recommend, recommend_without, study_facts, worst_test
+from crashfuse.study.recommendation import Account, recommend, recommend_without, study_facts, worst_test
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import Sentence, joined, speed
 
@@ -45,6 +48,7 @@ _PAPER_TABLES: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "table_3": ("Table 3: the network before (LF) and after (MF) learning from the other tests", TABLE_3),
     "table_5": ("Table 5: the approaches against the raw CAE model", TABLE_5),
 }
+_LEFT_OUT = {"test": "A test left out", "speed group": "A speed left out"}
 _WAYS = {"test": "left out alone", "speed group": "left out with all tests at about its speed"}
 
 
@@ -109,6 +113,42 @@ def means_table(study: Study) -> Table:
     """Mean rating of each approach over each window with its grade, and what repeats of the tests would rate."""
     of = "Rating of the held-out test," if len(study.folds) == 1 else "Mean rating over the held-out tests, each"
     return replace(ratings_shown(mean_values(study)), name=f"{of} {_WAYS[_way(study)]}")
+
+
+def quality_table(study: Study, window_ms: float) -> Table:
+    """How good predictions are: a test left out, a speed left out, a repeat, each in the mean and in the worst test."""
+    lines = []
+    for view in filter(None, (study, study.speed_groups)):
+        approach = recommend(view).approach
+        rated = {fold.held_out: fold.ratings[approach][window_ms].overall for fold in view.folds}
+        lines.append((_LEFT_OUT[_way(view)], LABELS[approach], rated))
+    repeats = {test: repeat.value for test, repeat in study.repeats(window_ms).items()}
+    if len(repeats) == len(study.folds):
+        lines.append(("A repeat of the test", "–", repeats))
+    grades = (Column(name, "grade") for name in ("Mean", "Worst"))
+    rows = (
+        {"How good is a prediction?": of, "Mean": float(np.mean([*rated.values()])), "Worst": min(rated.values())}
+        | {"Worst test": min(rated, key=rated.__getitem__), "Approach": by}
+        for of, by, rated in lines
+    )
+    return Table.of("quality", rows, *grades)
+
+
+def quality_of(account: Account, repeat: Repeatability | None) -> dict[Sentence, Sentence]:
+    """How good a prediction of a left-out test is, by what was left out, and what a repeat of it would rate."""
+    test, expected, rated = account.test, account.expected, graded(account.rating)
+    at_its_speed = Sentence("All at {} left out", speed(test.condition.speed_mps))
+    if expected is not None:
+        rated = f"{rated}, {expected.surprise(account.rating)} ({expected.range})"
+    lines = {at_its_speed if account.with_group else Sentence("{} left out", test.id): Sentence("{}.", rated)}
+    if not account.with_group:
+        without = "not computed yet, see Study" if account.neighbours else "the same, it is the only one"
+        if account.without_neighbours is not None:
+            without = graded(account.without_neighbours)
+        lines[at_its_speed] = Sentence("{}.", without)
+    if repeat is not None:
+        lines[Sentence("A repeat of {}", test.id)] = Sentence("{}.", repeat.text)
+    return lines
 
 
 def _tables(study: Study) -> dict[str, Table]:

@@ -457,7 +457,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     assert len(kept(session).options) > before  # another process may keep some, too
     record = json.loads(certification_json(of_library(asking)))
     last, _ = record["tests_sha256"].popitem()
-    told = f"Tests that it did not know: {last}."
+    told = f"Run since: {last}."
     for content, words in ((b"{}", "expected the record of a certification"), (json.dumps(record).encode(), told)):
         session.app.file_uploader[-1].set_value([("certification.json", content, "application/json")])
         session.run()
@@ -470,7 +470,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     assert session.app.session_state["earlier"] is None
     kept(session).select_index(0)
     session.run()
-    assert "Beside the earlier certification of" in session.words
+    assert "Compared with an earlier certification of" in session.words
 
 
 def kept(session: Session) -> "Selectbox[str]":

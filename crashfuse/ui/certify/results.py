@@ -1,6 +1,7 @@
 """Verdicts on the Certify page: the answer with reasons and what-ifs, their record, domain and files."""
 
 from collections.abc import Hashable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -28,7 +29,7 @@ from crashfuse.ui.certify.matrix import matrix_asked, question_files
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import Request, said_of
+from crashfuse.ui.kit.computation import Request, said_of, usual_s
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
 from crashfuse.ui.kit.files import offer_result
@@ -63,6 +64,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Cer
         f"{campaign.name}: verdicts on {len(matrix.ids)} planned tests",
         lambda watch: certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch),
         lambda: is_computed(campaign, criteria, matrix, config),
+        lambda: usual_s(campaign, config, 2 * len(campaign.tests)),
     )
 
 
@@ -121,6 +123,13 @@ def show_record(view: View, certification: Certification) -> None:
         _show_sentences(result.sentences["since"])
         if certification.since.trials:
             show_table(result.tables["since"], "earlier verdicts")
+
+
+@st.cache_resource(max_entries=50, show_spinner=False)
+def keep_past(key: Hashable, _verdicts: Certification) -> None:  # noqa: ARG001 - once
+    """List it among past results, if there is room on this machine."""
+    with suppress(CrashfuseError):
+        file_store.keep_certification(certification_json(_verdicts), _verdicts.campaign)
 
 
 def beside_earlier(verdicts: Certification, key: Hashable) -> Certification:
