@@ -7,8 +7,8 @@ import streamlit as st
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.certification.certify import APPROACH
 from crashfuse.ui.certify import results
-from crashfuse.ui.certify.criteria import choose_criteria, offer_saving
-from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
+from crashfuse.ui.certify.criteria import choose_criteria
+from crashfuse.ui.certify.matrix import JUDGED, choose_matrix, offer_saving
 from crashfuse.ui.certify.results import judge
 from crashfuse.ui.kit import address, frame
 from crashfuse.ui.kit.figures import show_tabs

@@ -282,7 +282,7 @@ def test_what_cannot_be_saved_stays_typed(asking: Path, visit: Visit, monkeypatc
     def full(*_: object) -> str:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("crashfuse.ui.certify.criteria._save", full)
+    monkeypatch.setattr("crashfuse.ui.certify.matrix._save", full)
     assert "No space left" in session.press("Save in the campaign").tables[-1].to_string()
     assert session.app.session_state["criteria"][0] == "max_crush~~~444~crush~mm"
     assert (asking / "criteria.toml").read_text() == CRITERIA

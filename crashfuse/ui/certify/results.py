@@ -22,9 +22,9 @@ from crashfuse.results.display import Display
 from crashfuse.results.plots.certification import planned_scales
 from crashfuse.results.table import Table
 from crashfuse.study.outliers import departures
-from crashfuse.ui.certify.criteria import criteria_asked, question_files
+from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong
-from crashfuse.ui.certify.matrix import matrix_asked
+from crashfuse.ui.certify.matrix import matrix_asked, question_files
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
@@ -201,7 +201,7 @@ _WITHOUT = "without "  # what if
 
 
 def show_answer(view: View, certification: Certification) -> None:
-    """Show the answer, what speaks against it, how close each planned test is, why, and what would change it."""
+    """Show the answer, why, what speaks against it, and what would change it."""
     result = certification_result(certification)
     headline, *others = result.answer
     st.subheader(headline, anchor=False)
