@@ -10,11 +10,11 @@ from crashfuse.ui.certify import results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
 from crashfuse.ui.certify.results import judge
+from crashfuse.ui.certify.saving import offer_saving
 from crashfuse.ui.kit import address, frame
-from crashfuse.ui.kit.address import page_config
 from crashfuse.ui.kit.figures import show_tabs
 from crashfuse.ui.kit.navigation import end_page
-from crashfuse.ui.kit.progress import patience, result_or_none
+from crashfuse.ui.kit.progress import result_or_none
 
 TABS = {"Answer": results.show_answer, "Track record": results.show_record, "Validated domain": results.show_domain}
 
@@ -25,19 +25,18 @@ place = "question_answered" if asked else "question"  # which opens over its ans
 with st.expander(asked or "Criteria and planned tests", icon=":material/tune:", expanded=not asked, key=place):
     criteria = choose_criteria(view)
     matrix = choose_matrix(view)
+    offer_saving(view, criteria, matrix)
 verdicts, question = None, ""
 if criteria is not None and matrix is not None:
     request = judge(view.campaign, criteria, matrix)
-    usually = "It takes a minute or more; then other limits take no time."
-    verdicts = result_or_none(
-        request, invitation=f"No answer yet. {patience(page_config(), usually)}", button="Certify"
-    )
+    verdicts = result_or_none(request, invitation="No answer yet.", button="Certify")
     question = "" if verdicts is None else results.question(criteria, matrix)
 if question != asked:  # the choices above fold away into it, or unfold
     st.session_state[JUDGED] = question
     st.rerun()
 if verdicts is None:
     end_page()
+results.keep_past(request.key, verdicts)
 verdicts = results.beside_earlier(verdicts, request.key)
 tabs = {name: partial(show, view) for name, show in TABS.items()}
 show_tabs(tabs, verdicts, key="certify_tab", export=partial(results.show_files, view))

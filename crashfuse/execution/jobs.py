@@ -11,6 +11,7 @@ from collections.abc import Callable, Hashable
 from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
+from crashfuse.execution.pace import Pace, slowness
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.execution.training_progress import Watched
 from crashfuse.execution.visitors import Visitor, note_in_log
@@ -28,8 +29,10 @@ log = logging.getLogger(__name__)
 class Job(Generic[T]):
     """A computation, its progress and its outcome."""
 
-    def __init__(self, title: str, work: Callable[[Watch], T]) -> None:
+    def __init__(self, title: str, work: Callable[[Watch], T], pace: Pace, usual_s: float = 0.0) -> None:
         self.title = title
+        self.expected_s: tuple[float, float] | None = None  # from–to, once it runs, if anything is known of it
+        self._pace, self._usual_s = pace, usual_s
         self.wanted_by: set[Visitor] = set()
         self._asked_by: set[Visitor] = set()  # those who have cancelled it since among them
         self.places: dict[Visitor, Any] = {}  # where each of them asked for it, and will look for the result
@@ -101,10 +104,15 @@ class Job(Generic[T]):
                 return
             work, self._work = self._work, None  # so that the objects the work refers to can be freed
             self.state, self._heard = "running", time.monotonic()
-            self._began_s = self._heard
+            known = 0 < self._usual_s < math.inf
+            self._began_s, slow = self._heard, slowness() if known else 1.0
+            self.expected_s = self._pace.range_s(self._usual_s, slow) if known else None
             note_in_log(self.wanted_by, f"started: {self.title}")
         try:
-            self._end("done", result=None if work is None else work(self._watch))
+            result = None if work is None else work(self._watch)
+            if known:
+                self._pace.learn(self._usual_s * slow, self.elapsed_s)
+            self._end("done", result=result)
         except Cancelled:
             self._end("cancelled")
         except CrashfuseError as error:
@@ -136,7 +144,7 @@ class Jobs:
     """The queue: one job at a time, first come, first served; the latest results are kept."""
 
     def __init__(self) -> None:
-        self.ended = 0  # of those that were queued
+        self.ended, self.pace = 0, Pace()  # of those that were queued
         self._lock = threading.Lock()
         self._jobs: dict[Hashable, Job[Any]] = {}
         self._queue: queue.SimpleQueue[Job[Any]] = queue.SimpleQueue()
@@ -154,9 +162,19 @@ class Jobs:
             return [job for job in self._jobs.values() if job.active]
 
     def start(
-        self, key: Hashable, title: str, work: Callable[[Watch], T], visitor: Visitor, *, at_once: bool = False
+        self,
+        key: Hashable,
+        title: str,
+        work: Callable[[Watch], T],
+        visitor: Visitor,
+        *,
+        usual_s: float = 0.0,
+        at_once: bool = False,
     ) -> Job[T]:
-        """Queue work for someone, or join the job that does it; short work may start at once."""
+        """Queue work for someone, or join the job that does it; short work may start at once.
+
+        ``usual_s`` is what it takes on two quiet usual cores, if that is known.
+        """
         with self._lock:
             job = self._jobs.get(key)
             if job is not None:
@@ -164,7 +182,7 @@ class Jobs:
                 if job.state == "done" or (job.active and not job.cancelling):
                     return job
                 del self._jobs[key]  # what is begun again is the latest
-            job = self._jobs[key] = Job(title, work)
+            job = self._jobs[key] = Job(title, work, self.pace, usual_s)
             job.join(visitor)
             finished = [old for old, kept in self._jobs.items() if not kept.active]
             for old in finished[: max(len(finished) - _KEPT, 0)]:

@@ -16,7 +16,13 @@ from crashfuse.results.certification_tables import certification_table, csv_as_g
 from crashfuse.results.credibility import credibility_rows, credibility_table
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
-from crashfuse.results.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
+from crashfuse.results.plots.certification import (
+    planned_scales,
+    record_figure,
+    reliability,
+    validated_domain,
+    verdict_matrix,
+)
 from crashfuse.results.provenance import certify_command
 from crashfuse.results.result import Deferred, Figure, ForReading, Result
 from crashfuse.results.result_tables import repeats_table
@@ -79,14 +85,17 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
 def _figures(certification: Certification) -> dict[str, Figure]:
     record, n = certification.record, len(certification.matrix.ids)
     domain, matrix = partial(validated_domain, certification), partial(verdict_matrix, certification)
-    figures = {"domain": Figure("Validated domain, and the conditions in it", domain)}
+    size = _CONDITIONS if n <= _CONDITIONS else _CONDITIONS_OF_MANY
+    scales = [partial(planned_scales, certification, part=slice(i, i + size)) for i in range(0, n, size)]
+    close = Figure("How close each planned test is", partial(planned_scales, certification), is_answer=True)
+    figures = {"planned": close._replace(sheets=tuple(scales[:_MOST_SHEETS]))}
+    figures["domain"] = Figure("Validated domain, and the conditions in it", domain)
     if record.trials:
         judged = [criterion for criterion in certification.criteria.items if record.of(criterion)]
         parts = [judged[i : i + _CRITERIA] for i in range(0, len(judged), _CRITERIA)]
         draw, *sheets = (partial(record_figure, record, some) for some in (judged, *parts))
         figures["record"] = Figure("Evidence from left-out tests", draw, sheets=tuple(sheets))
         figures["reliability"] = Figure("Do the probabilities come true?", lambda _: reliability(record))
-    size = _CONDITIONS if n <= _CONDITIONS else _CONDITIONS_OF_MANY
     sheets = [partial(matrix, part=slice(i, i + size)) for i in range(0, n, size)]
     if n > size * _MOST_SHEETS:
         sheets = [partial(matrix, words=False)]

@@ -9,6 +9,7 @@ from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.earlier import LaterTests
+from crashfuse.certification.matrix import SAME_SPEED_MPS
 from crashfuse.certification.track_record import (
     TrackRecord,
     Trial,
@@ -54,6 +55,11 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, and certify again."),
     "test.stands_apart": ("Tests that stand apart",),
     "since.wrong": ("Verdicts contradicted since", _WRONG),
+    "record.slower": (
+        "Skips faster than the record",
+        "All hidden tests whose answer was skip were run at {fastest} or slower.",
+        "No skip was checked as fast as {about} ({speeds}).",
+    ),
     "record.none": ("No record", "There is no record: {why}."),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
     "record.waived": (
@@ -153,7 +159,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
     "costs": _COSTS,
     "summary": (
         *("matrix.saved", "matrix.skipping_loses", "matrix.counted_once", *_COSTS),
-        *("matrix.counts", "matrix.run_first", *_RECORD),
+        *("matrix.counts", "matrix.run_first", *_RECORD, "record.slower"),
         *("test.not_used", "condition.no_factor", "condition.new_together"),
         *("criterion.unsupported", "criterion.untouched", "criterion.few"),
     ),
@@ -265,6 +271,15 @@ def _record(certification: Certification) -> Iterator[Fact]:
     tests, saved, missed = record.waived(criteria)
     bound = 100 * largest_share(missed, saved) if saved else None
     yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)
+    hidden = record.saved(criteria)
+    checked = [t.verdict.condition.speed_mps for t in record.counted if t.held_out in hidden]
+    planned = {i: certification.rows[i][0].condition.speed_mps for i in certification.waived}
+    if checked and (beyond := {i: v for i, v in planned.items() if v > max(checked) + SAME_SPEED_MPS}):
+        ends = dict.fromkeys((min(beyond.values()), max(beyond.values())))
+        speeds = speed(*ends, between=" to ")
+        yield _fact(
+            "record.slower", *sorted(beyond, key=beyond.__getitem__), fastest=speed(max(checked)), speeds=speeds
+        )
     if (with_runs := certification.record_with_runs) is not None:
         n, wrong = with_runs.decided
         yield _fact("record.with_runs", n=n, wrong=wrong, skipped=with_runs.waived(criteria)[1])

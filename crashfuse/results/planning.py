@@ -66,7 +66,10 @@ def next_tests_result(ranking: NextTests) -> Result:
         campaign=ranking.campaign,
         config=ranking.config,
         command=partial(next_test_command, over.low, over.high, ranking.config),
-        answer=(Sentence(gains, ranking.conditions[0], over.low, over.high, now, then),),
+        answer=(
+            *ranking.repeats,
+            Sentence(gains, ranking.conditions[0], over.low, over.high, now, then),
+        ),
         shown=("best",),
         sentences={"meaning": (MEANING,)},
         tables={"best": best.head(BEST), "more": best.head(_MOST)},

@@ -8,6 +8,7 @@ from typing import Unpack
 
 import pandas as pd
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.certification.matrix import Matrix
@@ -27,6 +28,7 @@ from crashfuse.results.render.text import json_bytes, parquet_bytes
 from crashfuse.results.result import Content, Figure, ForReading, Result
 from crashfuse.results.result_tables import metrics_shown
 from crashfuse.results.table import Table
+from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
 from crashfuse.study.prediction import PredictedPulse, by_one
 from crashfuse.units import Sentence, UnitSystem, joined, speed
@@ -129,18 +131,33 @@ def prediction_figure(
     also: Sequence[figures.Further],
     band: str | None,
     representative: bool,
+    average: bool,
     **display: Unpack[DisplayOptions],
 ) -> Drawing:
     """A figure of a prediction, see :meth:`PredictedPulse.plot`."""
     shown = Display.of(prediction.campaign.units, **display)
     estimates = figures.chosen({each.approach: each for each in prediction.estimates}, approaches, band)
     others = [_beside(other, prediction) for other in several(also)]
-    further = {**figures.other_fold(estimates, band), **figures.beside(prediction.campaign, others, shown)}
+    further = figures.beside(prediction.campaign, others, shown)
     lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
-    if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
-        further = {**lead.representative, **further}
+    if representative and lead is not None and figure in _WITH_WHOLE_PULSES and lead.representative:
+        singles: dict[str, Prediction] = figures.single_tests(lead)
+        if not average:
+            del estimates[lead.approach]
+            band = next(iter(singles))
+            singles[band] = replace(lead, accel_mps2=singles[band].accel_mps2)  # with its band
+            further = {name: _as_single_test(own) for name, own in further.items()}
+        further = {**singles, **further}
+    else:
+        further = {**figures.other_fold(estimates, band), **further}
     drawn = figures.pulse_figures(None, estimates | further, band, shown)
     return one_of("figure of pulses", figure, drawn)()
+
+
+def _as_single_test(shown: Prediction) -> Prediction:
+    if not isinstance(shown, Estimate) or shown.draws_mps2 is None:
+        return shown
+    return replace(shown, accel_mps2=shown.representative_pulses()[0])
 
 
 def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:

@@ -1,13 +1,13 @@
 """A study as a result: how well each approach predicted every test that was left out, in short or in whole."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
 from crashfuse.files.csv_text import csv_bytes
@@ -35,10 +35,12 @@ from crashfuse.results.render.html import ReportOptions, report
 from crashfuse.results.render.text import json_bytes
 from crashfuse.results.result import Content, Deferred, Figure, Result
 from crashfuse.results.result_tables import repeats_table
-from crashfuse.results.table import Table
+from crashfuse.results.table import Column, Table
+from crashfuse.signals.rating import graded
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.facts import window_facts
-from crashfuse.study.recommendation import recommend, recommend_without, study_facts, worst_test
+from crashfuse.study.recommendation import Account, recommend, recommend_without, study_facts, worst_test
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import Sentence, joined, speed
 
@@ -46,6 +48,7 @@ _PAPER_TABLES: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "table_3": ("Table 3: the network before (LF) and after (MF) learning from the other tests", TABLE_3),
     "table_5": ("Table 5: the approaches against the raw CAE model", TABLE_5),
 }
+_LEFT_OUT = {"test": "A test left out", "speed group": "A speed left out"}
 _WAYS = {"test": "left out alone", "speed group": "left out with all tests at about its speed"}
 
 
@@ -112,6 +115,42 @@ def means_table(study: Study) -> Table:
     return replace(ratings_shown(mean_values(study)), name=f"{of} {_WAYS[_way(study)]}")
 
 
+def quality_table(study: Study, window_ms: float) -> Table:
+    """How good predictions are: a test left out, a speed left out, a repeat, each in the mean and in the worst test."""
+    lines = []
+    for view in filter(None, (study, study.speed_groups)):
+        approach = recommend(view).approach
+        rated = {fold.held_out: fold.ratings[approach][window_ms].overall for fold in view.folds}
+        lines.append((_LEFT_OUT[_way(view)], LABELS[approach], rated))
+    repeats = {test: repeat.value for test, repeat in study.repeats(window_ms).items()}
+    if len(repeats) == len(study.folds):
+        lines.append(("A repeat of the test", "–", repeats))
+    grades = (Column(name, "grade") for name in ("Mean", "Worst"))
+    rows = (
+        {"How good is a prediction?": of, "Mean": float(np.mean([*rated.values()])), "Worst": min(rated.values())}
+        | {"Worst test": min(rated, key=rated.__getitem__), "Approach": by}
+        for of, by, rated in lines
+    )
+    return Table.of("quality", rows, *grades)
+
+
+def quality_of(account: Account, repeat: Repeatability | None) -> dict[Sentence, Sentence]:
+    """How good a prediction of a left-out test is, by what was left out, and what a repeat of it would rate."""
+    test, expected, rated = account.test, account.expected, graded(account.rating)
+    at_its_speed = Sentence("All at {} left out", speed(test.condition.speed_mps))
+    if expected is not None:
+        rated = f"{rated}, {expected.surprise(account.rating)} ({expected.range})"
+    lines = {at_its_speed if account.with_group else Sentence("{} left out", test.id): Sentence("{}.", rated)}
+    if not account.with_group:
+        without = "not computed yet, see Study" if account.neighbours else "the same, it is the only one"
+        if account.without_neighbours is not None:
+            without = graded(account.without_neighbours)
+        lines[at_its_speed] = Sentence("{}.", without)
+    if repeat is not None:
+        lines[Sentence("A repeat of {}", test.id)] = Sentence("{}.", repeat.text)
+    return lines
+
+
 def _tables(study: Study) -> dict[str, Table]:
     tables, groups = {"means": means_table(study)}, study.speed_groups
     if groups is not None:
@@ -128,34 +167,20 @@ def _tables(study: Study) -> dict[str, Table]:
 
 
 def _figures(study: Study, window: float, *, whole: bool) -> dict[str, Figure]:
-    figures, groups = {}, study.speed_groups
+    figures, groups, over = {}, study.speed_groups, f"0–{window:g} ms"
     if len(study.folds) > 1:
-        figures["ratings"] = _figure(study, window, f"Every held-out test, 0–{window:g} ms", is_answer=True)
+        figures["ratings"] = Figure(f"Every held-out test, {over}", _drawn(window, study.draw), is_answer=True)
     if whole and groups is not None and len(groups.folds) > 1:
-        figures["speed_groups"] = _figure(groups, window, "A whole speed group left out", is_answer=True)
+        figures["speed_groups"] = Figure("A whole speed group left out", _drawn(window, groups.draw), is_answer=True)
     if whole and study.coverage:
-        spread = f"How sure the ratings are, 0–{window:g} ms"
-        figures["spread"] = _figure(study, window, spread, figure="draws")
-        figures["calibration"] = _figure(study, window, "What the 95 % band is worth", figure="calibration")
+        spread, calibration = (partial(study.draw, figure=name) for name in ("draws", "calibration"))
+        figures["spread"] = Figure(f"How sure the ratings are, {over}", _drawn(window, spread))
+        figures["calibration"] = Figure("What the 95 % band is worth", _drawn(window, calibration))
     return figures
 
 
-def _figure(
-    study: Study,
-    window: float,
-    title: str,
-    test: str = "",
-    figure: str = "",
-    *,
-    approaches: Sequence[str] | None = None,
-    notes: Sequence[Note] = (),
-    is_answer: bool = False,
-) -> Figure:
-    def draw(display: Display) -> Drawing:
-        shown = replace(display, window_ms=window)
-        return study.draw(test, figure, approaches=approaches, notes=notes, display=shown)
-
-    return Figure(title, draw, is_answer)
+def _drawn(window: float, draw: Callable[..., Drawing]) -> Callable[[Display], Drawing]:
+    return lambda display: draw(display=replace(display, window_ms=window))
 
 
 def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Result:
@@ -169,13 +194,14 @@ def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Re
     outcome += [repeat.sentence(rating.overall, LABELS[advice.approach])] if repeat is not None else []
     came_out = [expected.outcome(rating.overall)] if expected is not None and several else []
     about = estimates_result(study.campaign, fold.estimates, test, advice.sentences)
-    draw = partial(_figure, study, window, test=test.id)
-    figures = {"motion": draw("Pulses over time", notes=notes)}
+    draw = partial(study.draw, test.id)
+    figures = {"motion": Figure("Pulses over time", _drawn(window, partial(draw, notes=notes)))}
     if options.form == "whole":
         missed = expected is not None and expected.is_missed_by(rating.overall)
         if missed or test.id == worst_test(study, window).test.id:
-            figures["rating"] = draw("Why it is rated as it is", figure="rating", approaches=[advice.approach])
-        figures["displacement"] = draw("Over displacement", figure="displacement")
+            by_part = partial(draw, "rating", approaches=[advice.approach])
+            figures["rating"] = Figure("Why it is rated as it is", _drawn(window, by_part))
+        figures["displacement"] = Figure("Over displacement", _drawn(window, partial(draw, "displacement")))
     return replace(
         about,
         kind="fold",

@@ -164,6 +164,7 @@ _CLEARLY = 0.02  # in rating: a handful of tests cannot separate approaches clos
 _TOLD = 0.005  # in rating: less is not worth a word
 _NEAR_MPS = 3 * MPH
 _GOOD = 0.80
+_AGAINST = ("recommendation.farther", "recommendation.no_better", "recommendation.poor")
 SPEED_GROUPS = "recommendation.speed_groups"  # the one fact that rests on other folds than the study's own
 
 
@@ -180,6 +181,14 @@ class Recommendation:
     def sentences(self) -> tuple[str, ...]:
         """The facts in words."""
         return tuple(fact.sentence for fact in self.facts)
+
+    @property
+    def brief(self) -> str:
+        """What to use and to expect, and what speaks against it, in a line."""
+        use, rated = f"Use {CLASSES[self.approach].in_words}", self.expected
+        likely = "" if rated is None else f": rating {rated.range} expected (80 %, {rated.likely})"
+        against = [fact.sentence for fact in self.facts if fact.code in _AGAINST]
+        return joined([f"{use}{likely}.", *against])
 
     def __repr__(self) -> str:
         return f"<Recommendation: {self.sentences[0]}>"

@@ -1,6 +1,7 @@
 """The page Compare: how each approach rates on a held-out test, which one to use, why, and files."""
 
 from collections.abc import Hashable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -11,11 +12,11 @@ from crashfuse.campaign import Campaign
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import estimates_result, whole_sentences
 from crashfuse.results.plots.curves import TEST
-from crashfuse.results.rating_tables import REPEAT, excursions_table, humps_table
-from crashfuse.results.study import study_files, study_result
+from crashfuse.results.rating_tables import excursions_table, humps_table
+from crashfuse.results.study import quality_of, study_files, study_result
 from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
-from crashfuse.study.facts import window_facts
+from crashfuse.study.facts import departure_fact
 from crashfuse.study.recommendation import Account, Recommendation, account
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
@@ -27,15 +28,15 @@ from crashfuse.ui.kit.curves import choose_curves, without_clicks
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_pulses, offer_result
-from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
+from crashfuse.ui.kit.progress import result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plain
-from crashfuse.units import difference
 
-_NO_CHANGE = 0.005  # in rating
 _BADGES = {"Excellent": "blue", "Good": "blue", "Fair": "orange", "Poor": "orange"}
 _MOTION, _RESIDUALS = "Motion", "Residuals"
-_CORRIDORS_HELP = "1 inside the inner corridor, 0 outside the outer: ± 5 %, ± 50 % of the test's largest acceleration."
+_CORRIDORS_HELP = (
+    "Of the rating: 1 inside the inner corridor, 0 outside the outer: ± 5 %, ± 50 % of the test's largest acceleration."
+)
 _CURVES = {
     "Over displacement": (
         "displacement",
@@ -61,8 +62,7 @@ def show(view: View) -> None:
     study = result_of(
         request,
         invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will be fitted on the CAE runs "
-        f"and {len(others.tests)} other tests. "
-        + patience(config, "The displacement domain takes some seconds, the networks a little longer."),
+        f"and {len(others.tests)} other tests.",
         button=f"Predict test {test.id}",
     )
     show_training(config, study.config.approaches)
@@ -99,20 +99,17 @@ class _Comparison(NamedTuple):
 
 def _show_headline(comparison: _Comparison) -> None:
     _choose_rated(comparison)
-    for fact in window_facts(comparison.view.held_out, comparison.window_ms):
-        st.caption(plain(comparison.view.display.words(fact.sentence)))
     if (advice := comparison.advice) is None:
         return
-    overall = {name: ratings[comparison.window_ms].overall for name, ratings in comparison.fold.ratings.items()}
-    rated = overall[advice.approach]
-    missed = advice.expected is not None and advice.expected.is_missed_by(rated)
-    repeat = comparison.repeats.get(comparison.window_ms)
-    beside = [] if repeat is None else [repeat.sentence(rated, LABELS[advice.approach])]
-    first, *reasons = (fact.sentence for fact in advice.after(rated))
-    headline: list[str] = [first]
-    if (raw := overall.get(BASELINE, rated)) - rated >= _NO_CHANGE:
-        headline.append(f"The raw CAE model rates {raw:.3f}, higher.")
-    results.show_recommendation(headline, [*reasons, *beside], "warning" if missed else "lightbulb")
+    approach, window_ms = st.session_state["explained"], comparison.window_ms
+    rated = {name: ratings[window_ms].overall for name, ratings in comparison.fold.ratings.items()}
+    repeat, test_account = comparison.repeats.get(window_ms), _account(comparison.key, comparison, approach)
+    lines = [f"**{plain(of)}:** {plain(how)}" for of, how in quality_of(test_account, repeat).items()]
+    reasons: list[str] = [fact.sentence for fact in (*advice.after(rated[advice.approach]), *test_account.about_test)]
+    if repeat is not None:
+        reasons.append(repeat.sentence(rated[approach], LABELS[approach]))
+    icon = ":material/warning: " if test_account.disappoints else ""
+    results.show_with_reasons(icon + "  \n".join(lines), [*reasons, *whole_sentences(comparison.fold.estimates)])
 
 
 def _choose_rated(comparison: _Comparison) -> None:
@@ -122,18 +119,13 @@ def _choose_rated(comparison: _Comparison) -> None:
 
     def label(name: str) -> str:
         overall, grade = rated[name].overall, rated[name].grade
-        change = ""
-        if BASELINE in rated and name != BASELINE:
-            change = f" :small[{difference(overall, rated[BASELINE].overall, 3)}]"
         star = ":material/star: " if name == best and comparison.advice is not None else ""
-        return f"{star}{LABELS[name]} **{overall:.3f}**{change} :{_BADGES[grade]}-badge[{grade}]"
+        return f"{star}{LABELS[name]} **{overall:.3f}** :{_BADGES[grade]}-badge[{grade}]"
 
     address.default("explained", best, list(rated))
-    of = f"Ratings over {results.window_label(comparison.window_ms)}, with the change from the raw CAE model"
+    of = f"Ratings over {results.window_label(comparison.window_ms)}"
     look = {"label_visibility": "collapsed", "required": True, "wrap": True, "format_func": label}
     st.segmented_control(of, list(rated), **kept("explained", on_change=address.publish, **look))
-    if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
-        st.caption(f"{REPEAT}: {repeat.value:.3f}, {repeat.lower:.2f}–{repeat.upper:.2f} (95 %).")
 
 
 def _show_pulses(comparison: _Comparison) -> None:
@@ -141,7 +133,7 @@ def _show_pulses(comparison: _Comparison) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
         look = kept("corridors", help=_CORRIDORS_HELP)
-        corridors = shown == _MOTION and st.toggle("Corridors of the rating", **look)
+        corridors = shown == _MOTION and st.toggle("Corridors", **look)
         approach, known = st.session_state["explained"], list(comparison.fold.ratings)
         curves = choose_curves(comparison.view, test.condition, approach, known, test.id)
     figure, alt, caption = _CURVES.get(shown, ("motion", "Acceleration, velocity and displacement over time: {}", ""))
@@ -159,12 +151,13 @@ def _show_pulses(comparison: _Comparison) -> None:
     of = f"test {test.id}{' and its' if TEST in curves.others else ','} prediction by {curves.by}"
     key = shown, corridors, notes_here, comparison.key, curves.key
     show_cached_figure(draw, alt.format(of), *key, name=curves.named(name))
-    st.caption(caption or "".join(whole_sentences(comparison.fold.estimates)))
+    if caption:
+        st.caption(caption)
     edit_notes(comparison.view, notes)
 
 
 def _show_why(comparison: _Comparison) -> None:
-    display, test, advice = comparison.view.display, comparison.view.held_out, comparison.advice
+    display, test = comparison.view.display, comparison.view.held_out
     approach = st.session_state["explained"]
     explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = rating_sentences(explanation)
@@ -174,13 +167,14 @@ def _show_why(comparison: _Comparison) -> None:
     with bars:
         alt = f"The four scores of every prediction of test {test.id}, as bars"
         show_cached_figure(partial(draw, "scores"), alt, "parts", comparison.key, name="scores")
-    parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
-    words.markdown("\n".join(f"- {plain(said[part])}" for part in parts), help=RATING_PARTS)
-    if advice is not None:
-        test_account = _account(comparison.key, comparison, advice.approach)
-        if test_account.disappoints or (test_account.departure is not None and test_account.departure.apart):
-            sentences = [fact.sentence for fact in test_account.about_test]
-            results.show_account(sentences, missed=test_account.disappoints)
+    first, *others = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
+    with words:
+        st.markdown(plain(said[first]), help=RATING_PARTS)
+        with st.expander("The other three scores", icon=":material/notes:"):
+            st.markdown("\n".join(f"- {plain(said[part])}" for part in others))
+        departure = _account(comparison.key, comparison, approach).departure
+        if departure is not None and departure.apart:
+            st.markdown(f":material/warning: {plain(departure_fact(departure).sentence)}")
     alt = f"Test {test.id} and its prediction by {LABELS[approach]}: corridors, shifted, warped, and their slopes"
     curves, name = partial(draw, "rating", approaches=[approach]), f"rating of {LABELS[approach]}"
     show_cached_figure(curves, alt, "rated curves", approach, comparison.key, name=name)
@@ -190,7 +184,7 @@ def _show_why(comparison: _Comparison) -> None:
         show_table(excursions_table(explanation), "excursions")
 
 
-@st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")
+@st.cache_resource(max_entries=50, show_spinner=False)  # which would stand over figures of another choice
 def _account(key: Hashable, _comparison: _Comparison, approach: str) -> Account:  # noqa: ARG001
     view, fold = _comparison.view, _comparison.fold
     return account(view.campaign, chosen_config(), fold, view.display.window_ms, approach=approach)
@@ -198,19 +192,20 @@ def _account(key: Hashable, _comparison: _Comparison, approach: str) -> Account:
 
 def _show_ratings(comparison: _Comparison) -> None:
     campaign, fold, window_ms, config = comparison.view.campaign, comparison.fold, comparison.window_ms, chosen_config()
-    terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {A_REPEAT}"
-    st.subheader("Rating by approach and window", help=terms)
+    terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {A_REPEAT} {LF}"
+    window, approach = results.window_label(window_ms), st.session_state["explained"]
+    st.subheader(f"Ratings; scores and single draws over {window}", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
     to_ttzv = {}
     if config.to_ttzv and fold.ttzv_ms is not None:
         to_ttzv = {name: fold.overall_to_ttzv(name) for name in fold.ratings}
     show_table(results.ratings_table(fold.ratings, window_ms, comparison.repeats, draws, to_ttzv), "ratings")
-    st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
-    if "lf_tcn" in config.approaches:
-        st.caption(LF)
     known = () if comparison.advice is None else comparison.advice.sentences
     about = estimates_result(campaign, fold.estimates, comparison.view.held_out, known)
-    results.show_metrics(about)
+    metrics, others = about.tables["metrics"], {*fold.ratings} - {BASELINE, approach}
+    if not st.toggle("Metrics of all approaches", key="all_metrics", persist_state="session"):
+        metrics = metrics.without(*(LABELS[name] for name in others))
+    results.show_metrics(replace(about, tables={**about.tables, "metrics": metrics}))
     results.show_details(about)
 
 

@@ -14,11 +14,11 @@ from crashfuse.errors import DataError
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import coverage_table
 from crashfuse.results.learning_curve import MEANING, ONE_MORE_MEANING, learning_curve_result
-from crashfuse.results.study import means_table, study_files, study_result
+from crashfuse.results.study import means_table, quality_table, study_files, study_result
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
 from crashfuse.study.one_more_test import Cost
-from crashfuse.study.recommendation import SPEED_GROUPS, recommend, worst_test
+from crashfuse.study.recommendation import recommend, worst_test
 from crashfuse.study.study import Study
 from crashfuse.ui import past_results
 from crashfuse.ui.kit import results
@@ -28,12 +28,13 @@ from crashfuse.ui.kit.computation import learn_curve, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
 from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_result
 from crashfuse.ui.kit.navigation import open_page
-from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training, stop_with_a_single_test
+from crashfuse.ui.kit.progress import result_of, result_or_none, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import A_REPEAT, DRAWS, TTZV, plain
 
 _NUMBER, _PAST, _BANDS = "Number of tests", "Past results", "Bands"
 _TABS = ["Ratings", _BANDS, _NUMBER, _PAST]
+_GRADES = "Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor."
 _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 
 
@@ -56,8 +57,7 @@ def show(view: View) -> None:
     again = "; then again with all at about its speed" if config.leave_out == "both" else ""
     study = result_of(
         request,
-        invitation=f"How well does each approach predict a test that it has not seen? Every test is left out in turn"
-        f"{again}. " + patience(config, "It takes a minute or more the first time; other pages stay free."),
+        invitation=f"Every test is left out in turn and predicted from the others{again}.",
         button=f"Leave out each of {n} tests",
     )
     known = tuple((fold.held_out, *fold.ratings) for way in (study, study.speed_groups) if way for fold in way.folds)
@@ -66,11 +66,9 @@ def show(view: View) -> None:
     with row:
         export_button(partial(_show_files, outcome))
     show_training(config, study.config.approaches)
-    reasons = _show_headline(outcome) if is_whole else []
-    if tab == _BANDS:
-        _show_bands(outcome)
-    else:
-        _show_ratings(outcome, reasons)
+    if is_whole:
+        _show_headline(outcome)
+    (_show_bands if tab == _BANDS else _show_ratings)(outcome)
 
 
 class _Outcome(NamedTuple):
@@ -85,14 +83,12 @@ class _Outcome(NamedTuple):
         return groups if groups is not None and st.session_state.get("ways") == _GROUP else self.study
 
 
-def _show_headline(outcome: _Outcome) -> list[str]:
-    facts = recommend(outcome.shown).facts  # of the view that is shown, as all figures and tables below
-    words = {fact.code: outcome.view.display.words(fact.sentence) for fact in facts if fact.code != SPEED_GROUPS}
-    headline = [words.pop(code) for code in ("recommendation.use", "recommendation.ratings")]
-    if outcome.view.display.window_ms != (longest := max(outcome.study.config.windows_ms)):
-        headline.append(f"This is over {results.window_label(longest)}.")  # whatever is chosen in the sidebar
-    results.show_recommendation(headline)
-    return list(words.values())
+def _show_headline(outcome: _Outcome) -> None:
+    """How good a prediction is, over the window that is shown as all else; why, and over which, unfolds."""
+    use, *reasons = (outcome.view.display.words(fact.sentence) for fact in recommend(outcome.shown).facts)
+    results.show_recommendation([use], [*reasons, f"By {outcome.view.campaign.rating_basis}: {_GRADES}", A_REPEAT])
+    window_ms = outcome.view.display.window_ms
+    show_table(quality_table(outcome.study, window_ms), "quality", f"Ratings over {results.window_label(window_ms)}.")
 
 
 def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
@@ -101,16 +97,14 @@ def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
     return outcome.shown, outcome.shown.config.split_configs[0].leave_out
 
 
-def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
+def _show_ratings(outcome: _Outcome) -> None:
     campaign, (study, leave_out) = outcome.view.campaign, _choose_way(outcome)
     _show_tests(outcome, study, leave_out)
     if outcome.is_whole:
         worst = worst_test(study, outcome.view.display.window_ms)
         results.show_account(worst.sentences, missed=worst.disappoints)
-    st.markdown("**Mean over the tests, by window**")
-    show_table(means_table(study), "means")
-    st.caption(" ".join(map(plain, reasons)))
-    st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
+    with st.expander("Mean over the tests, by window", icon=":material/table:"):
+        show_table(means_table(study), "means")
     for test in campaign.tests:
         for note in campaign.cae.extrapolation(test.condition):
             st.caption(f":material/warning: {plain(test.id)}: {plain(note)}")
@@ -131,15 +125,13 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
     alt = f"Ratings of each test, {left_out}, by approach, with their mean"
     clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=f"ratings {left_out}")
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.markdown("Click a cell, or choose a test, to see it on Compare.", width="content")
+        st.markdown("Click a cell, or choose a test:", width="content")
         chosen = st.selectbox(
-            "Open a test on Compare", tests, index=None, placeholder="Test", key="open_test", width=160,
+            "Open a test on Compare", tests, index=None, placeholder="Compare", key="open_test", width=160,
             label_visibility="collapsed", on_change=lambda: open_test(st.session_state["open_test"]),
         )  # fmt: skip
     if clicked or chosen is not None:
         open_page("compare")
-    if study.repeats(outcome.view.display.window_ms):
-        st.caption(A_REPEAT)
 
 
 def _show_bands(outcome: _Outcome) -> None:
@@ -154,10 +146,11 @@ def _show_bands(outcome: _Outcome) -> None:
 
     left, right = st.columns(2, gap="medium")
     with left:
-        st.subheader(f"How sure the ratings are, {results.window_label(outcome.view.display.window_ms)}")
+        meaning = f"Marks: rating of the expected pulse. Lines: {DRAWS} Grey: where a repeat of the test would rate."
+        window = results.window_label(outcome.view.display.window_ms)
+        st.subheader(f"How sure the ratings are, {window}", help=meaning)
         alt = f"Rating of each test, {left_out}, by approach, with the interval of single draws"
         show("draws", alt, "ratings of draws")
-        st.caption(f"Marks: rating of the expected pulse. Lines: {DRAWS} Grey: where a repeat of the test would rate.")
     with right:
         st.subheader("What bands of each level hold")
         alt = f"Share of the time up to TTZV inside bands of each level, each test {left_out}"
@@ -184,7 +177,7 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
     whole = result_or_none(
         learn_curve(campaign, settings),
-        invitation="It takes a minute or more the first time.",
+        invitation="",
         button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
     )
     if whole is None:

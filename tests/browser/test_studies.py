@@ -137,7 +137,7 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     assert "We left out S4 (25.0 mph) and rated it over 0–60 ms. Rated " in said
     assert "far below what was expected. S4 differs from the other " in said
     user.go("Compare")
-    user.sees("far below what was expected.")
+    user.sees("far below what was expected (0.")
     user.press("Why", PILL)
     user.sees("Corridor (40 %)", FIGURE)
     told = user.sees("curves as they stand")

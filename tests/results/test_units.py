@@ -3,8 +3,9 @@
 import io
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -143,7 +144,9 @@ def test_a_report_is_in_one_system(campaign: Campaign, name: str, system: UnitSy
 def test_files_for_reading_are_in_one_system(campaign: Campaign, system: UnitSystem) -> None:
     """Reasons, the credibility sheet, comments of exported pulses; numbers for programs are the same in both."""
     files = certification_result(certification(campaign)).files_in(system)
-    tables = {name: pd.read_csv(io.BytesIO(files[f"{name}.csv"]())) for name in ("certification", "credibility")}
+    tables = {
+        name: pd.read_csv(io.BytesIO(cast(bytes, files[f"{name}.csv"]()))) for name in ("certification", "credibility")
+    }
     told = " ".join([*tables["certification"]["reason"], *tables["credibility"]["data_say"]])
     assert other_units(told.replace("at most 60 km/h", ""), system) == []
     assert {"speed_mph", "at_most"} <= {*tables["certification"]}
@@ -152,7 +155,8 @@ def test_files_for_reading_are_in_one_system(campaign: Campaign, system: UnitSys
     export = PulseExport(("lsdyna", "isomme"), curve=SolverCurve("mm-s-t"))
     prediction = PredictedPulse(campaign, (own,), CONFIG)
     for form in export.formats:
-        pulses = prediction_result(prediction, export=export).files_in(system)[f"{form}/"]()
+        made = prediction_result(prediction, export=export).files_in(system)[f"{form}/"]()
+        pulses = cast(Mapping[str, bytes], made)
         headers = " ".join(re.sub(r"\s*(Comments +:|\$|\n) *", " ", text.decode("latin-1")) for text in pulses.values())
         assert "moves forward at" in headers
         assert other_units(headers, system) == []

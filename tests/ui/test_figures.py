@@ -116,9 +116,11 @@ def test_on_data(open_campaign: Path, visit: "Visit") -> None:
     """Tests, conditions and CAE runs."""
     campaign = load_campaign(open_campaign)
     session = visit("data", test="T2", **OPTIONS)
-    for tab, figure in (("Tests", "tests"), ("Conditions", "conditions"), ("CAE model", "cae")):
-        expected = campaign.plot(figure, held_out="T2", display=SHOWN)
-        assert drawn(session.open_tab("data", tab)) == traces(expected), tab
+    on_cae = ("cae and test", "cae events", "cae")
+    for tab, figures in (("Tests", ["tests"]), ("Conditions", ["conditions"]), ("CAE model", on_cae)):
+        held_out = {figure: None if figure == "cae events" else "T2" for figure in figures}
+        expected = [campaign.plot(figure, held_out=held_out[figure], display=SHOWN) for figure in figures]
+        assert drawn(session.open_tab("data", tab).finish()) == traces(*expected), tab
 
 
 def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
@@ -164,8 +166,7 @@ def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
     session = opened(visit, "certify", "Certify", approach="displacement_domain")
     paths = open_campaign / "criteria.toml", open_campaign / "matrix.csv"
     verdicts = crashfuse.certify(load_campaign(open_campaign), *paths, approach="displacement_domain", workers=1)
-    session.app.button_group(key="answered").set_value("By criterion")
-    for tab, figure in (("Answer", "verdicts"), ("Validated domain", "domain"), ("Track record", "record")):
+    for tab, figure in (("Answer", "planned"), ("Validated domain", "domain"), ("Track record", "record")):
         session.app.button_group(key="certify_tab").set_value(tab)
         assert drawn(session.run()) == traces(verdicts.plot(figure, display=SHOWN))
     session.app.button_group(key="record").set_value("Are the probabilities right?")

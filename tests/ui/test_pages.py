@@ -257,9 +257,10 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert ratings["0–20 ms"][0] == f"{expected[20.0].overall:.3f} {expected[20.0].grade}"
     assert ratings["Slope"][0] == f"{expected[60.0].slope:.3f}"
     assert metrics.columns[:2].tolist() == ["Pulse metric, T1", "Measured"]
-    assert "[" in metrics["Displacement domain"][0]
+    assert "[" in metrics["Fused"][0]
+    assert "Displacement domain" not in metrics
     assert more["Pulse metric, T1"].iloc[0] == "Equivalent square wave (g)"
-    assert any("single draws: over 0–60 ms" in caption.value for caption in session.app.caption)
+    assert "scores and single draws over 0–60 ms" in session.words
     assert "Made for a test." in session.words
     assert "Fitted to 300 points of a bias of 7.2 g RMS" in session.words
     assert fit["Known to a factor of"].tolist() == ["1.50"]
@@ -291,8 +292,9 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     assert rated(session) == ["CAE", "Displacement domain"]
     assert "LF TCN, Time domain, Fused: still training" in session.words
     assert "Training LF TCN: 3 of 10" in session.words
-    assert "Use " not in session.words  # a recommendation of what happens to be known first
-    assert session.press("Export").downloads == ["scores.csv", "pulses.csv", "metrics.csv"]
+    assert "T1 left out" not in session.words  # how good an approach is that happens to be known first
+    parts = ["scores.csv", "pulses.csv", "metrics.csv", "cae_events.csv", "study.json"]
+    assert session.press("Export").downloads == parts  # and no report
     session.go("train")
     assert "Rated, T1, 0–60 ms: CAE" in session.words
     assert "Compare T1" in session.buttons
@@ -301,7 +303,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     session.go("compare")
     assert rated(session) == list(LABELS.values())
     assert "still training" not in session.words
-    assert "Use " in session.words
+    assert re.search(r"T1 left out:\*\* 0\.\d{3} \w+", session.words)
 
 
 CURVE = {"epoch": [1, 2], "train_loss": [1.0, 0.1], "validation_loss": [1.1, 0.2]}
@@ -345,17 +347,25 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert json.loads(heat_map.proto.spec)["layout"].items() >= as_streamlit_sets_it.items()
     assert "for this campaign" in session.words
     study = quick_study(campaign, StudyConfig(leave_out="both"), held_out=campaign.test_ids)
-    for view in (study, not_none(study.speed_groups)):  # sentences are made of the rows below them
-        (means,) = session.tables
+    for line, view in enumerate(views := (study, not_none(study.speed_groups))):
+        quality, means = session.tables  # a line a view, of the approach that it recommends
+        approach = {label: name for name, label in LABELS.items()}[quality["Approach"][line]]
+        rated = {fold.held_out: fold.ratings[approach][60.0].overall for fold in view.folds}
+        assert quality["Mean"][line].startswith(f"{view.mean_rating(approach, 60.0):.3f} ")
+        assert quality["Worst"][line].startswith(f"{min(rated.values()):.3f} ")
+        assert rated[quality["Worst test"][line]] == min(rated.values())
         assert means["0–60 ms"][0].startswith(f"{view.mean_rating('cae', 60.0):.3f} ")
-        shown = [*view.scores["overall"], *(view.mean_rating(name, 60.0) for name in view.config.approaches)]
+        shown = [own for view in views for own in view.scores["overall"]]  # sentences are made of the rows below them
+        shown += [view.mean_rating(name, 60.0) for view in views for name in view.config.approaches]
         assert {*re.findall(r"\b[01]\.\d{3}\b", session.words)} <= {f"{rating:.3f}" for rating in shown}
         session.app.button_group(key="ways").set_value("With all tests at about its speed").run()
     session.app.selectbox(key="window").select(20.0).run()
-    assert "This is over 0–60 ms." in session.words
+    assert "Ratings over 0–20 ms." in session.words
+    mean = study.mean_rating(approach, 20.0)
+    assert session.tables[0]["Mean"][0].startswith(f"{mean:.3f} ")
     session.open_tab("study", "Bands")
     assert session.charts == 2
-    assert session.tables[0]["Maximum crush"][0].endswith(f" of {len(study.folds)}")
+    assert session.tables[1]["Maximum crush"][0].endswith(f" of {len(study.folds)}")
     assert "no more can be promised" in session.words
     session.press("Export")
     assert session.downloads == [*study_files(study), "report.html", "report.pptx"]
@@ -369,7 +379,7 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("crashfuse.ui.kit.computation.learning_curve", partial(learning_curve, workers=1, repeats=1))
     session = start("study")
     session.open_tab("study", "Number of tests")
-    assert "a minute or more the first time" in session.words
+    assert re.search(r"On this machine now: \d+ to \d+ (s|min)\.", session.words)
     session.press("Predict from 1 to 3 tests").finish()
     assert session.charts == 1
     assert "With 3 of 4 tests the displacement domain rates" in session.words
@@ -471,7 +481,7 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
     assert job.wait(SOON)
     session.run()
     assert "still training" not in session.words
-    assert "Use " in session.words
+    assert re.search(r"T1 left out:\*\* 0\.\d{3} \w+", session.words)
     assert "Predict over speed" in session.buttons
 
 

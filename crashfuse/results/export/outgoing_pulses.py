@@ -118,7 +118,7 @@ class OutgoingPulse:
     """A whole pulse of a prediction, or an edge of its corridor, with its name and what has to be said about it."""
 
     approach: str
-    which: str  # for files: ``expected``, ``representative``, ``draw_037``, ``corridor_lower`` or ``corridor_upper``
+    which: str  # for files: ``expected``, ``representative``, ``apart``, ``draw_037`` or ``corridor_upper``, say
     label: str  # for readers
     condition: Condition
     accel_mps2: FloatArray = field(repr=False)
@@ -160,6 +160,9 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
                 representative,
                 "As a middling test here shows it.",
             )
+            for way, (fold, own) in zip(("others", "apart"), estimate.by_fold.items(), strict=False):
+                label = f"representative pulse if it folds as {fold}"
+                pulses[way] = label, own.representative_pulses()[0], "One of two ways in which tests here fold."
             for number, pulse in zip(chosen.tolist(), drawn, strict=True):
                 remark = f"One of {n} equally likely pulses."
                 pulses[f"draw_{number + 1:03d}"] = f"draw {number + 1}", pulse, remark

@@ -1,5 +1,6 @@
 """Jobs behind the pages: what this server has computed, and how a page requests a computation."""
 
+import math
 from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 import streamlit as st
 
+from crashfuse.approaches.displacement_domain.events import CaeEvents, cae_events
 from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import read_folder
@@ -36,6 +38,8 @@ from crashfuse.vehicle_archive import VehicleArchive
 
 T = TypeVar("T")
 _PATIENCE_S = 3.0  # to read from the cache; after that, progress is shown
+_NETWORK_S, _START_S, _FIT_S, _QUICK_FIT_S = 9.0, 3.0, 1.6, 0.4  # on two quiet cores: the sample's study 45 s
+_SWEEP_S, _VEHICLE_S, _CURVE_S = 10.0, 45.0, 12.0  # of all speeds; of a vehicle; of a test
 
 
 @st.cache_resource(show_spinner=False)
@@ -69,10 +73,11 @@ class Request(Generic[T]):
     title: str  # shown to the user
     work: Callable[[Watch], T]
     in_cache: Callable[[], bool] = lambda: False  # whether the slow part of the result is in the disk cache
+    usual_s: Callable[[], float] = lambda: 0.0  # what it takes on two quiet cores; 0: not known
 
     def start(self, page: str | None = None) -> None:
         """Queue the job, or join it; the visitor will look for the result on this page or another."""
-        job = jobs().start(self.key, self.title, self.work, visitor())
+        job = jobs().start(self.key, self.title, self.work, visitor(), usual_s=self.usual_s())
         job.places[visitor()] = address.here(page)
 
     def ask(self, page: str) -> None:
@@ -106,12 +111,29 @@ def study_request(campaign: Campaign, held_out: tuple[str, ...], config: StudyCo
         keep(PastResult.of_study(study))
         return study
 
+    folds = [(way, test_id) for way in config.split_configs for test_id in held_out]
+
+    def is_known(fold: tuple[StudyConfig, str]) -> bool:
+        return _is_fold_known(campaign, *fold)
+
     return Request(
         ("study", said_of(campaign), held_out, config),
         f"{campaign.name}: predict {tests} from the others{_unlike_usual(config)}",
         work,
-        lambda: all(_is_fold_known(campaign, way, test_id) for way in config.split_configs for test_id in held_out),
+        lambda: all(map(is_known, folds)),
+        lambda: usual_s(campaign, config, sum(not is_known(fold) for fold in folds)),
     )
+
+
+def usual_s(campaign: Campaign, config: StudyConfig, n_fits: int) -> float:
+    """Seconds that fits to most tests of a campaign take on two quiet cores, less if its network is known."""
+    if config.preset == "paper":
+        return math.inf
+    networks = [name for name in config.approaches if CLASSES[name].trains_networks]
+    known = not networks
+    with suppress(CrashfuseError):  # starting the job shows it
+        known = known or config.create(networks[0]).is_cached(campaign)
+    return (_START_S if known else _NETWORK_S) + n_fits * (_FIT_S if networks else _QUICK_FIT_S)
 
 
 def _is_fold_known(campaign: Campaign, way: StudyConfig, test_id: str) -> bool:
@@ -165,6 +187,7 @@ def fit_request(campaign: Campaign, config: StudyConfig) -> Request[Fitted]:
         f"{campaign.name}: fit on all {len(campaign.tests)} tests{_unlike_usual(config)}",
         work,
         lambda: all(config.create(name).is_cached(campaign) for name in names),
+        lambda: usual_s(campaign, config, 1),
     )
 
 
@@ -193,7 +216,17 @@ def sweep_over_speed(campaign: Campaign, fitted: Fitted, condition: Condition) -
         return sweep_speed(campaign, fitted.fits, condition, usual_speeds(campaign), watch)
 
     key = "sweep", fitted.key, replace(condition, speed_mps=1.0)
-    return Request(key, f"{campaign.name}: predict over speed", compute)
+    return Request(key, f"{campaign.name}: predict over speed", compute, usual_s=lambda: _SWEEP_S)
+
+
+def mending_request(campaign: Campaign, window_ms: float) -> Request[CaeEvents]:
+    """Find what to mend in the CAE model; it takes seconds, so that it starts at once."""
+    return Request(
+        ("what to mend", said_of(campaign), window_ms),
+        f"{campaign.name}: what to mend in the CAE model",
+        lambda _: cae_events(campaign, window_ms),
+        lambda: True,
+    )
 
 
 def learn_vehicles(folders: Sequence[Path], seed: int) -> Request[VehicleArchive]:
@@ -205,7 +238,8 @@ def learn_vehicles(folders: Sequence[Path], seed: int) -> Request[VehicleArchive
         return learn_archive([read_folder(folder) for folder in folders], seed=seed, watch=watch)
 
     key = "archive", frozenset((folder, data_stamp(folder)) for folder in folders), seed
-    return Request(key, f"Learn an archive of {len(folders)} past vehicles", compute)
+    title, usually_s = f"Learn an archive of {len(folders)} past vehicles", _VEHICLE_S * len(folders)
+    return Request(key, title, compute, usual_s=lambda: usually_s)
 
 
 def learn_curve(campaign: Campaign, config: StudyConfig) -> Request[LearningCurve]:
@@ -215,4 +249,5 @@ def learn_curve(campaign: Campaign, config: StudyConfig) -> Request[LearningCurv
         f"{campaign.name}: predict tests from fewer of the others",
         lambda watch: learning_curve(campaign, config, watch=watch),
         lambda: is_curve_cached(campaign, config),
+        lambda: _CURVE_S * len(campaign.tests),
     )

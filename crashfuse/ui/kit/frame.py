@@ -32,9 +32,10 @@ from crashfuse.ui.kit.text import LF, TIME_DOMAIN, TO_TTZV_HELP, chosen_units, p
 from crashfuse.units import SYSTEMS, counted, read_out, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
+_DRAWN = "drawn page"  # session key
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it
-_PLACE_OF = {  # of facts that stand above every page: where they lead
-    "test.stands_apart": ("compare", {"compare_tab": "Why"}),
+_PLACE_OF: Mapping[str, tuple[str, Mapping[str, object]]] = {  # of facts that stand above every page: where they lead
+    "test.stands_apart": ("data", {"data_tab": "Tests"}),
     "campaign.archive": ("train", {"train_tab": "Train"}),
     "cae.runs_fail": ("data", {"data_tab": "CAE model"}),
     "tests.left_out_of_use": ("data", {"data_tab": "Tests"}),
@@ -46,12 +47,12 @@ _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 def choose_settings() -> tuple[StudyConfig, str]:
     """Ask for the settings; second is what is wrong with them, if anything."""
     label = LABELS.__getitem__
-    chosen = st.pills("Approaches", tuple(APPROACHES), selection_mode="multi", format_func=label, **kept("approaches"))
-    st.caption(f"{LF} {TIME_DOMAIN}")
+    look = {"selection_mode": "multi", "format_func": label, "help": f"{LF} {TIME_DOMAIN}"}
+    chosen = st.pills("Approaches", tuple(APPROACHES), **kept("approaches", **look))
     left, right = st.columns(2, gap="large")
     acts_on = read_out([LABELS[name] for name in filter(uses_preset, APPROACHES)])
-    captions = ["Ours: minutes on a laptop.", f"As published (Zeng et al. 2023): {acts_on}."]
-    left.radio("Settings", PRESETS, format_func=str.capitalize, captions=captions, **kept("preset"))
+    tip = f"Fast: ours, minutes on a laptop. Paper: {acts_on} as published (Zeng et al. 2023)."
+    left.radio("Settings", PRESETS, format_func=str.capitalize, horizontal=True, **kept("preset", help=tip))
     with right.expander("Advanced", icon=":material/tune:"):
         # without bounds, within which a browser would keep the last one and say nothing to the page
         st.number_input("Seed", step=1, help="The same seed gives the same results.", **kept("seed"))
@@ -227,10 +228,12 @@ def route(page: Page) -> None:
     view = opened if isinstance(opened, View) and not _is_adding(page.url_path) else None
     if view is not None:
         row = st.container(horizontal=True, key="answer")
+    slot = st.empty() if st.session_state.get(_DRAWN) != page.url_path else st  # what the page that is left showed goes
+    st.session_state[_DRAWN] = page.url_path
     if ASKED not in st.session_state:  # else the link stays as it was given
         address.publish()
     try:
-        with suppress(StopException):  # of end_page
+        with slot.container(key="page"), suppress(StopException):  # of end_page
             page.run()
         if view is not None:
             _show_answer(row, view)
@@ -316,22 +319,23 @@ def _show_answer(row: DeltaGenerator, view: View) -> None:
     for fact in campaign_facts(campaign):
         page, chosen = _PLACE_OF.get(fact.code, ("", {}))
         label = plain(fact.label)
-        if fact.code == "test.stands_apart":
-            chosen = {**chosen, "test": fact.about[0]}
-            at = words(speed(campaign.test(chosen["test"]).condition.speed_mps, form=".0f"))
+        if fact.code == "test.stands_apart":  # over the others at its speed
+            test = fact.about[0]
+            chosen = {**chosen, "test": test, "overlaid": list(campaign.speed_group(test))}
+            at = words(speed(campaign.test(test).condition.speed_mps, form=".0f"))
             label = f"{label} at {at}"
         if page:
             label = label if fact.code in ("campaign.archive", "campaign.notice") else f":orange[{label}]"
             _link(row, f"{fact.code} {fact.label}", label, words(fact.sentence), page, **chosen)
 
 
-def _link(row: DeltaGenerator, key: str, label: str, meaning: str, page: str, **chosen: str) -> None:
+def _link(row: DeltaGenerator, key: str, label: str, meaning: str, page: str, **chosen: object) -> None:
     args, help_ = (page, chosen), plain(meaning)
     row.button(label, key=f"answer {key}", type="tertiary", help=help_, on_click=_open_with, args=args)
 
 
-def _open_with(page: str, chosen: Mapping[str, str]) -> None:
-    st.session_state.update(chosen, opening=None)
+def _open_with(page: str, chosen: Mapping[str, object]) -> None:
+    st.session_state.update({"overlaid": []} | dict(chosen), opening=None)
     forget()
     open_next(page)
 

@@ -10,6 +10,7 @@ import streamlit as st
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.execution.jobs import Job
+from crashfuse.execution.pace import slowness
 from crashfuse.execution.visitors import names
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui.kit.computation import Request, jobs
@@ -21,6 +22,7 @@ from crashfuse.ui.kit.visitors import visitor
 T = TypeVar("T")
 _PART_S = 3.0  # between two parts of a result: each redraws the page
 _OFTEN_S, _SELDOM_S = 0.5, 1.0  # between two looks at a job: until a part is shown, and then; each look costs the job
+_WORTH_A_WORD_S = 10.0
 _WAITED_FOR, _ENDED = "waited for", "ended"  # session keys: jobs that run for the visitor; those to tell about
 
 
@@ -43,7 +45,7 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
         return part
     if job is not None:
         show_end(job)
-    st.markdown(invitation)
+    st.markdown(f"{invitation} {patience(request)}")
     st.button(plain(button), type="primary", icon=":material/play_arrow:", on_click=request.start, key=button)
     return None
 
@@ -96,7 +98,8 @@ def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> N
         if not steps:
             return
         doing, step = next((pair for pair in reversed(steps) if not pair[1].finished), steps[-1])
-        st.progress(step.progress.fraction, text=f"{plain(doing)} · {duration(job.elapsed_s)} so far")
+        of = f" of {expected}" if job.expected_s and (expected := _range(*job.expected_s)) else ""
+        st.progress(step.progress.fraction, text=f"{plain(doing)} · {duration(job.elapsed_s)} so far{of}")
         with st.expander("Steps", icon=":material/checklist:"):
             for name, step in steps:
                 done, total = step.progress.done, step.progress.total
@@ -118,9 +121,25 @@ def title_of(job: Job[Any]) -> str:
     return f"A computation of {plain(names(job.wanted_by) or 'nobody now')}"
 
 
-def patience(config: StudyConfig, usually: str) -> str:
-    """Typical duration of a computation, adjusted if the settings are the paper's."""
-    return usually if config.preset == "fast" else "The paper's settings take many hours without a GPU."
+def patience(request: Request[Any]) -> str:
+    """What a computation will take on this machine as it is now, if that is long enough to be worth a word."""
+    if (usual_s := request.usual_s()) == math.inf:
+        return "The paper's settings take many hours without a GPU."
+    expected = _range(*jobs().pace.range_s(usual_s, _slowness()))
+    return expected and f"On this machine now: {expected}."
+
+
+@st.cache_resource(ttl=5, show_spinner=False)
+def _slowness() -> float:
+    return slowness()
+
+
+def _range(lower_s: float, upper_s: float) -> str:
+    if upper_s < _WORTH_A_WORD_S:
+        return ""
+    per, unit, step = (1.0, "s", 5) if upper_s < 120 else (60.0, "min", 1) if upper_s < 5400 else (3600.0, "h", 1)
+    lower, upper = (max(step * round(seconds / per / step), step) for seconds in (lower_s, upper_s))
+    return f"{lower} to {max(upper, lower + step)} {unit}"
 
 
 def show_training(config: StudyConfig, ready: Collection[str]) -> None:
