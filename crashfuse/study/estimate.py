@@ -92,7 +92,8 @@ class Estimate(Prediction):
 
     def representative_pulses(self, draws: Sequence[int] = ()) -> FloatArray:
         """A pulse that looks like a test, then draws as single tests, shape (1 + n, 1250)."""
-        return representative_pulses(self, self.drawn, self.metric_errors, draws, self.occupant)
+        with one_thread():
+            return representative_pulses(self, self.drawn, self.metric_errors, draws, self.occupant)
 
 
 @dataclass(frozen=True, eq=False)

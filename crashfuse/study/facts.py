@@ -59,8 +59,8 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "recommendation.ratings": ("", *_RATED),
     "recommendation.coverage": (
         "",
-        "The 95 % band held {inside:.0%} of a(t) up to TTZV, and of {n} left-out tests the crush of {crush} and the peak of "
-        "{peak}.",
+        "The 95 % band held {inside:.0%} of a(t) up to TTZV, and of {n} left-out tests the crush of {crush} and the "
+        "peak of {peak}.",
     ),
     "recommendation.speed_groups": ("", *_RATED),
     "recommendation.distance": (

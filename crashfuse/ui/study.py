@@ -66,8 +66,6 @@ def show(view: View) -> None:
     with row:
         export_button(partial(_show_files, outcome))
     show_training(config, study.config.approaches)
-    if is_whole:
-        _show_headline(outcome)
     (_show_bands if tab == _BANDS else _show_ratings)(outcome)
 
 
@@ -98,11 +96,14 @@ def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
 
 
 def _show_ratings(outcome: _Outcome) -> None:
+    if outcome.is_whole:
+        _show_headline(outcome)
     campaign, (study, leave_out) = outcome.view.campaign, _choose_way(outcome)
     _show_tests(outcome, study, leave_out)
     if outcome.is_whole:
         worst = worst_test(study, outcome.view.display.window_ms)
-        results.show_account(worst.sentences, missed=worst.disappoints)
+        with st.expander(f"The worst test, {plain(worst.test.id)}", icon=":material/troubleshoot:"):
+            results.show_account(worst.sentences, missed=worst.disappoints)
     with st.expander("Mean over the tests, by window", icon=":material/table:"):
         show_table(means_table(study), "means")
     for test in campaign.tests:

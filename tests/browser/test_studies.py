@@ -133,8 +133,10 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     assert [len({*kind}) for kind in zip(*looks, strict=True)] == [1, 4, 4]  # the colour is that of the speed
     user.open(server, "study", campaign="odd", test="S4", approaches=QUICK)
     user.press("Leave out each of 5 tests")
-    said = user.sees("it rates 0.", timeout_s=4 * SOON)  # known last, after ten fits
-    assert "We left out S4 (25.0 mph) and rated it over 0–60 ms. Rated " in said
+    user.sees("A speed left out", timeout_s=4 * SOON)  # known last, after ten fits
+    user.press("The worst test, S4", "summary")
+    said = user.sees("it rates 0.")
+    assert "We left out S4 (25.0 mph) and rated it over 0–60 ms. Expected " in said
     assert "far below what was expected. S4 differs from the other " in said
     user.go("Compare")
     user.sees("far below what was expected (0.")
