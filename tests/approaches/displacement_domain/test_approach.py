@@ -10,7 +10,6 @@ from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.displacement_domain.approach import (
     DisplacementConfig,
     DisplacementDomain,
-    _LeftOutTests,
     measured_bias,
 )
 from crashfuse.approaches.displacement_domain.dynamics import integrate
