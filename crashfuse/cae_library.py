@@ -233,10 +233,9 @@ class QualityVerdict:
             return f"{what} are not recorded for any of the {self.runs:,} CAE runs."
         if self.limits is None:
             return "No CAE run is judged by its quality: [cae_quality] in campaign.toml sets no limits."
-        return (
-            f"CAE runs by {self.limits}: {self.passed:,} of {self.runs:,} pass, {len(self.failing):,} fail, "
-            f"{self.unknown:,} cannot be judged, for not everything is recorded."
-        )
+        unknown = f"; {self.unknown:,} cannot be judged, as not everything is recorded" if self.unknown else ""
+        judged = f"{self.passed:,} of {self.runs:,} pass, {len(self.failing):,} fail"
+        return f"CAE runs by {self.limits}: {judged}{unknown}."
 
     @property
     def named(self) -> tuple[str, ...]:

@@ -147,10 +147,10 @@ class Campaign:
 
         Parameters
         ----------
-        figure : {"tests", "conditions", "cae", "bias", "cae events", "wall"}
-            Pulses of the tests; speeds and weights of tests and CAE runs; pulses of the CAE runs; what the CAE model
-            got wrong in each test, over displacement; the same as a force, with what to mend; the force of the barrier
-            beside mass times deceleration.
+        figure : {"tests", "conditions", "cae", "cae and test", "bias", "cae events", "wall"}
+            Pulses of the tests; speeds and weights of tests and CAE runs; pulses of the CAE runs; the CAE model over
+            the ``held_out`` test; what it got wrong in each test, over displacement; the same as a force, with what to
+            mend; the force of the barrier beside mass times deceleration.
         tests : sequence of str
             Ids of the tests that are shown; empty for all.
         held_out : str, optional

@@ -10,6 +10,7 @@ from crashfuse.ui.certify import results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
 from crashfuse.ui.certify.results import judge
+from crashfuse.ui.certify.saving import offer_saving
 from crashfuse.ui.kit import address, frame
 from crashfuse.ui.kit.figures import show_tabs
 from crashfuse.ui.kit.navigation import end_page
@@ -24,6 +25,7 @@ place = "question_answered" if asked else "question"  # which opens over its ans
 with st.expander(asked or "Criteria and planned tests", icon=":material/tune:", expanded=not asked, key=place):
     criteria = choose_criteria(view)
     matrix = choose_matrix(view)
+    offer_saving(view, criteria, matrix)
 verdicts, question = None, ""
 if criteria is not None and matrix is not None:
     request = judge(view.campaign, criteria, matrix)
@@ -34,6 +36,7 @@ if question != asked:  # the choices above fold away into it, or unfold
     st.rerun()
 if verdicts is None:
     end_page()
+results.keep_past(request.key, verdicts)
 verdicts = results.beside_earlier(verdicts, request.key)
 tabs = {name: partial(show, view) for name, show in TABS.items()}
 show_tabs(tabs, verdicts, key="certify_tab", export=partial(results.show_files, view))

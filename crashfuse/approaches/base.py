@@ -5,7 +5,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, Self, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -336,14 +336,24 @@ class Approach(ABC):
 
 def draw(mean: FloatArray, covariance: FloatArray, n_samples: int, rng: np.random.Generator) -> FloatArray:
     """Draw from a normal distribution whose covariance may be singular, shape (n_samples, m)."""
+    return np.asarray(mean + rng.standard_normal((n_samples, mean.size)) @ root(covariance).T)
+
+
+def root(covariance: FloatArray) -> FloatArray:
+    """A root of a covariance that may be singular: times its transpose it gives the covariance, shape (m, m)."""
     values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return np.asarray(mean + rng.standard_normal((n_samples, mean.size)) @ root.T)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def student_draws(
-    mean: FloatArray, covariance: FloatArray, freedom: int, n_samples: int, rng: np.random.Generator
-) -> FloatArray:
-    """Draw from Student's t with this location and scale matrix, shape (n_samples, m)."""
-    widening = np.sqrt(freedom / rng.chisquare(freedom, size=(n_samples, 1)))
-    return np.asarray(mean + widening * draw(np.zeros_like(mean), covariance, n_samples, rng))
+class StudentT(NamedTuple):
+    """Student's t of several numbers at once: its location, shape (m,), and a :func:`root` of its scale matrix."""
+
+    mean: FloatArray
+    root: FloatArray
+    freedom: int
+
+    def draw(self, n_samples: int, rng: np.random.Generator) -> FloatArray:
+        """Draws, shape (n_samples, m)."""
+        widening = np.sqrt(self.freedom / rng.chisquare(self.freedom, size=(n_samples, 1)))
+        normal = np.zeros_like(self.mean) + rng.standard_normal((n_samples, self.mean.size)) @ self.root.T
+        return np.asarray(self.mean + widening * normal)

@@ -229,6 +229,8 @@ class Pretrained(BandedApproach):
         """Take up the tests, and check the band on each, predicted from the others."""
         self._require_tests(campaign)
         campaign = self._begin(campaign, run)
+        # what is forecast of left-out tests, the same by every seed
+        self._of_left_out: dict[object, list[FloatArray]] = run.once((self.name, campaign.fingerprint), dict)
         self.prior_ = self._choose(campaign.prior)
         self._all_tests = self._read()
         if len(campaign.tests) < bands.LEAST_CHECKED:
@@ -265,8 +267,11 @@ class Pretrained(BandedApproach):
         return float(off[:, bands.JUDGED].mean())
 
     def _without(self, number: int, out: Sequence[int]) -> HeldOutPredictor:
-        others = self._read(np.delete(np.arange(len(self._vectors)), out))
-        pulses = self._pulses(others, self._vectors[number], self._cae[number], [self.seed, number])
+        key = number, tuple(out), self.prior_
+        if key not in self._of_left_out:
+            others = self._read(np.delete(np.arange(len(self._vectors)), out))
+            self._of_left_out[key] = self._forecast(others, self._vectors[number], self._cae[number])
+        pulses = _drawn(self._of_left_out[key], self._vectors[number], [self.seed, number])
         return functools.partial(_widened, pulses)
 
     def _read(self, tests: npt.NDArray[np.intp] | slice = slice(None)) -> KnownTests:
@@ -275,17 +280,11 @@ class Pretrained(BandedApproach):
                 *map(_batch, (self._measured[tests], self._cae[tests], self._vectors[tests]))
             )
 
-    def _pulses(self, tests: KnownTests, vector: FloatArray, cae: FloatArray, seed: Sequence[int]) -> FloatArray:
+    def _forecast(self, tests: KnownTests, vector: FloatArray, cae: FloatArray) -> list[FloatArray]:
         with single_thread(), torch.inference_mode():
             forecast = _network(self.prior_).predict(tests, _batch(cae[None]), _batch(vector[None]))
             tensors = forecast.mean_mps2, forecast.log_deviation.exp(), forecast.factors
-        mean, deviation, factors = (tensor[0, 0].double().numpy() for tensor in tensors)
-        rng = np.random.default_rng(seed)
-        alone = gaussian_filter1d(rng.standard_normal((_N_DRAWS, mean.size)), _SMOOTH, axis=1)
-        alone *= np.sqrt(2 * np.sqrt(np.pi) * _SMOOTH)  # smoothing keeps the deviation
-        errors = deviation * alone + rng.standard_normal((_N_DRAWS, factors.shape[1])) @ factors.T
-        one = float(unit(torch.tensor(vector[0])))
-        return np.asarray(mean + one * np.vstack([np.zeros_like(mean), errors]))
+        return [tensor[0, 0].double().numpy() for tensor in tensors]
 
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition."""
@@ -293,7 +292,8 @@ class Pretrained(BandedApproach):
         cae = self.model_.pulse(condition).accel_mps2
         near = nearness(condition.speed_mps, self._vectors[:, 0])
         widening = self.calibration_.widening * self.calibration_.further(near)
-        pulses = self._pulses(self._all_tests, condition.vector, cae[:: bands.STRIDE], [self.seed])
+        forecast = self._forecast(self._all_tests, condition.vector, cae[:: bands.STRIDE])
+        pulses = _drawn(forecast, condition.vector, [self.seed])
         pulses = in_full(_widened(pulses, widening), bands.STRIDE)
         notes = (self.archive_, *self._thinning, *self.model_.notes(condition))
         return Prediction(condition, pulses[0], pulses[1:], tuple(filter(None, notes)))
@@ -317,6 +317,16 @@ class Pretrained(BandedApproach):
         """Coverage of left-out tests by the band."""
         is_checked = hasattr(self, "calibration_") and self.calibration_.tests
         return {"band_check": self.calibration_.state} if is_checked else {}
+
+
+def _drawn(forecast: Sequence[FloatArray], vector: FloatArray, seed: Sequence[int]) -> FloatArray:
+    mean, deviation, factors = forecast
+    rng = np.random.default_rng(seed)
+    alone = gaussian_filter1d(rng.standard_normal((_N_DRAWS, mean.size)), _SMOOTH, axis=1)
+    alone *= np.sqrt(2 * np.sqrt(np.pi) * _SMOOTH)  # smoothing keeps the deviation
+    errors = deviation * alone + rng.standard_normal((_N_DRAWS, factors.shape[1])) @ factors.T
+    one = float(unit(torch.tensor(vector[0])))
+    return np.asarray(mean + one * np.vstack([np.zeros_like(mean), errors]))
 
 
 def _batch(rows: FloatArray) -> Tensor:

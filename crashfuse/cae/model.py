@@ -242,3 +242,14 @@ class CaeModel:
         source = self.pulse(condition).source
         origin = "CAE pulse: from the emulator." if source == "emulator" else f"CAE pulse: paired {source}."
         return (origin, *self.cae_.extrapolation(condition))
+
+
+def cae_pulses(cae: CaeLibrary, conditions: Sequence[Condition], run: Run = UNKEPT) -> list[FloatArray]:
+    """The CAE pulse at each condition; the emulator is trained only if one has no run."""
+    runs, model = [cae.paired_run(condition) for condition in conditions], CaeModel()
+    if None in runs:
+        model.fit(cae, run)
+    return [
+        model.pulse(condition).accel_mps2 if own is None else cae.accel_mps2[own].astype(np.float64)
+        for own, condition in zip(runs, conditions, strict=True)
+    ]

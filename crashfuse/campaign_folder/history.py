@@ -31,7 +31,7 @@ _LARGEST = 32 << 20  # bytes of a list: some 100,000 files
 _PATIENCE_S = 20.0  # to wait for another who changes the folder
 # a folder may come from anywhere: nothing outside it, and nothing in it that is not a campaign's, is ever touched
 _OF_A_CAMPAIGN = re.compile(
-    r"(tests|cae)\.csv|campaign\.toml|archive\.cfa|(tests|cae)(_pulses|_wall|/[^/\\]+)\.(csv|parquet)"
+    r"(tests|cae|matrix)\.csv|(campaign|criteria)\.toml|archive\.cfa|(tests|cae)(_pulses|_wall|/[^/\\]+)\.(csv|parquet)"
 )
 _author: ContextVar[str] = ContextVar("author", default="")
 

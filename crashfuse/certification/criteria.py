@@ -47,6 +47,11 @@ class Criterion:
         return METRIC_LABELS.get(self.metric, rating)
 
     @property
+    def title(self) -> str:
+        """The name that was given, else the metric in words."""
+        return self.label if self.name == self.metric != RATING else self.name
+
+    @property
     def limits(self) -> str:
         """The limits in words, such as ``at most 650 mm``, with all the digits that were declared."""
         ends = (("at least", self.at_least), ("at most", self.at_most))

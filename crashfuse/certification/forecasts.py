@@ -255,10 +255,11 @@ class Forecasts:
         missing = [each for each in dict.fromkeys(asked) if each not in found]
         tasks: dict[tuple[object, ...], list[Query]] = {}
         for each in missing:
-            tasks.setdefault((each.held_out, each.with_runs, each.seed), []).append(each)
+            seed = each.seed if self._is_fitted(each) else None
+            tasks.setdefault((each.held_out, each.with_runs, seed), []).append(each)
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
-        to_learn = {each.seed: [each] for each in learn_for if not self._is_fitted(each) and not self.is_known(each)}
-        chunks[:0] = to_learn.values()
+        to_learn = {each.seed: each for each in learn_for if not self._is_fitted(each) and not self.is_known(each)}
+        chunks[:0] = [list(to_learn.values())] if to_learn else []
         shared = self.run.anew()
         for seed in sorted({each.seed for each in missing}):
             approaches = {each.approach for each in missing if each.seed == seed}
@@ -299,13 +300,13 @@ class Forecasts:
 def _forecast(
     campaign: Campaign, asked: list[Query], run: Run, *, config: StudyConfig, windows_ms: tuple[float, ...]
 ) -> list[tuple[Query, Forecast]]:
-    learned_from, made = training(campaign, asked[0]), []
+    learned_from, made, run = training(campaign, asked[0]), [], replace(run, memory={})
     with one_thread_throughout():
-        for name in dict.fromkeys(each.approach for each in asked):
-            fit = Fit.of(learned_from, name, _by(config, asked[0].seed), run)
+        for name, seed in dict.fromkeys((each.approach, each.seed) for each in asked):
+            fit = Fit.of(learned_from, name, _by(config, seed), run)
             forecaster = Forecaster.of(fit, learned_from, windows_ms)
             for each in asked:
-                if each.approach == name:
+                if (each.approach, each.seed) == (name, seed):
                     forecast = forecaster.at(each.condition)
                     run.cache.put(_KIND, _key(learned_from, each, config, windows_ms), forecast.entry)
                     made.append((each, forecast))

@@ -90,7 +90,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     fits = _fits(arguments, campaign)
     with output.writing(arguments.out), replaced("sweep", arguments.out) as folder:
         with watching() as watch:
-            write = partial(write_pulses, campaign, folder, export)
+            write = partial(write_pulses, campaign, folder, export, display.system)
             swept = sweep_speed(campaign, fits, condition, speeds, watch, each=write)
         write_files(result := sweep_result(swept), folder, display)
     output.say(result, display, arguments.out)

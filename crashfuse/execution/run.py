@@ -6,11 +6,11 @@ And what is set for a process as a whole: one heap, and one thread for linear al
 import ctypes
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Self, TypedDict, TypeVar
+from typing import Any, Self, TypedDict, TypeVar
 
 import numpy.typing as npt
 from threadpoolctl import ThreadpoolController, threadpool_limits
@@ -56,6 +56,7 @@ class Run:
     cache: Cache = field(default_factory=Cache)  # keeps what is finished; by default in the platform's folder
     watch: Watch = SILENT  # hears of the progress, and cancels
     workers: Workers = field(default_factory=Workers)  # who computes tasks; by default this process
+    memory: dict[Hashable, Any] | None = None  # of one task: what fits by several seeds have in common
 
     @classmethod
     def of(cls, campaign: Campaign, cache: Cache | None = None, watch: Watch = SILENT) -> Self:
@@ -71,6 +72,14 @@ class Run:
     def anew(self) -> Self:
         """The same run with a cache of which nothing was used."""
         return replace(self, cache=self.cache.anew())
+
+    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """What was made under this key in the same task, or is made now; always made now outside of one."""
+        memory = {} if self.memory is None else self.memory
+        if key not in memory:
+            memory[key] = make()
+        made: T = memory[key]
+        return made
 
     def get_or_compute(
         self,

@@ -12,12 +12,19 @@ from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.campaign import campaign_result
 from crashfuse.results.certification_facts import PLACES, against, answer, exceptions, sentences
 from crashfuse.results.certification_record import certification_json
-from crashfuse.results.certification_tables import csv_as_given, makers_of_tables
+from crashfuse.results.certification_tables import certification_table, csv_as_given, makers_of_tables
+from crashfuse.results.credibility import credibility_rows, credibility_table
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
-from crashfuse.results.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
+from crashfuse.results.plots.certification import (
+    planned_scales,
+    record_figure,
+    reliability,
+    validated_domain,
+    verdict_matrix,
+)
 from crashfuse.results.provenance import certify_command
-from crashfuse.results.result import Deferred, Figure, Result
+from crashfuse.results.result import Deferred, Figure, ForReading, Result
 from crashfuse.results.result_tables import repeats_table
 from crashfuse.results.table import Table
 from crashfuse.study.repeatability import repeatability
@@ -31,6 +38,7 @@ _SHEET = ["Activity", "Factor", "Question", "What the data say", "Source"]
 def certification_result(certification: Certification, notes: Sequence[Note] = ()) -> Result:
     """A certification, with what became of an earlier one if it is beside one, and readers' notes on its tests."""
     campaign, config, criteria = certification.campaign, certification.config, certification.criteria
+    reading = partial(ForReading, usual=campaign.units)
 
     def repeats() -> Table:
         known = repeatability(campaign, config.windows_ms, seed=config.seed)
@@ -49,7 +57,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         sentences={place: sentences(certification, place) for place in PLACES},
         tables=Deferred(
             **makers_of_tables(certification),
-            credibility=lambda: Table.of("credibility", certification.credibility.set_axis(_SHEET, axis=1)),
+            credibility=lambda: Table.of("credibility", credibility_rows(certification).set_axis(_SHEET, axis=1)),
             repeats=repeats,
         ),
         figures=_figures(certification),
@@ -66,9 +74,9 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
             "earlier": certification.since and certification.since.earlier,
         },
         files={
-            "certification.csv": lambda: csv_as_given(certification.table),
+            "certification.csv": reading(lambda units: csv_as_given(certification_table(certification, units))),
             "track_record.csv": lambda: csv_bytes(certification.track_record),
-            "credibility.csv": lambda: csv_bytes(certification.credibility),
+            "credibility.csv": reading(lambda units: csv_bytes(credibility_table(certification, units))),
             "certification.json": lambda: certification_json(certification),
         },
     )
@@ -77,14 +85,17 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
 def _figures(certification: Certification) -> dict[str, Figure]:
     record, n = certification.record, len(certification.matrix.ids)
     domain, matrix = partial(validated_domain, certification), partial(verdict_matrix, certification)
-    figures = {"domain": Figure("Validated domain, and the conditions in it", domain)}
+    size = _CONDITIONS if n <= _CONDITIONS else _CONDITIONS_OF_MANY
+    scales = [partial(planned_scales, certification, part=slice(i, i + size)) for i in range(0, n, size)]
+    close = Figure("How close each planned test is", partial(planned_scales, certification), is_answer=True)
+    figures = {"planned": close._replace(sheets=tuple(scales[:_MOST_SHEETS]))}
+    figures["domain"] = Figure("Validated domain, and the conditions in it", domain)
     if record.trials:
         judged = [criterion for criterion in certification.criteria.items if record.of(criterion)]
         parts = [judged[i : i + _CRITERIA] for i in range(0, len(judged), _CRITERIA)]
         draw, *sheets = (partial(record_figure, record, some) for some in (judged, *parts))
         figures["record"] = Figure("Evidence from left-out tests", draw, sheets=tuple(sheets))
         figures["reliability"] = Figure("Do the probabilities come true?", lambda _: reliability(record))
-    size = _CONDITIONS if n <= _CONDITIONS else _CONDITIONS_OF_MANY
     sheets = [partial(matrix, part=slice(i, i + size)) for i in range(0, n, size)]
     if n > size * _MOST_SHEETS:
         sheets = [partial(matrix, words=False)]

@@ -9,6 +9,7 @@ from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.earlier import LaterTests
+from crashfuse.certification.matrix import SAME_SPEED_MPS
 from crashfuse.certification.track_record import (
     TrackRecord,
     Trial,
@@ -27,12 +28,12 @@ from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fa
 from crashfuse.units import Quantity, Sentence, counted, joined, probability_text, speed, weight
 
 _INTERVALS = (
-    "{inside} of {n} intervals, made to hold 95 %, held what left-out tests measured.",
+    "{inside} of {n} intervals (95 %) held what left-out tests measured.",
     "Outside the validated domain: {inside_outside} of {n_outside}.",
     "Missed: {missed}.",
 )
 _WRONG = (
-    "{about}, {how}: {criterion} ({limits}) at {condition} was said to be {said} (probability {probability}); measured "
+    "{about}, {how}: we called {criterion} ({limits}) at {condition} {said} (probability {probability}); measured "
     "{measured}."
 )
 _BOUNDS = "{bound}, exact one-sided 95 % bound; {bound_by_test} if verdicts on one test count as one"
@@ -50,10 +51,15 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "Skipping {tests} that would meet all criteria {expected_text} on average.",
         "If as many answers are wrong as the record cannot rule out ({wrong_at_most:.0%}), it {cautious_text}.",
     ),
-    "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Tested, and learned from: {run}."),
+    "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Already run: {run}."),
     "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, and certify again."),
     "test.stands_apart": ("Tests that stand apart",),
     "since.wrong": ("Verdicts contradicted since", _WRONG),
+    "record.slower": (
+        "Skips faster than the record",
+        "All hidden tests whose answer was skip were run at {fastest} or slower.",
+        "No skip was checked as fast as {about} ({speeds}).",
+    ),
     "record.none": ("No record", "There is no record: {why}."),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
     "record.waived": (
@@ -75,9 +81,9 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "since.beside": (
         "",
-        "Beside the earlier certification of {conditions} from {tests}, made {date} by its own account (SHA-256 "
+        "Compared with an earlier certification of {conditions} from {tests}, by its own account of {date} (SHA-256 "
         "{digest}…).",
-        "Tests that it did not know: {new}.",
+        "Run since: {new}.",
         "Repeats, which do not count: {repeats}.",
     ),
     "since.outcomes": (
@@ -128,8 +134,8 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "{sentence}",
         "Validated domain: {speeds}, {masses} in all, within the range of the CAE runs.",
         "Factors: {factors}.",
-        "By rule it goes beyond {n_tests} tests at {tested_speeds} and {tested_masses}: up to {reach_mps}.",
-        "Left out with their speed group, inside that of the others: {inside}.",
+        "By rule it reaches {reach_mps} beyond the {n_tests} tests ({tested_speeds}, {tested_masses}).",
+        "Inside it even without their speed group: {inside}.",
     ),
 }
 """By code, the most important first: the heading among the exceptions of what speaks against verdicts, and sentences.
@@ -153,7 +159,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
     "costs": _COSTS,
     "summary": (
         *("matrix.saved", "matrix.skipping_loses", "matrix.counted_once", *_COSTS),
-        *("matrix.counts", "matrix.run_first", *_RECORD),
+        *("matrix.counts", "matrix.run_first", *_RECORD, "record.slower"),
         *("test.not_used", "condition.no_factor", "condition.new_together"),
         *("criterion.unsupported", "criterion.untouched", "criterion.few"),
     ),
@@ -265,6 +271,15 @@ def _record(certification: Certification) -> Iterator[Fact]:
     tests, saved, missed = record.waived(criteria)
     bound = 100 * largest_share(missed, saved) if saved else None
     yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)
+    hidden = record.saved(criteria)
+    checked = [t.verdict.condition.speed_mps for t in record.counted if t.held_out in hidden]
+    planned = {i: certification.rows[i][0].condition.speed_mps for i in certification.waived}
+    if checked and (beyond := {i: v for i, v in planned.items() if v > max(checked) + SAME_SPEED_MPS}):
+        ends = dict.fromkeys((min(beyond.values()), max(beyond.values())))
+        speeds = speed(*ends, between=" to ")
+        yield _fact(
+            "record.slower", *sorted(beyond, key=beyond.__getitem__), fastest=speed(max(checked)), speeds=speeds
+        )
     if (with_runs := certification.record_with_runs) is not None:
         n, wrong = with_runs.decided
         yield _fact("record.with_runs", n=n, wrong=wrong, skipped=with_runs.waived(criteria)[1])

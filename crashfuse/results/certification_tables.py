@@ -20,7 +20,7 @@ from crashfuse.results.certification_facts import measured_text, new_together, s
 from crashfuse.results.plots.canvas import tick_name
 from crashfuse.results.table import CONDITION, Column, Table, frame_of, of_condition
 from crashfuse.study.outliers import departures_near
-from crashfuse.units import MASS, SPEED, Sentence, joined, probability_text, read_out, unbroken
+from crashfuse.units import MASS, SPEED, Sentence, UnitSystem, joined, probability_text, read_out, unbroken
 
 ANSWER = "A test there"
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
@@ -32,8 +32,12 @@ _TRIAL_COLUMNS = (
 _JUDGED = ("met", "not met", "decided")
 
 
-def certification_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
+def certification_table(certification: Certification, units: UnitSystem | None = None) -> pd.DataFrame:
+    """All verdicts, one row a condition and criterion; with the tests that were run there, if any was.
+
+    Reasons are in these units, by default the campaign's.
+    """
+    system = certification.campaign.units if units is None else units
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
     answers, at_once = certification.answers, {i: all_met(row) for i, row in certification.rows.items()}
     though_met = {i: Sentence("{}.", at_once_text(certification, i)) for i in certification.uncertain}
@@ -43,7 +47,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             **_limit_columns(verdict.criterion),
             **{name: getattr(verdict, name) for name in ("value", "lower", "upper", "probability")},
             "verdict": verdict.word,
-            "reason": joined([verdict.reason, *([though_met[i]] if i in though_met else [])]),
+            "reason": joined([verdict.reason, *([though_met[i]] if i in though_met else [])]).in_units(system),
             "basis": basis[verdict.criterion.metric],
             "need_not_be_run": answers[i] == "skip",
             "all_met_at_least": at_once[i].at_least,
@@ -159,6 +163,22 @@ def changed_text(variant: Variant) -> str:
     return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in variant.changed.items())
 
 
+def turned_texts(usual: Certification, other: Certification) -> list[Sentence]:
+    """Which answers another certification of the same conditions changes, each with its reason."""
+    texts, confidence = [], other.criteria.confidence
+    for i, (then, now) in Variant.of("", usual, other).changed.items():
+        before, after = usual.rows[i], other.rows[i]
+        place = min(range(len(after)), key=lambda place: after[place].probability or 0.0)
+        name, chances = after[place].criterion.title, [row[place].probability for row in (before, after)]
+        if all(verdict.word == "met" for verdict in (*before, *after)):
+            name, chances = "all at once", [all_met(row).probability for row in (before, after)]
+        was, is_now = (probability_text(chance, confidence) for chance in chances)
+        than = f"was {was}" if was != is_now else f"{confidence:g} asked for"
+        why = after[place].reason if after[place].word == "outside" else f"{name}: {is_now}, {than}"
+        texts.append(Sentence("{}: {} → {} ({})", i, then, now, why))
+    return texts
+
+
 def at_once_text(certification: Certification, condition: str) -> str:
     """The probability that all criteria are met at once, and whether a test is needed nevertheless."""
     only, but = ("", ", but skipping does not pay") if condition in certification.sure else ("only ", "")
@@ -248,12 +268,13 @@ def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Tab
 
 
 class Planned(NamedTuple):
-    """A planned test: the answer, and what decides it."""
+    """A planned test: the answer, what decides it in a line, and what else has to be known there."""
 
     id: str
     condition: Condition
     word: Answer
     why: Sentence
+    further: tuple[str, ...] = ()
 
 
 @remembered
@@ -263,54 +284,53 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
     rows = []
     for i, condition in sorted(certification.matrix.items, key=lambda item: item[1].speed_mps):
         given = {name for name, value in condition.factors if value}
-        why = [_why(certification, i), *(f"{name} not given" for name in domain.factors if name not in given)]
+        further = [f"{name} not given" for name in domain.factors if name not in given]
         if i in together:
-            why.append(f"{together[i]} in no test together")
+            further.append(f"{together[i]} in no test together")
         if apart := [departure.test for departure in departures_near(certification.campaign, condition)]:
-            why.append(f"{read_out(apart)} stands apart there")
+            further.append(f"{read_out(apart)} stands apart there")
         if i in unused:
-            why.append(f"run as {read_out(unused[i])}, not used")
+            further.append(f"run as {read_out(unused[i])}, not used")
         if i in certification.counted_once:
-            why.append(f"counts as {certification.counted_once[i]}")
-        rows.append(Planned(i, condition, certification.answers[i], joined(why, "; ")))
+            further.append(f"counts as {certification.counted_once[i]}")
+        rows.append(Planned(i, condition, certification.answers[i], _why(certification, i), tuple(further)))
     return tuple(rows)
 
 
 def _planned(certification: Certification) -> Table:
     rows = (
-        {"Planned test": own.id, **of_condition(own.condition), "Answer": own.word, "Why": own.why}
+        {
+            "Planned test": own.id,
+            **of_condition(own.condition),
+            "Answer": own.word,
+            "Why": joined([own.why, *own.further], "; "),
+        }
         for own in planned(certification)
     )
     return Table.of("planned tests", rows, *CONDITION)
 
 
-def _why(certification: Certification, i: str) -> str:
+def _why(certification: Certification, i: str) -> Sentence:
     answer, row = certification.answers[i], certification.rows[i]
     if answer == "was run":
         return _tests_there(certification, row)
     if answer == "skip" or i in certification.uncertain:
-        return at_once_text(certification, i)
+        return joined([at_once_text(certification, i)])
     if answer == "cannot say" and any(verdict.word == "outside" for verdict in row):
-        return "outside what the tests check"
+        return Sentence("outside what the tests check")
     template = {"would miss": "misses {}", "run": "open: {}", "cannot say": "records too short for {}"}[answer]
     word, unknown = "not met" if answer == "would miss" else "open", answer == "cannot say"
-    return template.format(
-        ", ".join(v.criterion.name for v in row if v.word == word and (v.probability is None) is unknown)
-    )
+    names = (v.criterion.title for v in row if v.word == word and (v.probability is None) is unknown)
+    return Sentence(template, ", ".join(names))
 
 
-def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
+def _tests_there(certification: Certification, row: Sequence[Verdict]) -> Sentence:
+    """What the tests at a condition showed: the criteria that one missed, or that it met all."""
     tests = []
     for test_id in row[0].run:
-        test = certification.campaign.test(test_id)
-        parts: list[str] = [f"test {test_id}"]
-        if not test.condition.is_at(row[0].condition):
-            parts.append(Sentence("at {}", test.condition))
-        shown = [(verdict.criterion, verdict.run[test_id]) for verdict in row]
-        if missed := [criterion.name for criterion, v in shown if v is not None and not criterion.is_met_by(v)]:
-            parts.append(f"which missed {', '.join(missed)}")
-        if test.faults:
-            parts.append(Sentence("in doubt as {}", joined([fault.text for fault in test.faults], "; ")))
-        tests.append(joined(parts, ", "))
-    unsettled = ", ".join(verdict.criterion.name for verdict in row if verdict.word == "open")
-    return joined([*tests, *([f"open: {unsettled}"] if unsettled else [])], "; ")
+        known = [(own.criterion, value) for own in row if (value := own.run[test_id]) is not None]
+        missed = ", ".join(limit.title for limit, value in known if not limit.is_met_by(value))
+        shown = f"missed {missed}" if missed else "met all" if len(known) == len(row) else "missed none"
+        faults = joined([fault.text for fault in certification.campaign.test(test_id).faults], "; ")
+        tests.append(Sentence("{} {}{}", test_id, shown, Sentence(", in doubt as {}", faults) if faults else ""))
+    return joined(tests, "; ")

@@ -18,7 +18,7 @@ from crashfuse.results.certification_tables import changed_text
 from crashfuse.results.table import frame_of
 from crashfuse.study.facts import campaign_facts
 from crashfuse.study.repeatability import repeatability, repeats_of
-from crashfuse.units import joined, number, read_out, speed, statements, weight
+from crashfuse.units import UnitSystem, joined, number, read_out, said, speed, statements, weight
 from crashfuse.version import __version__
 
 _MOST = 3  # sentences of a code
@@ -30,7 +30,14 @@ def factors() -> list[dict[str, Any]]:
     return list(tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["factor"])
 
 
-def credibility_table(certification: Certification) -> pd.DataFrame:
+def credibility_table(certification: Certification, units: UnitSystem | None = None) -> pd.DataFrame:
+    """:func:`credibility_rows` in these units, by default the campaign's."""
+    system = certification.campaign.units if units is None else units
+    rows = credibility_rows(certification)
+    return rows.assign(data_say=[said(sentence, system) for sentence in rows["data_say"]])
+
+
+def credibility_rows(certification: Certification) -> pd.DataFrame:
     """One row a factor: what is asked, what the data say, and which table or file says it; no level, no compliance."""
     known: dict[str, dict[str, None]] = {}
     for own in (*campaign_facts(certification.campaign), *facts(certification)):

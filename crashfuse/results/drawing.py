@@ -119,12 +119,24 @@ class Drawing:
         self.add({"x": x, "y": y, **look}, shown)
 
     def band(
-        self, x: FloatArray, lower: FloatArray, upper: FloatArray, *, colour: str, filled: bool = True, **look: object
+        self,
+        x: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        *,
+        colour: str,
+        filled: bool = True,
+        smooth: int = 0,
+        **look: object,
     ) -> None:
-        """Shade between two curves, or draw their edges, with a gap where either is unknown; its numbers are all."""
+        """Shade between two curves, or draw their edges, with a gap where either is unknown; its numbers are all.
+
+        It is drawn with edges ``smooth`` over so many samples to either side, nowhere narrower.
+        """
         lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)  # deceleration turns them over
         is_finite = np.isfinite(lower) & np.isfinite(upper)
         numbers = {"x": x[is_finite], "lower": lower[is_finite], "upper": upper[is_finite]}
+        lower, upper = -_smoothed(-lower, smooth), _smoothed(upper, smooth)
         some = np.append(np.arange(0, x.size - 1, -(-x.size // _BAND_POINTS)), x.size - 1)  # drawn, with both ends
         x, lower, upper, known = x[some], lower[some], upper[some], np.flatnonzero(is_finite[some])
         if not known.size:
@@ -224,6 +236,15 @@ def drawing_of(figure: go.Figure) -> Drawing:
 def darkened(figure: go.Figure) -> go.Figure:
     """The same figure in the colours of a dark page, or notebook; a report, which is meant for print, stays light."""
     return drawing_of(figure).figure(dark=True)
+
+
+def _smoothed(edge: FloatArray, n: int) -> FloatArray:
+    """The mean over n samples to either side of the largest of as many, which is nowhere below the edge."""
+
+    def around(values: FloatArray) -> FloatArray:
+        return np.lib.stride_tricks.sliding_window_view(np.pad(values, n, mode="edge"), 2 * n + 1)
+
+    return around(around(edge).max(axis=-1)).mean(axis=-1) if n else edge
 
 
 def _merged(look: Look, changes: Mapping[str, Any]) -> Look:

@@ -7,11 +7,12 @@ from typing import Any, Protocol, TypeVar, Unpack
 import numpy as np
 
 from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.calibration import LEVELS
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain, measured_bias
 from crashfuse.approaches.displacement_domain.events import cae_events
 from crashfuse.approaches.registry import LABELS, by_preference
-from crashfuse.cae.model import CaeModel
+from crashfuse.cae.model import CaeModel, cae_pulses
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.condition import Condition
@@ -130,10 +131,16 @@ def campaign_figure(
         model = CaeModel().fit(campaign.cae, Run.of(campaign))
         return displacement.bias_by_speed(marked, {test.id: measured_bias(test, model) for test in shown}, display)
 
+    def cae_and_test() -> Drawing:
+        test = campaign.test(held_out) if held_out else shown[0]
+        (accel_mps2,) = cae_pulses(campaign.cae, [test.condition], Run.of(campaign))
+        return pulses.motion(test, {Cae.name: Prediction(test.condition, accel_mps2)}, display)
+
     figures: dict[str, Draw] = {
         "tests": lambda: pulses.measured_pulses(marked, display, cfc=cfc, further=further),
         "conditions": lambda: condition_space(campaign.cae, shown, held_out=held_out, display=display),
         "cae": lambda: pulses.library_band(campaign.cae, tests_by_speed, display, further=further),
+        "cae and test": cae_and_test,
         "bias": bias,
         "wall": lambda: pulses.wall_forces([own for own in tests_by_speed if own[0].wall is not None]),
         "cae events": lambda: displacement.missing_force(cae_events(campaign, display.window_ms), display, held_out),
@@ -281,6 +288,16 @@ def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str |
 def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Prediction]:
     """Further pulses by their names in the legend; a UsageError if there is no such test or CAE run."""
     return dict(_further(campaign, asked, display) for asked in several(also))
+
+
+def single_tests(estimate: Estimate) -> dict[str, Prediction]:
+    """Pulses that look like tests by an approach, in either way that tests fold, by their names in the legend."""
+    line, label = curve_line(estimate.approach), LABELS[estimate.approach]
+    lines = line, {**line, "dash": _FOLDED}
+    return {
+        LegendName.of(f"{label}{name}", own): Prediction(estimate.condition, accel)
+        for (name, accel), own in zip(estimate.representative.items(), lines, strict=False)
+    }
 
 
 def other_fold(estimates: Mapping[str, Estimate], band: str | None) -> dict[str, Prediction]:

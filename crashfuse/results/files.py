@@ -18,6 +18,7 @@ from crashfuse.results.render.text import json_bytes
 from crashfuse.results.result import Content, Result
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
+from crashfuse.units import UnitSystem
 
 
 def begin_study(folder: Path, plan: StudyPlan) -> None:
@@ -47,7 +48,8 @@ def write_result(result: Result, folder: str | Path, display: Display | None = N
 
 def write_files(result: Result, folder: Path, display: Display | None = None) -> None:
     """Write the files of a result and its report, in their order."""
-    made: dict[str, Callable[[], Content]] = {**result.files, REPORT: lambda: report(result, display)}
+    shown = result.usual_display if display is None else display
+    made: dict[str, Callable[[], Content]] = {**result.files_in(shown.system), REPORT: lambda: report(result, shown)}
     for name in filter(made.__contains__, RESULT_FILES[result.kind]):
         content = made[name]()
         for path, data in (content if isinstance(content, Mapping) else {"": content}).items():
@@ -78,10 +80,12 @@ def replaced(kind: str, folder: Path) -> Iterator[Path]:
                 empty.rmdir()
 
 
-def write_pulses(campaign: Campaign, folder: Path, export: PulseExport, estimates: Sequence[Estimate]) -> None:
+def write_pulses(
+    campaign: Campaign, folder: Path, export: PulseExport, system: UnitSystem, estimates: Sequence[Estimate]
+) -> None:
     """Write the pulses at one speed of a sweep for an occupant model, into a folder by format and speed."""
     speed = estimates[0].condition.speed_name
-    for name, files in export.files(campaign, estimates).items():
+    for name, files in export.files(campaign, estimates, units=system).items():
         for path, content in files.items():
             write_atomically(folder / name / speed / path, content)
 

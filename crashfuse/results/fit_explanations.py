@@ -20,7 +20,7 @@ from crashfuse.results.table import Column, Table, frame_of
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Study
-from crashfuse.units import IN_SI, MS, Quantity, Sentence, joined, statements
+from crashfuse.units import IN_SI, MS, Quantity, Sentence, joined, number, statements
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration", "whole": "Whole pulse, 0–60 ms"}
@@ -135,7 +135,7 @@ def metric_remarks(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[lis
 
 def _averaged(who: str, metrics: Sequence[Metric]) -> str:
     away = {m.name: m.of_pulse / m.value - 1 for m in metrics if m.drawn and m.value and m.of_pulse is not None}
-    texts = [f"{METRIC_LABELS[name]} {100 * x:+.0f} %" for name, x in away.items() if abs(x) > _SAME]
+    texts = [f"{METRIC_LABELS[name]} {number(100 * x, '+.0f')} %" for name, x in away.items() if abs(x) > _SAME]
     return f"{who}: values are those of a single test; the averaged pulse has {', '.join(texts)}." if texts else ""
 
 
@@ -238,8 +238,6 @@ _EVENTS = (
     Column("Probability", "probability", source="probability"),
     Column("Tests", source="which"),
     Column("Rating, this alone mended", "number", form=".3f", source="rating_alone"),
-    Column("Rating, all but this mended", "number", form=".3f", source="rating_but"),
-    Column("Share of what is lost", "share", "%", ".0f", source="share"),
 )
 
 
@@ -261,11 +259,14 @@ def events_sentences(found: CaeEvents) -> list[str]:
     """What to mend first, and what that is worth."""
     named = [event for event in found.events[:_NAMED] if event.share >= _WORTH_NAMING]
     worth = {name: getattr(found, name) for name in ("rating_cae", "window_ms", "n_rated", "rating_all")}
+    best = max(found.events, key=lambda event: event.rating_alone, default=None)
     worth["mended"] = found.rating_mended if found.events else None
+    if best is not None and best.rating_alone > found.rating_mended:
+        worth |= {"best": _range(best), "alone": best.rating_alone}
     return [
         *(
-            f"{Quantity((e.from_m / _MM, e.to_m / _MM), 'mm', '.0f')}: {_size(e)} ({Quantity(_ends_kn(e), '', '.0f')}) "
-            f"in {_which(e)} tests; {100 * e.share:.0f} % of what is lost."
+            f"{_range(e)}: {_size(e)} ({Quantity(_ends_kn(e), '', '.0f')}) in {_which(e)} tests; mended alone, the CAE "
+            f"model rates {e.rating_alone:.3f}."
             for e in named
         ),
         *([] if named else ["In no range of crush do two tests agree and would mending raise the rating."]),
@@ -275,9 +276,14 @@ def events_sentences(found: CaeEvents) -> list[str]:
 
 _WORTH = (
     "The CAE model rates {rating_cae:.3f} over 0–{window_ms:g} ms (mean of {n_rated} tests).",
-    "With all events mended: {mended:.3f}.",
+    "With all of this mended: {mended:.3f}.",
+    "That is less than with {best} alone ({alone:.3f}), as errors at other crush cancel a part of it.",
     "Without its bias over displacement: {rating_all:.3f}.",
 )
+
+
+def _range(event: CaeEvent) -> Quantity:
+    return Quantity((event.from_m / _MM, event.to_m / _MM), "mm", ".0f")
 
 
 def _size(event: CaeEvent) -> str:

@@ -1,10 +1,11 @@
 """What to plan, as results: pulse metrics over impact speed, and a ranking of the tests to run next."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import pandas as pd
 
+from crashfuse.approaches.registry import CLASSES
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.campaign import campaign_result
 from crashfuse.results.plots.conditions import next_tests_figure, sweep_figure
@@ -14,10 +15,11 @@ from crashfuse.results.result_tables import metrics_table
 from crashfuse.results.table import CONDITION, PARTS, Column, Table, of_condition
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, METRIC_UNITS, Metric
 from crashfuse.study.planning import BEST, NextTests, SpeedSweep, weights_sentence
-from crashfuse.units import LB, MPH, G, Sentence, speed
+from crashfuse.units import LB, MPH, G, Quantity, Sentence, joined, speed
 
 MEANING = "How a test narrows the band of the bias (RMS) follows from where it is, not from what it measures."
 _MOST = 20  # ranked tests of a report
+_TOLD = ("max_crush", "peak", "olc")
 
 
 def sweep_result(sweep: SpeedSweep) -> Result:
@@ -29,7 +31,7 @@ def sweep_result(sweep: SpeedSweep) -> Result:
         campaign=campaign,
         config=sweep.config,
         command=partial(sweep_command, campaign, sweep.condition, sweep.speeds_mps, sweep.config),
-        answer=(weights_sentence(sweep.condition, campaign.tests),),
+        answer=(*_ends(sweep), weights_sentence(sweep.condition, campaign.tests)),
         shown=("speeds",),
         sentences={name: tuple(sweep.missing(name)) for name in MAIN_METRICS},
         tables={"speeds": speeds_table(sweep)},
@@ -39,9 +41,24 @@ def sweep_result(sweep: SpeedSweep) -> Result:
     )
 
 
+def _ends(sweep: SpeedSweep) -> Iterator[Sentence]:
+    """The metrics that criteria are mostly about, at both ends."""
+    approach, told = [*sweep.metrics][-1], []
+    for name in _TOLD:
+        first, *_, last = sweep.over_speed(approach, name)
+        if first.value is not None and last.value is not None:
+            values = Quantity((first.value, last.value), METRIC_UNITS[name], ".0f", " to ")
+            told.append(Sentence("{} {}", METRIC_LABELS[name], values))
+    if told:
+        speeds = speed(sweep.speeds_mps[0], sweep.speeds_mps[-1], between=" to ")
+        yield Sentence("{} by {}: {}.", speeds, CLASSES[approach].in_words, joined(told, ", "))
+
+
 def next_tests_result(ranking: NextTests) -> Result:
     """A ranking of next tests."""
     over, best = ranking.over, next_tests_table(ranking)
+    now, then = (Quantity((rms / G,), "g", ".2f") for rms in (ranking.before_mps2, ranking.after_mps2[0]))
+    gains = "Run a test at {} next: over {} to {} it narrows the band most, from ± {} to ± {}."
     return Result(
         kind="ranking of next tests",
         template="next_test",
@@ -49,7 +66,10 @@ def next_tests_result(ranking: NextTests) -> Result:
         campaign=ranking.campaign,
         config=ranking.config,
         command=partial(next_test_command, over.low, over.high, ranking.config),
-        answer=(Sentence("Which test would narrow the band over {} to {} most.", over.low, over.high),),
+        answer=(
+            *ranking.repeats,
+            Sentence(gains, ranking.conditions[0], over.low, over.high, now, then),
+        ),
         shown=("best",),
         sentences={"meaning": (MEANING,)},
         tables={"best": best.head(BEST), "more": best.head(_MOST)},

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
-from functools import partial
+from functools import cache, partial
 from itertools import chain
 from typing import Unpack
 
 import pandas as pd
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.certification.matrix import Matrix
@@ -19,17 +20,18 @@ from crashfuse.results.campaign import campaign_result
 from crashfuse.results.certification_tables import condition_columns, csv_as_given, factors_of
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
-from crashfuse.results.export.outgoing_pulses import PulseExport
+from crashfuse.results.export.outgoing_pulses import PulseExport, PulseFiles, PulseFormat
 from crashfuse.results.fit_explanations import bias_result, estimates_result
 from crashfuse.results.provenance import fit_record, prediction_command, provenance, recommendation_record
 from crashfuse.results.render.html import ReportForm
 from crashfuse.results.render.text import json_bytes, parquet_bytes
-from crashfuse.results.result import Figure, Result
+from crashfuse.results.result import Content, Figure, ForReading, Result
 from crashfuse.results.result_tables import metrics_shown
 from crashfuse.results.table import Table
-from crashfuse.study.facts import condition_facts, distinct
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.facts import campaign_facts, condition_facts, distinct
 from crashfuse.study.prediction import PredictedPulse, by_one
-from crashfuse.units import Sentence, joined, speed
+from crashfuse.units import Sentence, UnitSystem, joined, speed
 
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
 _WITH_WHOLE_PULSES = ("motion", "acceleration")
@@ -45,10 +47,13 @@ def prediction_result(
     require_a(PredictedPulse, prediction, "crashfuse.predict(campaign, condition)")
     is_whole = one_of("form of a report", form, {"whole": True, "short": False})
     campaign, condition, estimates = prediction.campaign, prediction.condition, prediction.estimates
+    known = dict.fromkeys(fact.sentence for fact in campaign_facts(campaign))
     here = [fact.sentence for fact in condition_facts(campaign, condition)]
-    answer, together = tuple(dict.fromkeys([*prediction.recommendation.sentences, *here])), (prediction, *others)
+    answer = tuple(dict.fromkeys(s for s in (*prediction.recommendation.sentences, *here) if s not in known))
+    together = (prediction, *others)
     more = {"displacement": Figure("Over displacement", _drawn(prediction, "displacement"))}
-    pulses, near = export.files(campaign, estimates), tuple(nearest_sentences(campaign, condition))
+    near, pulses = tuple(nearest_sentences(campaign, condition)), cache(partial(export.files, campaign, estimates))
+    pulses(units=campaign.units)  # that there are so many draws
     return Result(
         kind="prediction",
         template="prediction" if is_whole else "short_prediction",
@@ -72,7 +77,7 @@ def prediction_result(
             "pulses.parquet": lambda: parquet_bytes(prediction.pulses),
             "metrics.csv": lambda: csv_bytes(prediction.metrics),
             **({"side_by_side.csv": lambda: csv_as_given(predictions_table(together))} if others else {}),
-            **{f"{name}/": partial(pulses.get, name) for name in pulses},
+            **{f"{name}/": ForReading(partial(_of_format, pulses, name), campaign.units) for name in export.formats},
             "prediction.json": lambda: json_bytes(prediction_record(prediction)),
         },
     )
@@ -80,6 +85,10 @@ def prediction_result(
 
 def _drawn(prediction: PredictedPulse, figure: str = "motion") -> Callable[[Display], Drawing]:
     return lambda display: prediction.draw(figure, display=display)
+
+
+def _of_format(pulses: Callable[..., PulseFiles], name: PulseFormat, units: UnitSystem) -> Content:
+    return pulses(units=units)[name]
 
 
 def _beside_others(predictions: Sequence[PredictedPulse]) -> Result:
@@ -122,18 +131,33 @@ def prediction_figure(
     also: Sequence[figures.Further],
     band: str | None,
     representative: bool,
+    average: bool,
     **display: Unpack[DisplayOptions],
 ) -> Drawing:
     """A figure of a prediction, see :meth:`PredictedPulse.plot`."""
     shown = Display.of(prediction.campaign.units, **display)
     estimates = figures.chosen({each.approach: each for each in prediction.estimates}, approaches, band)
     others = [_beside(other, prediction) for other in several(also)]
-    further = {**figures.other_fold(estimates, band), **figures.beside(prediction.campaign, others, shown)}
+    further = figures.beside(prediction.campaign, others, shown)
     lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
-    if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
-        further = {**lead.representative, **further}
+    if representative and lead is not None and figure in _WITH_WHOLE_PULSES and lead.representative:
+        singles: dict[str, Prediction] = figures.single_tests(lead)
+        if not average:
+            del estimates[lead.approach]
+            band = next(iter(singles))
+            singles[band] = replace(lead, accel_mps2=singles[band].accel_mps2)  # with its band
+            further = {name: _as_single_test(own) for name, own in further.items()}
+        further = {**singles, **further}
+    else:
+        further = {**figures.other_fold(estimates, band), **further}
     drawn = figures.pulse_figures(None, estimates | further, band, shown)
     return one_of("figure of pulses", figure, drawn)()
+
+
+def _as_single_test(shown: Prediction) -> Prediction:
+    if not isinstance(shown, Estimate) or shown.draws_mps2 is None:
+        return shown
+    return replace(shown, accel_mps2=shown.representative_pulses()[0])
 
 
 def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:

@@ -4,7 +4,7 @@ The module of a kind says which sentences, tables, figures and files it has; uni
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Generic, NamedTuple, Self, TypeVar
 
 from crashfuse import views
@@ -37,6 +37,18 @@ class Deferred(Mapping[str, T], Generic[T]):
 
     def __len__(self) -> int:
         return len(self._makers)
+
+
+@dataclass(frozen=True)
+class ForReading:
+    """A file with sentences, which are in some units; by default, those of the campaign."""
+
+    make: Callable[[UnitSystem], Content]
+    usual: UnitSystem
+
+    def __call__(self) -> Content:
+        """In the usual units."""
+        return self.make(self.usual)
 
 
 class Figure(NamedTuple):
@@ -79,7 +91,7 @@ class Result:
         All else that its report has, by names in the template; parts are results, values are plain words and numbers.
         Sentences named ``remarks`` end what a terminal prints.
     files : mapping
-        Files for programs, in the units of the contract, by name.
+        Files by name, in the units of the contract; those of a :class:`ForReading` in units of the reader.
     """
 
     kind: str
@@ -119,6 +131,11 @@ class Result:
     def notices(self) -> tuple[str, ...]:
         """All that has to be known, in sentences."""
         return *(fact.sentence for fact in self.facts), *self.cautions
+
+    def files_in(self, system: UnitSystem) -> dict[str, Callable[[], Content]]:
+        """Its files, sentences in these units."""
+        reading = {name: replace(own, usual=system) for name, own in self.files.items() if isinstance(own, ForReading)}
+        return {**self.files, **reading}
 
     def all_figures(self) -> Iterator[Figure]:
         """Its figures, sheet by sheet, and those of its parts, these under the titles of both."""

@@ -140,7 +140,7 @@ def metrics_shown(
     for who, metrics in shown.items():
         frame[f"{who} missed"] = [metric.holds(measured.get(metric.name)) is False for metric in metrics]
         kind: Kind = "interval" if frame[f"{who} lower"].notna().any() else "number"
-        of.append(Column(who, kind, units="unit", unitless=".2f", marks=f"{who} missed"))
+        of.append(Column(who, kind, units="unit", unitless=".2f", marks=f"{who} missed", widest=1.0))
     is_main = frame.index.isin(MAIN_METRICS)
     return Table("metrics", frame[is_main], tuple(of)), Table("more metrics", frame[~is_main], tuple(of))
 

@@ -17,9 +17,13 @@ from crashfuse.signals.rating import grade, rating_text
 from crashfuse.units import LB, MPH, interval_texts, number, probability_text, unbroken
 
 Kind = Literal[
-    "text", "number", "spread", "share", "interval", "range", "estimate", "difference", "grade", "probability"
+    "text", "number", "spread", "share", "interval", "range", "estimate", "difference", "pair", "grade", "probability"
 ]
-PARTS: Mapping[str, tuple[str, ...]] = {"interval": ("", " lower", " upper"), "grade": ("", " grade")}
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "interval": ("", " lower", " upper"),
+    "grade": ("", " grade"),
+    "pair": ("", " test", " difference"),
+}
 """Ends of the headings of a kind's columns where each number has its own."""
 
 
@@ -46,8 +50,8 @@ class Cell(NamedTuple):
 class Column:
     """What a column means: its title, which has no unit, and how its numbers are shown.
 
-    ``spread`` is a half width, ``share`` one of 1, shown in per cent, ``difference`` that of what is shown. The ends of
-    an interval are infinite where open.
+    ``spread`` is a half width, ``share`` one of 1, shown in per cent, ``difference`` that of what is shown, ``pair`` a
+    value, what was measured, and their difference. The ends of an interval are infinite where open.
     """
 
     title: str
@@ -57,6 +61,7 @@ class Column:
     source: str = ""  # the frame's column, by default that of the title
     units: str = ""  # the frame's column with the unit of each row
     unitless: str = ""  # format of rows without a unit, if another one
+    widest: float = np.inf  # an interval wider than so many times its value says nothing: readers see a dash
     ends_form: str = ""  # of an interval's ends, if not as the value
     further: tuple[str, ...] = ()  # columns of an interval's ends, an estimate's error, what a difference subtracts
     marks: str = ""  # the frame's column that says which cells stand out
@@ -97,19 +102,24 @@ class Column:
         if self.kind == "interval":
             is_open = any(end is not None and np.isinf(end) for end in further)
             shown, detail = interval_texts(main, ends[0], ends[1], is_open=is_open)
+            width = float(further[1] or 0) - float(further[0] or 0)
+            if None not in (value, *ends) and width > self.widest * abs(float(value or 0)):
+                detail = "[–]"
             return Cell(shown, detail, tuple(end or "" for end in (main, *ends)))
         if self.kind == "range" and None not in ends:
             return Cell("–".join(map(str, ends)))
         if main is None or value is None:
-            return Cell(self.missing, parts=("", "") if self.kind == "grade" else ())
+            return Cell(self.missing, parts=("",) * len(PARTS.get(self.kind, ())))
         if self.kind == "grade":
             return Cell(rating_text(value), grade(value), (rating_text(value), grade(value)))
         if self.kind == "probability":
             return Cell(probability_text(value, self.confidence))
-        if self.kind == "difference":
+        if self.kind in ("difference", "pair"):
             base = np.nan if further[0] is None else further[0]
             shown_difference = float(format(value * factor, form)) - float(format(base * factor, form))
-            return Cell(self.missing if np.isnan(base) else number(shown_difference, f"+{form}"))
+            difference = self.missing if np.isnan(base) else number(shown_difference, f"+{form}")
+            parts = (main, ends[0] or self.missing, difference)
+            return Cell(difference) if self.kind == "difference" else Cell(" / ".join(parts[:2]), difference, parts)
         if self.kind == "estimate" and (error := text(further[0], form.removeprefix("+"))) is not None:
             return Cell(f"{main} ± {error}")
         return Cell(f"{main} %" if self.kind == "share" and not unit else main)

@@ -289,15 +289,15 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
     farthest, out_of_place = max(displaced, key=lambda hump: abs(hump.late_s or 0.0), default=None), ""
     if farthest is not None and (late_s := farthest.late_s):
         late = f"{_ms(abs(late_s))} ms {'late' if late_s > 0 else 'early'} in the {comparison}"
-        out_of_place = f"; farthest out of place is the {_nth(explanation, farthest)} hump, {late}"
+        out_of_place = f"; the {_nth(explanation, farthest)} hump is farthest off, {late}"
     if shift_s == 0:
-        return Sentence(f"no shift of the {comparison} correlates better with the test{out_of_place}")
+        return Sentence(f"no shift in time of the {comparison} fits the test better{out_of_place}")
     way = f"{_ms(abs(shift_s))} ms {'earlier' if shift_s > 0 else 'later'}"
     limit = ", the largest shift that is tried" if explanation.at_limit else ""
-    text = f"the {comparison} correlates best with the test when moved {way}{limit}"
+    text = f"the {comparison} fits the test best when moved {way}{limit}"
     if humps:
         decisive = max(humps, key=lambda hump: hump.shift_gain)
-        text += f"; that gains most at the {_nth(explanation, decisive)} hump of the test ({_ms(decisive.peak_s)} ms)"
+        text += f"; the {_nth(explanation, decisive)} hump of the test ({_ms(decisive.peak_s)} ms) gains most"
     return Sentence(text + out_of_place)
 
 

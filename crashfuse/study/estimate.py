@@ -68,15 +68,32 @@ class Estimate(Prediction):
         return drawn_metrics(self, self.occupant)
 
     @cached_property
-    def representative(self) -> dict[str, Prediction]:
-        """A pulse that looks like a test, under its name in figures; none without draws."""
+    def representative(self) -> dict[str, FloatArray]:
+        """A pulse that looks like a test, by what follows the approach in its name; where tests fold in two ways both.
+
+        None without draws.
+        """
         if self.draws_mps2 is None:
             return {}
-        return {"Representative pulse": Prediction(self.condition, self.representative_pulses()[0])}
+        if self.apart is None:
+            return {", representative pulse": self.representative_pulses()[0]}
+        return {f" if it folds as {fold}": own.representative_pulses()[0] for fold, own in self.by_fold.items()}
+
+    @property
+    def by_fold(self) -> dict[str, Self]:
+        """It as in either way to fold, by the names that its metrics have for these; none if there is one way."""
+        if self.apart is None or self.draws_mps2 is None:
+            return {}
+        folds = zip(("most", self.apart_as), (~self.apart, self.apart), self.folds_mps2, strict=True)
+        return {
+            fold: replace(self, accel_mps2=accel, draws_mps2=self.draws_mps2[draws], apart=None, apart_as="")
+            for fold, draws, accel in folds
+        }
 
     def representative_pulses(self, draws: Sequence[int] = ()) -> FloatArray:
         """A pulse that looks like a test, then draws as single tests, shape (1 + n, 1250)."""
-        return representative_pulses(self, self.drawn, self.metric_errors, draws, self.occupant)
+        with one_thread():
+            return representative_pulses(self, self.drawn, self.metric_errors, draws, self.occupant)
 
 
 @dataclass(frozen=True, eq=False)

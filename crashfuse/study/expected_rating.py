@@ -110,10 +110,9 @@ class ExpectedRating:
     def sentence(self) -> str:
         """The expected rating, and how many tests near the condition it rests on."""
         n, rated = len(self.tests), rating_range(self.lowest, self.highest)
-        likely = "a guess" if self.beyond else self.grades
         where = f"up to {{}} {self.side}" if self.side else "within {}"
         return Sentence(
-            f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {likely}); "
+            f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {self.likely}); "
             f"{n} left-out test{'s' * (n > 1)} {where} rated {rated}.",
             speed(self.reach_mps),
         )
@@ -122,6 +121,11 @@ class ExpectedRating:
     def range(self) -> str:
         """The likely range as displayed."""
         return rating_range(self.lower, self.upper)
+
+    @property
+    def likely(self) -> str:
+        """The grades of the likely range, unless it is a guess."""
+        return "a guess" if self.beyond else self.grades
 
     @property
     def grades(self) -> str:
@@ -143,7 +147,8 @@ class ExpectedRating:
 
     def outcome(self, rating: float) -> str:
         """How the expectation came out, once the test is known."""
-        return f"Expected {self.range} (80 %), came out {rating:.3f} ({grade(rating)}): {self.surprise(rating)}."
+        rated, surprise = f"Rated {rating:.3f} ({grade(rating)})", self.surprise(rating)
+        return f"{rated}, {surprise}: {self.range} (80 %)."
 
 
 def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 60.0) -> ExpectedRating | None:

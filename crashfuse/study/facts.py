@@ -13,28 +13,28 @@ from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G, Sentence, joined, statements
 
-_TIES = ("{n_tests} left-out tests cannot tell it from {equal}.", "Higher rated: {preferred}.")
+_TIES = ("On {n_tests} left-out tests {equal} did as well.", "Higher rated: {preferred}.")
 _RATED = (
     "Mean rating {mean_rating:.3f} ({grade}), worst {worst_rating:.3f} ({worst_test}, {speed_mps}), each test left out "
     "{way}.",
-    "The raw CAE model: {raw_rating:.3f}.",
-    "It is better than this in {raw_better_in} (by up to {raw_better_by:.3f}).",
+    "The raw CAE model rates {raw_rating:.3f}.",
+    "In {raw_better_in} the raw model is better, by up to {raw_better_by:.3f}.",
 )
 CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "test.stands_apart": (
         "{about} stands apart",
-        "{about} differs from the other tests at about {speed_mps} by {differs_by_g} or more (RMS over crush), these "
-        "from each other by {others_differ_by_g} or less.",
+        "{about} differs from the other tests at about {speed_mps} by at least {differs_by_g} (RMS over crush); these "
+        "differ by at most {others_differ_by_g}.",
         "It alone has {alone}.",
         "A test there may fold either way: check its record, or judge {speed_mps} by both.",
     ),
-    "test.alike": ("", "{about} differs from the tests at its speed no more than these from each other."),
+    "test.alike": ("", "{about} is like the other tests at its speed."),
     "test.in_doubt": ("Test in doubt", "{about} is in doubt: {faults}. Leave it out of use, or mend its record."),
-    "test.beyond_window": ("Beyond the window", "{about}: the rated window, 0–{window_ms:g} ms, ends before {beyond}."),
+    "test.beyond_window": ("Beyond the window", "The rating of {about} stops at {window_ms:g} ms, before {beyond}."),
     "tests.cae_tuned": (
         "CAE model tuned to {tuned}",
         "The CAE model was tuned to {tuned}: predictions of tests that it has seen support no verdict.",
-        "Whether the CAE model was tuned to {undeclared} is not stated (column cae_tuned of tests.csv).",
+        "Whether the CAE model was tuned to {undeclared} is not stated (cae_tuned in tests.csv).",
     ),
     "condition.extrapolated": ("Extrapolation", "{sentence}"),
     "cae.ended_otherwise": (
@@ -48,33 +48,33 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "campaign.warning": ("Warning", "{sentence}"),
     "campaign.notice": ("{label}", "{sentence}"),
     "recommendation.use": ("", "Use {method}.", *_TIES),
-    "recommendation.outcome": ("", "Recommended was {method}.", *_TIES, "{outcome}"),
-    "recommendation.by_the_paper": ("", "The nearest test is {away_mps} away (paper, Sect. 4.3)."),
+    "recommendation.outcome": ("", "We recommended {method}.", *_TIES, "{outcome}"),
+    "recommendation.by_the_paper": ("", "So advises the paper (Sect. 4.3): the nearest test is {away_mps} away."),
     "recommendation.expected": ("", "{sentence}"),
     "recommendation.farther": ("", "No test is near in speed: see the width of the band."),
     "recommendation.raw_cae": ("", "The raw CAE model rated {mean_rating:.2f} on the same tests."),
-    "recommendation.no_better": ("", "No better than the raw CAE model is to be expected here."),
+    "recommendation.no_better": ("", "Expect no better than the raw CAE model here."),
     "recommendation.mixture": ("", "{sentence}"),
-    "recommendation.poor": ("", "Less than Good is {likely}: a guide, not a proof."),
-    "recommendation.distance": (
-        "",
-        "Mean distance from what was measured (CRPS, less is better), over 0–{window_ms:g} ms on {n} left-out tests: "
-        "{distances}.",
-    ),
+    "recommendation.poor": ("", "Less than Good is {likely}: take it as a guide, not as proof."),
     "recommendation.ratings": ("", *_RATED),
     "recommendation.coverage": (
         "",
-        "The 95 % band holds {inside:.0%} of a(t) up to TTZV; crush in {crush} of {n} left-out tests, peak in {peak}.",
+        "The 95 % band held {inside:.0%} of a(t) up to TTZV, and of {n} left-out tests the crush of {crush} and the "
+        "peak of {peak}.",
     ),
     "recommendation.speed_groups": ("", *_RATED),
+    "recommendation.distance": (
+        "",
+        "Mean distance from the measured pulse (CRPS, {n} left-out tests, 0–{window_ms:g} ms): {distances}.",
+    ),
     "recommendation.falls_back": (
         "",
-        "Away from tested speeds the displacement domain falls back towards the raw CAE model, in {fits} of {n} fits.",
+        "In {fits} of {n} fits the displacement domain falls back to the raw CAE model away from tested speeds.",
     ),
     "left_out.outcome": (
         "",
-        "{about} at {speed_mps}, left out, is rated over 0–{window_ms:g} ms.",
-        "Left out with it, at about its speed: {left_out_with}.",
+        "We left out {about} ({speed_mps}) and rated it over 0–{window_ms:g} ms.",
+        "Tests at about its speed were left out, too: {left_out_with}.",
         "{outcome}",
     ),
     "left_out.few_neighbours": (
@@ -83,7 +83,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "left_out.without_neighbours": ("", "Without its neighbours it rates {rating:.3f}."),
     "left_out.misled": ("", "Its neighbours mislead: without them it rates {rating:.3f}."),
-    "left_out.inside": ("", "Inside the 95 % band: {inside:.0%} of its a(t) up to TTZV."),
+    "left_out.inside": ("", "The 95 % band held {inside:.0%} of its a(t) up to TTZV."),
 }
 """By code, the most important first: a label for a badge, and sentences; those with a value that is not known go."""
 

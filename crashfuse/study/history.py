@@ -167,6 +167,8 @@ def _write(result: PastResult, folder: Path) -> None:
     write_atomically(folder / f"{result.id}.json", json.dumps(values, ensure_ascii=False).encode())
     with suppress(OSError):  # a record was forgotten between two looks
         files = sorted((path.stat().st_mtime, path) for path in folder.glob("*.json"))
+        if len(files) > MOST:  # a prediction is made again at once
+            files.sort(key=lambda own: (before := _read(own[1])) is not None and bool(before.tests or before.note))
         for _, oldest in files[: max(len(files) - MOST, 0)]:
             oldest.unlink()
 

@@ -178,7 +178,7 @@ def sentences(curve: LearningCurve, cost: Cost | None = None) -> tuple[str, ...]
         )
         if (gain := enough(curve)) is not None:
             less = f"{signed(gain.gain, 3)}{plus_minus(gain.error)}"
-            told.append(f"{counted(gain.before, 'test')} may rate as well as {n - 1}: a gain of {less}.")
+            told.append(f"{counted(gain.before, 'test')} may do as well as {n - 1}: the gain is {less}.")
     return (*told, _outlook(one_more(curve), n, cost))
 
 
@@ -209,12 +209,12 @@ _STANDING = (
 
 def _outlook(more: OneMore | None, n: int, cost: Cost | None) -> str:
     if more is None:
-        return "What one more test would add is told from 5 tests."
+        return "It takes 5 tests to say what one more would add."
     if more.lower >= _NOTHING:
         interval = f"{more.lower:.3f} to {more.upper:.3f} (95 %)"
         return f"One more test should add about {more.gain:.3f}, {interval}{_price(more.gain, cost)}."
     if more.upper < _NOTHING:
-        return f"One more test after these {n} adds nothing that can be told."
+        return f"One more test after these {n} should add nothing noticeable."
     price = "" if cost is None else f"; at {cost} each, 0.01 costs {cost.times(0.01 / more.upper)} or more"
     return f"One more test may add nothing: about {max(more.gain, 0):.3f}, at most {more.upper:.3f} (95 %){price}."
 

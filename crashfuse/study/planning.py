@@ -21,7 +21,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest
+from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.errors import UsageError, one_of, printable, require_a, require_number, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
@@ -30,7 +30,8 @@ from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missi
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import FASTEST_MPS, Estimate, Fit, check_factors, estimates_at, fits_of
-from crashfuse.units import MPH, Sentence, speed, weight
+from crashfuse.study.outliers import departures
+from crashfuse.units import MPH, Sentence, acceleration, read_out, speed, weight
 
 _SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and 100 ms are too short for its occupant metrics
 _STEP = "Sweep over speed"
@@ -252,6 +253,18 @@ class NextTests:
     def gains(self) -> FloatArray:
         """Share by which each would shrink the band."""
         return 1 - self.after_mps2 / self.before_mps2
+
+    @property
+    def repeats(self) -> tuple[str, ...]:
+        """Which tests in the range to repeat first, in sentences: those that stand apart, as their ranking cannot."""
+        slowest, fastest = self.over.low.speed_mps, self.over.high.speed_mps
+        template = "Repeat {} first ({}): it differs from {} by {} or more. A repeat shows which way tests fold."
+        return tuple(
+            Sentence(template, own.test, at, read_out(own.neighbours), acceleration(min(own.bias_mps2)))
+            for own in departures(self.campaign)
+            for at in [self.campaign.test(own.test).condition]
+            if slowest - SPEED_STEP_MPS < own.speed_mps < fastest + SPEED_STEP_MPS
+        )
 
     @property
     def extrapolated(self) -> tuple[bool, ...]:

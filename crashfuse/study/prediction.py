@@ -119,6 +119,7 @@ class PredictedPulse:
         also: Sequence[views.Further] = (),
         band: str | None = None,
         representative: bool = True,
+        average: bool = True,
         **display: Unpack[views.DisplayOptions],
     ) -> views.Drawing:
         """A figure of the page Predict.
@@ -128,9 +129,11 @@ class PredictedPulse:
         figure : {"motion", "acceleration", "displacement", "energy", "integration"}
             As the page names them; the rest as in :meth:`crashfuse.study.study.Study.plot`.
         representative : bool
-            Whether figures over time show a pulse that looks like a test, too.
+            Whether figures over time show a pulse that looks like a test, with the peak of the metrics.
+        average : bool
+            Whether they show the average of the draws, too, whose peak is lower.
         """
-        return views.prediction_figure(self, figure, approaches, also, band, representative, **display)
+        return views.prediction_figure(self, figure, approaches, also, band, representative, average, **display)
 
     plot = views.as_plotly(draw)
     """The same as a Plotly figure."""

@@ -164,6 +164,7 @@ _CLEARLY = 0.02  # in rating: a handful of tests cannot separate approaches clos
 _TOLD = 0.005  # in rating: less is not worth a word
 _NEAR_MPS = 3 * MPH
 _GOOD = 0.80
+_AGAINST = ("recommendation.farther", "recommendation.no_better", "recommendation.poor")
 SPEED_GROUPS = "recommendation.speed_groups"  # the one fact that rests on other folds than the study's own
 
 
@@ -180,6 +181,14 @@ class Recommendation:
     def sentences(self) -> tuple[str, ...]:
         """The facts in words."""
         return tuple(fact.sentence for fact in self.facts)
+
+    @property
+    def brief(self) -> str:
+        """What to use and to expect, and what speaks against it, in a line."""
+        use, rated = f"Use {CLASSES[self.approach].in_words}", self.expected
+        likely = "" if rated is None else f": rating {rated.range} expected (80 %, {rated.likely})"
+        against = [fact.sentence for fact in self.facts if fact.code in _AGAINST]
+        return joined([f"{use}{likely}.", *against])
 
     def __repr__(self) -> str:
         return f"<Recommendation: {self.sentences[0]}>"
@@ -294,18 +303,15 @@ def _recommendation(study: Study) -> Recommendation:
     ]
     method = f"{CLASSES[name].in_words} {'away from tested speeds' if grouped else 'for this campaign'}"
     distance = {"crps_g": crps_of, "window_ms": window_ms, "n": n, "distances": joined(distances, ", ")}
-    facts = [
-        _use(name, method, ties),
-        Fact("recommendation.distance", distance),
-        _rated("recommendation.ratings", study, name, window_ms),
-    ]
+    facts = [_use(name, method, ties), _rated("recommendation.ratings", study, name, window_ms)]
+    if (groups := study.speed_groups) is not None:
+        facts.append(_rated(SPEED_GROUPS, groups, name, window_ms))
     if name in study.coverage:
         coverage = study.coverage[name]
         shown = {"inside": coverage.share("accel"), "n": len(coverage.tests)}
         shown |= {part: coverage.count(part) for part in ("crush", "peak")}
         facts.append(Fact("recommendation.coverage", {"coverage": coverage.counts, **shown}))
-    if (groups := study.speed_groups) is not None:
-        facts.append(_rated(SPEED_GROUPS, groups, name, window_ms))
+    facts.append(Fact("recommendation.distance", distance))
     decays = [bool(own.state.get("decay_over_speed")) for fold in study.folds for own in fold.estimates]
     if any(decays):
         facts.append(Fact("recommendation.falls_back", {"fits": sum(decays), "n": len(study.folds)}))

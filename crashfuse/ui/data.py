@@ -4,30 +4,39 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.campaign_folder.load import unread_files
+from crashfuse.condition import about_label
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.formats import all_formats
-from crashfuse.results.result_tables import about_table, quality_table, wall_table
+from crashfuse.results.campaign import cae_errors_table
+from crashfuse.results.drawing import Drawing
+from crashfuse.results.fit_explanations import events_sentences, events_table
+from crashfuse.results.plots.displacement import missing_force
+from crashfuse.results.result_tables import about_table, quality_table, tests_table, wall_table
 from crashfuse.signals.filters import cfc_filter
+from crashfuse.study.facts import campaign_facts
 from crashfuse.ui import import_step
-from crashfuse.ui.kit import address, campaigns, editing, results
-from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config, kept
+from crashfuse.ui.kit import address, campaigns, editing
+from crashfuse.ui.kit.address import REFUSED, choose_campaign, choose_held_out, chosen_config, kept
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import study_request
+from crashfuse.ui.kit.computation import mending_request, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.frame import offer_sample, show_title
 from crashfuse.ui.kit.navigation import open_page, show_link
+from crashfuse.ui.kit.progress import show_end, show_job
 from crashfuse.ui.kit.results import show_problems, show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import Source, begin_import, leave_import, open_uploads, running_import, source_at
 from crashfuse.units import speed
 
 _ROUND = "uploads so far"
+_PICKED = "folder picked"  # session key
 _CLASSES = (60, 180, 600)
 _AS_READ = "As read"
 _WAYS = {
@@ -35,6 +44,8 @@ _WAYS = {
     "open": ("Open another campaign", ":material/folder_open:"),
 }
 _ASKED = "asked for the next prediction"  # session key
+_MEND = "What to mend in the CAE model"
+_MOST_BUTTONS = 30  # tests; of more one is chosen from a list
 _LAYOUT = """<pre>tests.csv            one row a test: id, speed_mph, front_weight_lb, rear_weight_lb
 tests/&lt;id&gt;.csv       its pulse: time_ms, acceleration_g
 cae.csv              one row a CAE run: id, speed_mph, front_weight_lb, rear_weight_lb
@@ -112,6 +123,7 @@ def _offer_next(view: View) -> None:
 
 def _show_tests(view: View) -> None:
     campaign, test, display = view.campaign, view.held_out, view.display
+    shown = tuple(asked for asked in st.session_state["overlaid"] if asked in campaign.test_ids)
     options = [_AS_READ, *(f"CFC {cfc}" for cfc in _CLASSES)]
     address.default("filter", _AS_READ, options)
     with st.container(horizontal=True, vertical_alignment="bottom"):
@@ -120,10 +132,18 @@ def _show_tests(view: View) -> None:
             "filter", default=_AS_READ, required=True, help="Of this figure: approaches use the pulses as read."
         )
         choice = str(st.segmented_control("Channel filter class (SAE J211-1)", options, **look))
+        if shown:
+            all_tests, args = f"All {len(campaign.tests)} tests", ({"overlaid": list[str]()},)
+            st.button(all_tests, icon=":material/stacked_line_chart:", on_click=st.session_state.update, args=args)
+    for fact in [
+        fact for fact in campaign_facts(campaign) if fact.code == "test.stands_apart" and fact.about[0] in shown
+    ]:
+        st.markdown(f":material/warning: {plain(display.words(fact.sentence))}")
     editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
     alt = f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed"
-    draw, key = partial(campaign.draw, held_out=test.id, cfc=cfc, display=display), (test.id, cfc, display)
+    draw = partial(campaign.draw, tests=shown, held_out=test.id, cfc=cfc, display=display)
+    key = test.id, shown, cfc, display
     show_cached_figure(draw, alt, "tests", campaign.fingerprint, key, name=f"tests {choice}")
     reading = "as they are in the files"
     if campaign.channel_filter_class is not None:
@@ -143,8 +163,9 @@ def _show_conditions(view: View) -> None:
     draw = partial(campaign.draw, "conditions", held_out=view.held_out.id, display=view.display)
     alt, key = "Speed against front and rear weight of CAE runs and tests", (view.held_out.id, view.display.system)
     show_cached_figure(draw, alt, "conditions", campaign.fingerprint, key, name="conditions")
-    st.markdown(f"**The tests, and the ratings of their paired CAE runs** ({campaign.rating_basis})")
-    show_table(results.conditions_table(campaign), "conditions")
+    tests = tests_table(campaign)
+    in_their_table = {about_label(name) for test in campaign.tests for name, _ in test.about}
+    show_table(tests.without(*in_their_table), "conditions")
     if not (about := about_table(campaign)).empty:
         st.markdown("**Where tests and CAE runs come from**")
         show_table(about, "about")
@@ -157,15 +178,64 @@ def _show_conditions(view: View) -> None:
 
 
 def _show_library(view: View) -> None:
-    campaign = view.campaign
-    alt = "Pulses of the CAE model over time: the middle 90 % of all runs, and paired runs"
-    draw = partial(campaign.draw, "cae", display=view.display)
-    show_cached_figure(draw, alt, "library", campaign.fingerprint, view.display, name="CAE runs")
-    lines = "Lines are the runs" if _paired(campaign) else "No run was"
-    st.caption(f"Band: the middle 90 % of all CAE runs. {lines} made at a test's own condition.")
-    st.markdown("**Quality of the CAE runs**")
+    campaign, test, display = view.campaign, view.held_out, view.display
+    remark = f"CAE / test, **difference**; TTZV: time of zero velocity. {campaign.rating_basis}."
+    show_table(cae_errors_table(campaign, display.window_ms), "cae errors", remark)
+    _choose_overlaid(view)
+    left, right = st.columns(2, gap="medium")
+    with left:
+        draw = partial(campaign.draw, "cae and test", held_out=test.id, display=display)
+        alt, key = f"Test {test.id} and the CAE model at its condition, over time", (test.id, display)
+        show_cached_figure(draw, alt, "cae and test", campaign.fingerprint, key, name=f"{test.id} and CAE")
+    with st.expander(f"All {len(campaign.cae):,} CAE runs", icon=":material/stacked_line_chart:"):
+        alt = "Pulses of the CAE model over time: the middle 90 % of all runs, and paired runs"
+        draw = partial(campaign.draw, "cae", display=display)
+        show_cached_figure(draw, alt, "library", campaign.fingerprint, display, name="CAE runs")
+    _show_quality(campaign)
+    if len(campaign.tests) > 1:
+        with right:
+            _show_mending(view)
+
+
+def _choose_overlaid(view: View) -> None:
+    state, key, ids = st.session_state, "test over CAE", view.campaign.test_ids
+    address.put(key, view.held_out.id)
+    look: dict[str, Any] = {"key": key, "label_visibility": "collapsed"}
+    look["on_change"] = lambda: choose_held_out(view.campaign.test(state[key]))
+    if len(ids) > _MOST_BUTTONS:
+        st.selectbox("Test", ids, **look)
+    else:
+        st.segmented_control("Test", ids, required=True, wrap=True, **look)
+
+
+def _show_mending(view: View) -> None:
+    campaign, display = view.campaign, view.display
+    tip = "A line a test, dark: slow, bright: fast. By all tests: a diagnosis, no left-out prediction."
+    st.markdown(f"**{_MEND}**", help=tip)
+    if (job := mending_request(campaign, display.window_ms).find()) is None or job.result is None:
+        if job is not None and job.active:
+            show_job(job)
+        elif job is not None:
+            show_end(job)
+        return
+    events = job.result
+    alt = "Force that the CAE model lacks in each test over displacement, and the ranges to mend"
+
+    def draw() -> Drawing:
+        drawing = missing_force(events, display)
+        drawing.update(showlegend=False)  # eleven names would leave half a column no room
+        return drawing
+
+    show_cached_figure(draw, alt, _MEND, campaign.fingerprint, display, name="what to mend")
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in events_sentences(events)))
+    if events.events:
+        with st.expander("Every range", icon=":material/table:"):
+            show_table(events_table(events))
+
+
+def _show_quality(campaign: Campaign) -> None:
     verdict = campaign.quality
-    st.markdown(plain(verdict.summary))
+    st.markdown(f"**Quality of the CAE runs**: {plain(verdict.summary)}")
     if not (table := quality_table(verdict)).empty:
         show_table(table, "quality")
     for sentence in verdict.named:
@@ -183,6 +253,8 @@ def _show_open_forms() -> None:
         tip = "On the computer that crashfuse runs on. What is no campaign is imported, once you have seen it."
         st.text_input("A folder or file on this computer", key="folder", placeholder=usual, help=tip)
         st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
+    with folder:
+        _pick_folder()
     if folders := campaigns.recent_folders():
         with folder.container(horizontal=True, vertical_alignment="center", gap="small"):
             st.caption("Opened before:", width="content")
@@ -200,6 +272,34 @@ def _show_open_forms() -> None:
     with st.expander("What does a campaign folder look like?", icon=":material/help:"):
         st.html(_LAYOUT)
         st.caption("Names of columns end in units: `_mph`, `_kph`, `_mps`, `_lb`, `_kg`, `_ms`, `_s`, `_g`, `_mps2`.")
+
+
+def _pick_folder() -> None:
+    state, (start, *_) = st.session_state, (*campaigns.recent_folders(), *campaigns.roots(), Path.home())
+    here = Path(state.get(_PICKED) or start)
+
+    def go(folder: Path) -> None:
+        state[_PICKED] = state["folder"] = str(folder)
+
+    def enter() -> None:
+        if name := state[f"folders in {here}"]:
+            go(here / name)
+
+    with st.popover("Pick a folder", icon=":material/folder:"):
+        st.caption(plain(str(here)))
+        is_top = here.parent == here or not campaigns.may_open(here.parent)
+        st.button("Up", icon=":material/arrow_upward:", on_click=go, args=(here.parent,), disabled=is_top)
+        names = campaigns.folders_in(here)
+        st.selectbox(
+            "Folders in it",
+            names,
+            index=None,
+            key=f"folders in {here}",
+            placeholder="choose one" if names else "none",
+            on_change=enter,
+            disabled=not names,
+        )
+        st.button("Open this folder", type="primary", on_click=_attempt, args=(partial(_campaign_or_source, here),))
 
 
 def _attempt(open_it: Callable[[], str | Source]) -> None:

@@ -1,11 +1,11 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 import streamlit as st
@@ -35,7 +35,7 @@ from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, p
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
 from crashfuse.ui.kit.curves import (
-    REPRESENTATIVE,
+    AVERAGE,
     choose_curves,
     predicted,
     without_clicks,
@@ -51,7 +51,7 @@ from crashfuse.ui.kit.frame import by_itself
 from crashfuse.ui.kit.progress import result_of, result_or_none, show_training
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import TTZV, plain
-from crashfuse.units import IN_SI, joined
+from crashfuse.units import IN_SI, read_out
 
 
 class _Field(NamedTuple):  # a number of a condition, or its range, in the unit of the session and the address
@@ -101,9 +101,8 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
     at_pins = [found for pin in pins if (found := predicted(campaign, config, pin)) is not None]
     show_training(config, fitted.approaches)
     if advice is not None:
-        use, expected, *reasons = advice.facts
-        known = [fact.sentence for fact in reasons if fact.code != "condition.extrapolated"]  # said above
-        results.show_recommendation([use.sentence, expected.sentence], known)
+        here = [fact.sentence for fact in condition_facts(campaign, condition)]
+        results.show_recommendation([advice.brief], [*dict.fromkeys([*advice.sentences, *here])])
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", ["Pulses", "Over speed", "Next test"], key="predict_tab")
         best = by_preference(fitted.approaches)[0] if advice is None else advice.approach
@@ -112,6 +111,7 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
         args = kept("predict_approach", on_change=address.publish, **look)
         approach = st.selectbox("Approach", fitted.approaches, **args)
         if advice is not None:
+            _keep_past((fitted.key, condition), prediction)
             _show_pins(prediction)
         st.space("stretch")
         export_button(partial(_show_files, prediction, at_pins, advice, view.display))
@@ -141,9 +141,23 @@ def _choose_condition(campaign: Campaign, display: Display) -> Condition:
         tuple((name, choice) for name, choice in factors.items() if choice),
         units=display.system.endings,
     )
-    if facts := condition_facts(campaign, condition):
-        st.markdown(f":material/warning: **{plain(display.words(joined([fact.sentence for fact in facts])))}**")
+    for fact in condition_facts(campaign, condition):
+        if fact.code != "test.stands_apart":
+            st.markdown(f":material/warning: **{plain(display.words(fact.sentence))}**")
+            continue
+        tests = [*fact.about, *cast(Sequence[str], fact.values["neighbours"])]
+        at = campaign.test(tests[0]).condition.speed_mps
+        label = f"{fact.label} at {display.speed(at)}: show {read_out(sorted(tests))}"
+        help_, show = plain(display.words(fact.sentence)), partial(_show_tests, tests)
+        st.button(plain(label), icon=":material/warning:", type="tertiary", help=help_, on_click=show)
     return condition
+
+
+def _show_tests(tests: Sequence[str]) -> None:
+    state = st.session_state
+    state["predict_also"] = [*dict.fromkeys([*state["predict_also"], *tests])]
+    state["predict_tab"], state["predicted"] = "Pulses", "Over time"
+    address.publish()
 
 
 def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs: np.ndarray) -> float:
@@ -185,17 +199,21 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     return float(state[name] * in_si)
 
 
+@st.cache_resource(max_entries=200, show_spinner=False)
+def _keep_past(key: Hashable, _prediction: PredictedPulse) -> None:  # noqa: ARG001 - once a condition
+    keep(PastResult.of_prediction(_prediction.campaign, _prediction.estimates, _prediction.config))
+
+
 def _show_pins(prediction: PredictedPulse) -> None:
     pins, here = pinned(), prediction.text
 
     def pin() -> None:
         st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
-        keep(PastResult.of_prediction(prediction.campaign, prediction.estimates, chosen_config()))
 
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
 
-    tip = f"Keeps up to {MOST_PINS} in figures, link, report and past results."
+    tip = f"Keeps up to {MOST_PINS} in figures, link and report."
     is_full = here in pins or len(pins) >= MOST_PINS
     st.button("Pin this prediction", icon=":material/keep:", on_click=pin, disabled=is_full, help=tip)
     if pins:
@@ -221,21 +239,29 @@ def _show_pulses(
     def draw() -> Drawing:
         drawing = prediction.draw(
             _FIGURES[shown], approaches=curves.approaches, also=curves.also, band=curves.approach,
-            representative=REPRESENTATIVE in curves.others, display=view.display,
+            average=AVERAGE in curves.others, display=view.display,
         )  # fmt: skip
         return without_clicks(drawing)
+
+    def show() -> None:
+        show_cached_figure(draw, alt, *key, name=name)
 
     alt = f"Prediction by {curves.by} at {view.display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
     key = shown, fitted.key, fitted.approaches, condition, view.display, curves.key
-    show_cached_figure(draw, alt, *key, name=name)
     estimates = [estimate for estimate in prediction.estimates if estimate.approach in curves.approaches]
     known = (*(advice.sentences if advice else ()), *view.campaign.cae.extrapolation(condition))
     about = estimates_result(view.campaign, estimates, known=known)
     if at_pins:
+        show()
         _show_differences(by_one(approach, [prediction, *at_pins]), view.display)
     else:
-        results.show_metrics(about)
+        with st.container(key="pulse"):
+            pulse, metrics = st.columns([3, 2])
+        with pulse:
+            show()
+        with metrics:
+            results.show_metrics(about, *[LABELS[own.approach] for own in estimates[-1:] if own.by_fold])
     weight = f"{view.display.weight(condition.mass_kg)} in all."
     results.show_details(about, [weight, *nearest_sentences(view.campaign, condition), *about.sentences["whole"]])
 
@@ -293,6 +319,8 @@ def _show_next_test(view: View, fitted: Fitted, condition: Condition, approach: 
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     alt, name = "How much each candidate would narrow the band", f"next test {over.low.text} to {over.high.text}"
+    for sentence in ranking.repeats:
+        st.markdown(f"**{plain(display.words(sentence))}**")
     show_figure(ranking.draw(display=display), alt, name=name)
     st.caption(MEANING)
     if approach != DisplacementDomain.name:

@@ -10,23 +10,19 @@ from typing import Any
 
 import streamlit as st
 
-from crashfuse.approaches.displacement_domain.events import CaeEvents, cae_events
 from crashfuse.approaches.registry import BASELINE, LABELS
-from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.execution.jobs import Job
 from crashfuse.results.figures import ONE_PROCESS, Draw
-from crashfuse.results.fit_explanations import events_sentences, events_table
-from crashfuse.results.plots.displacement import missing_force
 from crashfuse.results.result_tables import archive_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
 from crashfuse.ui.certify.entry import show_wrong
 from crashfuse.ui.kit import address, campaigns, progress
 from crashfuse.ui.kit.address import choose_held_out, chosen_config, kept
-from crashfuse.ui.kit.campaigns import HASHED, View
+from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import fit_request, jobs, learn_vehicles, study_request
 from crashfuse.ui.kit.editing import can_be_edited, show_last_change, show_refused, use_archive
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_tabs
@@ -38,7 +34,7 @@ from crashfuse.ui.kit.text import LF, TIME_DOMAIN, plain
 from crashfuse.vehicle_archive import LEAST_VEHICLES, VehicleArchive, load_archive
 
 _PAST = "past vehicles"  # widget key
-_ON_ALL, _NETWORKS, _MEND = "Train on all tests", "Networks", "What to mend"
+_ON_ALL, _NETWORKS = "Train on all tests", "Networks"
 _LEARNED = (
     (
         "training",
@@ -166,7 +162,7 @@ def _show_diagnostics(view: View) -> None:
     config, test = chosen_config(), view.held_out.id
     progress.stop_with_a_single_test(campaign)
     with st.container(horizontal=True, vertical_alignment="center"):
-        choice = choose("Diagnostics", [_NETWORKS, *_FIGURES, _MEND], key="diagnostics")
+        choice = choose("Diagnostics", [_NETWORKS, *_FIGURES], key="diagnostics")
         st.markdown("of what was learned without", width="content")
         address.put(key, test)
         st.selectbox(
@@ -174,9 +170,6 @@ def _show_diagnostics(view: View) -> None:
             on_change=lambda: choose_held_out(campaign.test(state[key])),
         )  # fmt: skip
     others = config.training_campaign(campaign, test)
-    if choice == _MEND:
-        _show_events(others, view)
-        return
     request = study_request(campaign, (test,), config)
     study = progress.result_of(
         request,
@@ -200,21 +193,6 @@ def _show_diagnostics(view: View) -> None:
     plot = campaign.draw if figure == "bias" else study.draw
     draw = partial(plot, figure=figure, held_out=test, display=view.display)
     show(draw, choice.lower(), alt.format(test=test), meaning.format(test=plain(test), n=len(others.tests)))
-
-
-def _show_events(others: Campaign, view: View) -> None:
-    events = _events(others, view.display.window_ms)
-    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in events_sentences(events)))
-    alt = "Force that the CAE model lacks in each test over displacement, and the ranges to mend"
-    draw = partial(missing_force, events, view.display)
-    show_cached_figure(draw, alt, _MEND, others.fingerprint, view.display, name="what to mend")
-    if events.events:
-        show_table(events_table(events))
-
-
-@st.cache_resource(max_entries=4, show_spinner="Rating the mended CAE model …", hash_funcs=HASHED)
-def _events(campaign: Campaign, window_ms: float) -> CaeEvents:
-    return cae_events(campaign, window_ms)
 
 
 def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str], None]) -> None:

@@ -84,11 +84,11 @@ def test_a_page_shows_one_thing_at_a_time_and_hands_out_whole_files(engineer: Us
     engineer.find(FIGURE, "Time (ms)")
     engineer.open_tab("Conditions")
     assert "extrapolation" not in engineer.sees("Front weight", FIGURE)
-    engineer.sees("In CAE range", TABLE)
+    engineer.sees("Inside the CAE", TABLE)
     heads, cells = (engineer.texts(f"{TABLE} {kind}") for kind in ("th", "td"))
     by_column = {head: cells[place :: len(heads)] for place, head in enumerate(heads)}
-    assert by_column["Paired run"] == [*PAIRED]
-    assert by_column["In CAE range"] == ["yes"] * len(PAIRED)
+    assert by_column["CAE pulse"] == [*PAIRED]
+    assert by_column["Inside the CAE runs' range"] == ["yes"] * len(PAIRED)
     assert len(engineer.all(FIGURE)) == 1
     assert "data_tab=Conditions" in engineer.browser.current_url
     engineer.browser.back()
@@ -128,8 +128,7 @@ def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) ->
     assert "cell=M2" in user.browser.current_url
     places = [user.find(f'[class*="st-key-{key}"]').rect["y"] for key in ("planned_tests", "criterion")]
     assert abs(places[0] - places[1]) < 400
-    user.press("By criterion")
-    user.clicks_cell("M2 · 30.0 mph", lambda width, height: (0.05 * width, -0.25 * height), "M1: ")  # two rows
+    user.clicks_cell("crush", lambda _, height: (0, -0.25 * height), "20.0 mph, front 2050 lb")  # of two rows
     user.press("Export")
     assert {row["id"] for row in rows(user.downloads_file("certification.csv"))} == {"M1", "M2"}
     user.browser.find_element(By.TAG_NAME, "body").send_keys(Keys.ESCAPE)

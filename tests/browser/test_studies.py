@@ -136,7 +136,7 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     user.sees("A speed left out", timeout_s=4 * SOON)  # known last, after ten fits
     user.press("The worst test, S4", "summary")
     said = user.sees("it rates 0.")
-    assert "S4 at 25.0 mph, left out, is rated over 0–60 ms. Expected " in said
+    assert "We left out S4 (25.0 mph) and rated it over 0–60 ms. Expected " in said
     assert "far below what was expected. S4 differs from the other " in said
     user.go("Compare")
     user.sees("far below what was expected (0.")

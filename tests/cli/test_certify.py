@@ -169,7 +169,7 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     digest = hashlib.sha256((first / "certification.json").read_bytes()).hexdigest()
     assert digest in [own.digest for own in listed]
     assert f"SHA-256 of certification.json: {digest}" in printed
-    assert f"Tests that it did not know: {last}." in printed
+    assert f"Run since: {last}." in printed
     table = pd.read_csv(second / "track_record.csv").query("left_out == 'planned'")
     assert table["held_out"].tolist() == [last, last]  # the rating would be that of another prediction
     measured = {metric.name: metric.value for metric in campaign.metrics_of(campaign.test(last))}

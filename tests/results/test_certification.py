@@ -22,9 +22,18 @@ from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
 from crashfuse.results.certification import certification_result
-from crashfuse.results.certification_facts import CATALOGUE, PLACES, SUBJECTS, exceptions, facts, sentences
+from crashfuse.results.certification_facts import (
+    CATALOGUE,
+    PLACES,
+    SUBJECTS,
+    against,
+    exceptions,
+    facts,
+    sentences,
+    support_text,
+)
 from crashfuse.results.certification_record import certification_json, certification_record
-from crashfuse.results.certification_tables import certification_table, planned
+from crashfuse.results.certification_tables import certification_table, planned, turned_texts
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.plots.certification import verdict_matrix
 from crashfuse.results.provenance import certify_command
@@ -161,7 +170,7 @@ def test_all_sentences_are_those_that_were_read(certification: Certification, al
     lines: dict[str, None] = {}
     for name, own in variants(certification, alone):
         lines |= dict.fromkeys((f"# {name}", *(f"{fact.code}: {fact.sentence}" for fact in facts(own))))
-        lines |= dict.fromkeys(f"{row.id}: {row.word}: {row.why}" for row in planned(own))
+        lines |= dict.fromkeys(f"{row.id}: {row.word}: {'; '.join((row.why, *row.further))}" for row in planned(own))
     assert_golden("certification", lines)
 
 
@@ -197,6 +206,35 @@ def test_answers_have_what_decides_them(certification: Certification) -> None:
     assert told(met, (replace(missed, word="met"), undecided, *rest), third)[1] == "run: open: OLC"
     short = "cannot say: records too short for crush, OLC, rating"
     assert told(met, row_as(second, "open", None), third)[1] == short
+
+
+def test_skips_faster_than_any_that_was_checked_are_named(certification: Certification) -> None:
+    """On a record whose skips are all slower; beside the answer, and in the file."""
+    met = replace(certification, verdicts=all_as(certification, "met", 0.99))
+    trials = certification.record.trials
+    slow = min(trial.verdict.condition.speed_mps for trial in trials)
+    hidden = [t for t in trials if t.verdict.condition.speed_mps == slow]
+    skipped = tuple(replace(t, verdict=replace(t.verdict, word="met", probability=0.99)) for t in hidden)
+    found = replace(met, record=TrackRecord(skipped))
+    (fact,) = (fact for fact in facts(found) if fact.code == "record.slower")
+    faster = [i for i, condition in met.matrix.items if condition.speed_mps > slow + KPH]
+    assert list(fact.about) == faster
+    assert "slower" in fact.sentence
+    assert fact.sentence in against(found).values()
+    assert fact.sentence in certification_record(found)["sentences"]  # type: ignore[operator]
+    assert not values(certification, "record.slower")
+
+
+def test_an_answer_that_turns_has_its_reason(certification: Certification) -> None:
+    """The criterion that decides with its probability before, or what was asked for."""
+    met, less = (replace(certification, verdicts=all_as(certification, "met", p)) for p in (0.99, 0.9))
+    first, *others = turned_texts(met, less)
+    assert first == f"{met.matrix.ids[0]}: skip → run (all at once: 0.700, was 0.970)"
+    assert len(others) == 2
+    (crush, *rest), *rows = met.verdicts
+    undecided = replace(crush, word="open", probability=0.5)
+    turned = turned_texts(met, replace(met, verdicts=((undecided, *rest), *rows)))
+    assert turned == [f"{met.matrix.ids[0]}: skip → run (crush: 0.500, was 0.990)"]
 
 
 def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confidence(
@@ -256,7 +294,8 @@ def test_what_stands_apart_is_named_beside_the_answer(certification: Certificati
     assert list(beside) == ["run", "run", "run; T1 stands apart"]
     assert certification_result(found).tables["planned"].frame["Answer"].tolist() == ["run"] * 3
     *_, last = planned(found)
-    assert (last.id, last.word, last.why) == ("M70", "run", "open: crush, OLC, rating; T1 stands apart there")
+    told = ("M70", "run", "open: crush, OLC, rating", ("T1 stands apart there",))
+    assert (last.id, last.word, last.why, last.further) == told
 
 
 def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certification: Certification) -> None:
@@ -272,6 +311,13 @@ def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certi
     at_most = pytest.approx(1 - 0.05 ** (1 / near), abs=1e-4)
     assert kept["near_limit"] == {"n": near, "wrong": 0, "wrong_at_most": at_most}
     assert kept["intervals"] == dict(zip(("inside", "n"), record.intervals, strict=True))
+
+
+def test_each_criterion_stands_beside_what_its_own_record_supports(certification: Certification) -> None:
+    record, asked = certification.record, certification.criteria
+    told = certification_result(certification).tables["record"].frame["What this record supports"].tolist()
+    assert told == [*(support_text(record, own, asked.confidence) for own in asked.items), ""]
+    assert len({*told}) > 2
 
 
 def test_probabilities_that_did_not_come_true_or_gain_nothing_are_exceptions(certification: Certification) -> None:

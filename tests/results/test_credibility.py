@@ -31,7 +31,7 @@ def certification(campaign: Campaign, shared_cache: Path) -> Certification:
 
 def says(certification: Certification, factor: str, display: Display = DEFAULT) -> str:
     """What the data say of a factor."""
-    return display.words(credibility_table(certification).set_index("factor").loc[factor, "data_say"])
+    return str(credibility_table(certification, display.system).set_index("factor").loc[factor, "data_say"])
 
 
 def test_every_factor_has_a_number_or_says_that_there_is_none(certification: Certification) -> None:

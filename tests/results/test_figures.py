@@ -56,7 +56,7 @@ def test_every_figure_is_one_call(study: Study) -> None:
     drawn = [study.plot("T2", name, unit="m/s2", units="kph-kg") for name in (*named, *networks)]
     for name in ("ratings", "draws", "calibration"):
         drawn += [study.plot(figure=name), study.plot(figure=name, approaches=["fused"])]
-    for name in ("tests", "conditions", "cae", "bias", "cae events"):
+    for name in ("tests", "conditions", "cae", "cae and test", "bias", "cae events"):
         drawn.append(study.campaign.plot(name, held_out="T2", units="kph-kg"))
     assert min(len(figure_table(figure)) for figure in drawn) > 0
 
@@ -64,8 +64,9 @@ def test_every_figure_is_one_call(study: Study) -> None:
 @pytest.mark.parametrize("name", ["motion", "acceleration", "displacement", "energy", "integration"])
 def test_every_figure_of_a_prediction_is_one_call(elsewhere: PredictedPulse, name: str) -> None:
     drawn = elsewhere.plot(name, also=["T3"])
-    representative = ["Representative pulse"] if name in ("motion", "acceleration") else []
-    assert names(drawn) == ["Fused", *representative, "T3 · 26.0 mph"]
+    single = ["Fused, representative pulse"] if name in ("motion", "acceleration") else []
+    assert names(drawn) == ["Fused", *single, "T3 · 26.0 mph"]
+    assert names(elsewhere.plot(name, average=False)) == (single or ["Fused"])
     assert "T3 · 26.0 mph" in figure_table(drawn).to_csv()
 
 

@@ -84,7 +84,7 @@ def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst
     assert text.count("<h3>Why it is rated as it is") == 2
     assert text.count("over 0–60 ms: nothing is lost.") == 2
     worst = text.partition("<h3>The worst test</h3>")[2].partition("</section>")[0]
-    assert re.search(f"<p>{worst_test(study).test.id} at .* mph, left out, is rated over 0–60 ms. ", worst)
+    assert re.search(rf"<p>We left out {worst_test(study).test.id} \(.* mph\) and rated it over 0–60 ms. ", worst)
     assert "it takes 3 to tell whether a test stands apart." in worst
     assert text.count("b>Magnitude 1.000") == 1  # the title of a row of its figure
 
@@ -96,7 +96,7 @@ def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, 
     campaign = replace(study.campaign, cae=replace(study.campaign.cae, quality=quality))
     judged = replace(campaign, quality_limits=NAMED_LIMITS["euro-ncap-vt-2025"])
     told = study_report(replace(study, campaign=judged)).partition(heading)[2].partition("</section>")[0]
-    assert "0 of 24 pass, 1 fail, 23 cannot be judged" in told
+    assert "0 of 24 pass, 1 fail; 23 cannot be judged" in told
     assert "Runs that fail: C00 (hourglass energy 12 %)." in told
     assert "<td>Hourglass energy, largest</td><td>largest internal energy</td><td>&lt; 10</td><td>23</td>" in told
 
@@ -130,8 +130,14 @@ def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(stu
 
 
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
-    both = study_report(replace(study, speed_groups=study))
-    assert "A whole speed group left out" in both
+    """With their own ratings."""
+    weaker = replace(estimate(study.folds[1].test), accel_mps2=0.8 * study.folds[1].test.pulse.accel_mps2)
+    folds = (study.folds[0], Fold.of(study.folds[1].test, [weaker], CONFIG.windows_ms))
+    both = study_report(replace(study, speed_groups=(groups := replace(study, folds=folds))))
+    alone, _, grouped = both.partition("<h3>A whole speed group left out")
+    mean = f"<b>{groups.mean_rating('cae', 60.0):.3f}"
+    assert mean in grouped.partition("</section>")[0]
+    assert mean not in alone
     assert len(both.contents.figures) == len(study_report(study).contents.figures) + 1
 
 
@@ -202,7 +208,7 @@ def test_a_report_shows_chosen_tests_in_the_units_and_the_window_of_the_page(stu
     assert "<h2>Test T2: " in text
     assert "<h2>Test T1: " not in text
     assert "Every held-out test, 0–20 ms" in text
-    assert " mph, left out, is rated over 0–20 ms." in text  # the worst test
+    assert " mph) and rated it over 0–20 ms." in text  # the worst test
     assert "With\n2 tests, no more than this can be promised." in text
     pulses = next(figure.drawn for figure in text.contents.figures if figure.title.endswith("Pulses over time"))
     assert pulses["layout"]["yaxis"]["title"]["text"] == "Acceleration (m/s²)"

@@ -1,11 +1,14 @@
 """A figure, a table and a report are in one system of units; the numbers in another are the same, converted."""
 
+import io
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 import pytest
 from plotly.offline import get_plotlyjs
@@ -21,6 +24,8 @@ from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.certification import certification_result
 from crashfuse.results.display import Display
+from crashfuse.results.export.outgoing_pulses import PulseExport
+from crashfuse.results.export.solver_curves import SolverCurve
 from crashfuse.results.planning import next_tests_result, sweep_result
 from crashfuse.results.plots.certification import validated_domain, verdict_matrix
 from crashfuse.results.plots.conditions import condition_space
@@ -133,6 +138,28 @@ def test_a_report_is_in_one_system(campaign: Campaign, name: str, system: UnitSy
     """Condition, figures, tables, sentences and the command that makes it again; only limits stand as declared, too."""
     text = REPORTS[name](campaign, Display(system=system)).replace("\N{NO-BREAK SPACE}", " ")
     assert other_units(text.replace("at most 60 km/h", ""), system) == []
+
+
+@SYSTEMS
+def test_files_for_reading_are_in_one_system(campaign: Campaign, system: UnitSystem) -> None:
+    """Reasons, the credibility sheet, comments of exported pulses; numbers for programs are the same in both."""
+    files = certification_result(certification(campaign)).files_in(system)
+    tables = {
+        name: pd.read_csv(io.BytesIO(cast(bytes, files[f"{name}.csv"]()))) for name in ("certification", "credibility")
+    }
+    told = " ".join([*tables["certification"]["reason"], *tables["credibility"]["data_say"]])
+    assert other_units(told.replace("at most 60 km/h", ""), system) == []
+    assert {"speed_mph", "at_most"} <= {*tables["certification"]}
+    there = replace(campaign.tests[0].condition, units=system.endings)
+    own = replace(estimate(campaign.tests[0]), condition=there, accel_mps2=0.5 * campaign.tests[0].pulse.accel_mps2)
+    export = PulseExport(("lsdyna", "isomme"), curve=SolverCurve("mm-s-t"))
+    prediction = PredictedPulse(campaign, (own,), CONFIG)
+    for form in export.formats:
+        made = prediction_result(prediction, export=export).files_in(system)[f"{form}/"]()
+        pulses = cast(Mapping[str, bytes], made)
+        headers = " ".join(re.sub(r"\s*(Comments +:|\$|\n) *", " ", text.decode("latin-1")) for text in pulses.values())
+        assert "moves forward at" in headers
+        assert other_units(headers, system) == []
 
 
 @SYSTEMS

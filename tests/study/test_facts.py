@@ -75,7 +75,7 @@ def test_a_window_that_ends_before_the_peak_says_so(campaign: Campaign) -> None:
     assert beyond.code == "test.beyond_window"
     assert beyond.values["peak_ms"] == pytest.approx(30.0, abs=0.1)
     assert beyond.values["ttzv_ms"] == pytest.approx(38.2, abs=5.0)
-    assert beyond.sentence.endswith("0–20 ms, ends before the peak and zero velocity.")
+    assert beyond.sentence.endswith("stops at 20 ms, before the peak and zero velocity.")
     (later,) = window_facts(test, 31.0)
     assert "peak" not in later.sentence
     assert window_facts(test, 60.0) == ()

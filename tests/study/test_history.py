@@ -135,13 +135,17 @@ def test_the_same_question_has_one_record_and_another_has_its_own(past: PastResu
 
 
 def test_only_the_latest_are_kept(past: PastResult, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The oldest file makes room."""
+    """The oldest file makes room, predictions first: they are made again at once."""
     monkeypatch.setattr(history, "MOST", 3)
     for seed in range(5):
         result = replace(past, config=replace(past.config, seed=seed))
         keep(result)
         os.utime(home / f"{result.id}.json", (seed, seed))
     assert sorted(result.config.seed for result in past_results()) == [2, 3, 4]
+    prediction = replace(past, ratings={}, condition=Condition.of_vector([10.0, 900.0, 700.0]))
+    for result in (prediction, replace(past, fingerprint="another")):
+        keep(result)
+    assert all(result.tests for result in past_results())
 
 
 @pytest.mark.parametrize(

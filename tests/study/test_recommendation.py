@@ -82,7 +82,7 @@ def test_harm_against_the_raw_model_is_named_with_its_test(campaign: Campaign) -
     text = " ".join(recommend(replace(spoiled, folds=(bad, *spoiled.folds[1:]))).sentences)
     shown = [round(bad.ratings[name][60.0].overall, 3) for name in ("cae", "displacement_domain")]
     harm = shown[0] - shown[1]
-    assert f"It is better than this in T1 (by up to {harm:.3f})" in text
+    assert f"In T1 the raw model is better, by up to {harm:.3f}." in text
 
 
 def test_a_correction_that_ceases_away_from_tests_is_named(campaign: Campaign) -> None:
@@ -204,7 +204,7 @@ def test_the_headline_says_which_window_prefers_what_cannot_be_told_apart(campai
     found = recommend_for(both, rest, test.condition)
     assert found.approach == "displacement_domain"
     for headline in (found.sentences[0], found.after(0.85)[0].sentence):
-        assert "the displacement domain. 3 left-out tests cannot tell it from the time domain. " in headline
+        assert "the displacement domain. On 3 left-out tests the time domain did as well. " in headline
         assert re.search(r"Higher rated: the time domain over 0–20 ms \(1\.000 for 0\.\d{3}\)", headline)
     clear = [early_right, estimate("displacement_domain", rest, test, 0.5)]
     assert not recommend_for(clear, rest, test.condition).ties
@@ -367,9 +367,9 @@ def test_ranges_and_grades_agree_with_what_is_displayed(campaign: Campaign) -> N
     told = replace(found, lower=0.8849, upper=0.9404, least=0.7, most=0.98)
     assert told.range == "0.88 to 0.94"
     assert told.grades == "Good"
-    assert told.outcome(0.8801) == "Expected 0.88 to 0.94 (80 %), came out 0.880 (Good): as expected."
-    assert told.outcome(0.8004).endswith("came out 0.800 (Good): below what was expected.")  # the grade of its rating
-    assert told.outcome(0.878).endswith("came out 0.878 (Good): below what was expected.")  # not what 0.88 begins with
+    assert told.outcome(0.8801) == "Rated 0.880 (Good), as expected: 0.88 to 0.94 (80 %)."
+    assert told.outcome(0.8004).startswith("Rated 0.800 (Good), below what was expected: ")  # the grade of its rating
+    assert told.outcome(0.878).startswith("Rated 0.878 (Good), below what was expected: ")  # not what 0.88 begins with
     assert told.surprise(0.75) == "below what was expected"
     assert told.surprise(0.96) == "above what was expected"
     assert told.surprise(0.59) == "far below what was expected"

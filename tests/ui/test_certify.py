@@ -114,12 +114,11 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert "{} of {}".format(*expected.saved) in session.words
     for told in exceptions(expected).values():
         assert told[0] in session.words
-    for place in ("answer", "costs", "verdicts"):
+    for place in ("answer", "costs"):
         assert all(sentence in session.words for sentence in sentences(expected, place))
     for i, verdict in expected.cells:
         assert verdict.reason in reason(session, f"{i} | {verdict.criterion.name}")
-    session.app.button_group(key="answered").set_value("By criterion")
-    assert session.run().charts == 1
+    assert session.charts == 1
     assert session.press("Export").downloads == FILES
     assert tab(session, "Validated domain").charts == 1
     assert tab(session, "Track record").charts == 1
@@ -152,12 +151,13 @@ def test_a_click_says_what_another_question_would_change(
     """Another confidence and stricter limits take no fits; the numbers are those of the library."""
     session = certified(visit("certify", **LINK))
     fitting_is_an_error()
-    (pills,) = [own for own in session.app.pills if own.label.startswith("What if")]
-    pills.set_value(["confidence 0.99", "limits 5 % stricter"])
-    table = session.run().finish().tables[-1]
+    session.fill({"What if": ["confidence 0.99", "limits 5 % stricter"]})
+    table = session.finish().tables[-1]
     looser = of_library(asking, confidence=0.99)
     assert table["Need not be run"].tolist()[0] == "{} of {}".format(*looser.saved)
     assert table["What if"].tolist() == ["confidence 0.99", "limits 5 % stricter"]
+    turned = [text for text in table["What changes"] if text != "nothing"]
+    assert all(re.search(r"→ .* \(.*\)", text) for text in turned)
 
 
 @pytest.mark.slow
@@ -248,6 +248,43 @@ def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, vis
     session.run()
     assert "mine.toml, criterion 1: expected a metric of peak" in session.words
     assert session.app.session_state["criteria"] == ["peak~~~20~peak~g"]
+    assert (asking / "criteria.toml").read_text() == CRITERIA
+
+
+def test_what_is_asked_is_saved_into_the_campaign_and_shown_to_whoever_comes_next(
+    open_campaign: Path, visit: Visit
+) -> None:
+    """With one button, and taken back by Undo; of the sample, whose folder stays as it is, as files."""
+    session = visit("certify", **LINK).press("Limits of these tests")
+    session.edit("planned", {0: {0: "First", 1: "31"}})
+    asked = session.app.session_state["criteria"]
+    session.press("Save in the campaign")
+    assert not session.app.error
+    assert not {"criteria", "planned"} & {*session.app.query_params}
+    fresh = visit("certify", **LINK)
+    assert [row.split("~")[:4] for row in fresh.app.session_state["criteria"]] == [row.split("~")[:4] for row in asked]
+    assert fresh.app.session_state["matrix"] == "The campaign’s"
+    fresh.app.button_group(key="matrix").set_value("Typed in")
+    assert fresh.run().rows("planned")[0][:2] == ["First", "31"]
+    assert [button.disabled for button in fresh.app.button if button.label == "Save in the campaign"] == [True]
+    fresh.go("data").press("Undo")
+    assert not (open_campaign / "criteria.toml").exists()
+    assert not (open_campaign / "matrix.csv").exists()
+    sample = visit("certify", campaign="sample", confidence="0.9")
+    assert "Save in the campaign" not in sample.buttons
+    assert sample.downloads == ["criteria.toml"]
+
+
+def test_what_cannot_be_saved_stays_typed(asking: Path, visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder may turn out to be full, or somebody's."""
+    session = visit("certify", **LINK).edit("criteria", {0: {3: "444"}})
+
+    def full(*_: object) -> str:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("crashfuse.ui.certify.saving._save", full)
+    assert "No space left" in session.press("Save in the campaign").tables[-1].to_string()
+    assert session.app.session_state["criteria"][0] == "max_crush~~~444~crush~mm"
     assert (asking / "criteria.toml").read_text() == CRITERIA
 
 
@@ -420,7 +457,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     assert len(kept(session).options) > before  # another process may keep some, too
     record = json.loads(certification_json(of_library(asking)))
     last, _ = record["tests_sha256"].popitem()
-    told = f"Tests that it did not know: {last}."
+    told = f"Run since: {last}."
     for content, words in ((b"{}", "expected the record of a certification"), (json.dumps(record).encode(), told)):
         session.app.file_uploader[-1].set_value([("certification.json", content, "application/json")])
         session.run()
@@ -433,7 +470,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     assert session.app.session_state["earlier"] is None
     kept(session).select_index(0)
     session.run()
-    assert "Beside the earlier certification of" in session.words
+    assert "Compared with an earlier certification of" in session.words
 
 
 def kept(session: Session) -> "Selectbox[str]":

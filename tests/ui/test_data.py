@@ -23,6 +23,7 @@ from crashfuse.files.archive import zipped
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
+from crashfuse.study.facts import Fact
 from crashfuse.ui.kit import campaigns, uploads, visitors
 from crashfuse.ui.kit.results import problem_table
 from crashfuse.units import G
@@ -39,7 +40,7 @@ def test_a_newcomer_sees_what_this_is_and_one_button() -> None:
     """The first page has a sentence, the sample, a field for a folder and one for files."""
     session = begin()
     assert "full-frontal barrier tests" in session.words
-    assert session.buttons == ["Load the sample campaign", "Open folder", "Open upload"]
+    assert session.buttons == ["Load the sample campaign", "Open folder", "Up", "Open this folder", "Open upload"]
     assert [field.label for field in session.app.text_input] == ["A folder or file on this computer"]
     assert len(session.app.file_uploader) == 1
 
@@ -65,21 +66,38 @@ def test_the_sample_is_made_where_it_was_not_shipped(
 
 
 @pytest.mark.slow
-def test_a_folder_that_is_opened_is_shown(campaign_folder: Path, campaign: Campaign) -> None:
+def test_a_folder_that_is_opened_is_shown(campaign_folder: Path) -> None:
     session = begin().open_folder(str(campaign_folder))
     assert session.app.sidebar.selectbox(key="campaign").value == campaign_folder.name
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
     assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
-    for tab in ("Tests", "CAE model", "Conditions"):
-        assert session.open_tab("data", tab).charts == 1
-    assert "the ratings of their paired CAE runs" in session.words
+    for tab, charts in (("Tests", 1), ("CAE model", 3), ("Conditions", 1)):
+        assert session.open_tab("data", tab).finish().charts == charts
     (table,) = session.tables
     assert table["Test"].tolist() == ["T1", "T2", "T3", "T4"]
     assert table["Speed (mph)"].tolist() == ["15.0", "25.0", "26.0", "35.0"]
-    assert table["Paired run"].tolist() == ["C20", "C21", "C22", "C23"]
-    run = Pulse(GRID_S, campaign.cae.accel_mps2[20].astype(float))
-    rating = rate_windows(campaign.tests[0].pulse, run, [40.0])[40.0]
-    assert table["0–40 ms"][0] == f"{rating.overall:.3f} {rating.grade}"
+    assert table["CAE pulse"].tolist() == ["C20", "C21", "C22", "C23"]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("open_campaign")
+def test_the_cae_model_is_held_against_each_test(campaign: Campaign) -> None:
+    """By metrics and, last, its rating over the window that was chosen; a click overlays another test."""
+    session = begin(data_tab="CAE model", window="40", test="T2")
+    table = session.tables[0]
+    assert table.columns[2:].tolist() == [
+        *["Peak (g)", "Crush (mm)", "TTZV (ms)", "OLC (g)", "SM25 (g)", "Rating, 0–40 ms"]
+    ]
+    run, test = Pulse(GRID_S, campaign.cae.accel_mps2[20].astype(float)), campaign.tests[0]
+    rating = rate_windows(test.pulse, run, [40.0])[40.0]
+    assert table["Rating, 0–40 ms"][0] == f"{rating.overall:.3f} {rating.grade}"
+    of_cae, measured = (round(float(-pulse.accel_mps2.min() / G), 1) for pulse in (run, test.pulse))
+    assert table["Peak (g)"][0] == f"{of_cae} / {measured} {of_cae - measured:+.1f}".replace("-", "−")
+    session.app.button_group(key="test over CAE").set_value("T3").run()
+    session.finish()
+    assert session.app.session_state["test"] == "T3"
+    assert "The CAE model rates" in session.words
+    assert "of what is lost" not in session.words
 
 
 @pytest.mark.slow
@@ -93,9 +111,24 @@ def test_the_quality_of_the_cae_runs_is_shown(campaign_folder: Path) -> None:
     assert "22 of 24 pass" in session.words
     assert "1 cannot be judged" in session.words
     assert "Runs that fail" in session.words
-    (quality,) = session.tables
+    (quality,) = (table for table in session.tables if "At worst (%)" in table)
     assert quality["At worst (%)"].tolist() == ["–", "20", "–"]
     assert session.app.dataframe[0].value["CAE run"].tolist() == ["C00"]
+
+
+def test_a_folder_is_picked_level_by_level(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the home folder, or the one that pages may open, above which it does not go."""
+    top = campaign_folder.parent
+    (top / ".hidden").mkdir()
+    monkeypatch.setenv("CRASHFUSE_ROOT", str(top))
+    session = begin()
+    picker = next(field for field in session.app.selectbox if field.label == "Folders in it")
+    assert campaign_folder.name in picker.options
+    assert ".hidden" not in picker.options
+    assert next(button for button in session.app.button if button.label == "Up").disabled
+    picker.select(campaign_folder.name).run()
+    assert session.app.text_input(key="folder").value == str(campaign_folder)
+    assert session.press("Open this folder").numbers["Tests"] == "4"
 
 
 @pytest.mark.slow
@@ -257,6 +290,26 @@ def test_what_a_single_test_allows_is_said_on_every_page(open_campaign: Path) ->
         assert "T1 is the only test: without it there is nothing to learn from." in session.words
         assert not session.buttons
     assert session.go("predict").buttons
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("open_campaign")
+def test_the_badge_of_a_test_that_stands_apart_overlays_the_tests_at_its_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With what sets it apart; a button brings the others back, and so does any other badge."""
+    values = {"speed_mps": 11.4, "differs_by_g": 9.0, "others_differ_by_g": 3.0}
+    facts = lambda _: (Fact("test.stands_apart", values, ("T3",)),)  # noqa: E731
+    monkeypatch.setattr("crashfuse.ui.kit.frame.campaign_facts", facts)
+    monkeypatch.setattr("crashfuse.ui.data.campaign_facts", facts)
+    session = begin("study")
+    (badge,) = (button for button in session.app.button if "stands apart" in button.label)
+    badge.click()
+    session.run()
+    assert session.app.title[0].value != "Study"
+    assert session.app.session_state["overlaid"] == ["T2", "T3"]
+    assert "differs from the other tests" in session.words
+    session.press("All 4 tests")
+    assert session.app.session_state["overlaid"] == []
+    assert "differs from the other tests" not in session.words
 
 
 def pills(session: Session) -> list[Any]:

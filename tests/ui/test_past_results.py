@@ -38,6 +38,17 @@ def past(visit: Visit, *ticked: PastResult) -> Session:
     return visit("study", study_tab="Past results", ticked=[result.id for result in ticked])
 
 
+def test_what_predict_and_certify_answer_is_listed(visit: Visit, open_campaign: Path) -> None:
+    """Without a pin or a button."""
+    (open_campaign / "criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 900.0\n')
+    (open_campaign / "matrix.csv").write_text("id,speed_mph,front_weight_lb,rear_weight_lb\nM,25,2050,1500\n")
+    visit("certify", approach="cae").press("Certify").finish()
+    visit("predict", approaches="cae").finish()
+    listed = set(past(visit).app.dataframe[0].value["What"])
+    assert "certification of 1 condition" in listed
+    assert any(what.startswith("at ") for what in listed)
+
+
 def open_last(session: Session) -> Session:
     """Open what is ticked last."""
     session.app.button[-1].click()

@@ -9,6 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from crashfuse.approaches.base import StudentT
 from crashfuse.cae.model import LoadingCurve
 from crashfuse.condition import Condition
 from crashfuse.signals.loading_phase import LoadingPhase
@@ -113,6 +114,12 @@ class BiasDraws:
 
     over_displacement_mps2: FloatArray  # shape (1 + n_draws, n_displacements)
     over_speed_mps2: FloatArray  # shape (1 + n_draws, n_shares): added while the vehicle stops, over v / v0
+
+    @classmethod
+    def of(cls, bias: StudentT, n_displacements: int, n_draws: int, rng: np.random.Generator) -> Self:
+        """Draw from a distribution of the bias over so many displacements, then over velocity."""
+        functions = np.vstack([bias.mean, bias.draw(n_draws, rng)])
+        return cls(*np.split(functions, [n_displacements], axis=1))
 
     def widened(self, factor: float, share: float = 1.0) -> "BiasDraws":
         """Draws with their deviations from the mean multiplied by a factor, of the mean a share that carries over.

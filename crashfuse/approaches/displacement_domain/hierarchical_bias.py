@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 from scipy.special import stdtrit
 
-from crashfuse.approaches.base import FittedState, student_draws
+from crashfuse.approaches.base import FittedState, StudentT, root
 from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPart, BiasPoints, CaeForce, CaeStop
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
@@ -108,9 +108,11 @@ class HierarchicalBias:
         choices += [tuple(self._levels)] * (len(self._levels) > 1)
         self.densities_: dict[str, float] = {}
         best: GaussianProcess | None = None
+        self.retried_ = False
         for number, factors in enumerate(choices):
             watch.report("Bias model", number, len(choices))
             process = self._process(factors).fit(rows, y, best)
+            self.retried_ |= process.retries_ > 0
             density = float(process.left_out_log_density().sum())
             if not self.densities_ or density > max(self.densities_.values()):
                 best, self.process_, self.factors_ = process, process, factors
@@ -206,14 +208,17 @@ class HierarchicalBias:
         return np.column_stack([points.displacement_m, x, trend, humps, share, stopping, alike])
 
     def sample(self, moving: BiasPoints, stop: CaeStop, n_draws: int, rng: np.random.Generator) -> BiasDraws:
-        """Mean and draws (Student's t) of a new test's bias with its specific deviation and stop, without noise."""
+        """Mean and draws of a new test's bias by its :meth:`distribution`."""
+        return BiasDraws.of(self.distribution(moving, stop), moving.displacement_m.size, n_draws, rng)
+
+    def distribution(self, moving: BiasPoints, stop: CaeStop) -> StudentT:
+        """A new test's bias with its specific deviation and stop, without noise; no seed changes it."""
         crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)
         stopping = BiasPoints(moving.condition, crush, stop.speed_share, hump)
         rows = np.vstack([self._rows(moving), self._rows(stopping, crushing=False)])
         mean, covariance = self.process_.posterior(rows)
         mean += self._expected(rows)
-        functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
-        return BiasDraws(*np.split(functions, [moving.displacement_m.size], axis=1))
+        return StudentT(mean, root(covariance), self.freedom_)
 
     def common(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance of new tests' bias before their stop, one after the other, without specific parts."""

@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from crashfuse.approaches.base import FittedState, draw, student_draws
+from crashfuse.approaches.base import FittedState, StudentT, draw, root
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.signals.loading_phase import LoadingPhase, loading_phase
@@ -36,6 +36,7 @@ _PARTS = (
 _OF_A_TEST = {part.name for part in _PARTS if part.same is not None}
 _NOISE = LogNormal(0.1, 0.8)
 _LEAST_FREEDOM = 3
+_MOST_KEPT = 16  # corrections: of a left-out test some are asked for again, with each widening and by each seed
 
 
 def follow_unloading(
@@ -97,6 +98,7 @@ class Rebound:
     def fit(self, tests: Sequence[Unloading], learned: FittedState | None = None) -> Self:
         """Fit to tests, or restore what was learned from them; those whose record ends at zero velocity are skipped."""
         (x, y), process = self._rows_of(tests), GaussianProcess(_PARTS, _NOISE)
+        self._corrections: dict[tuple[float, float], StudentT] = {}  # by speed and widening
         self.process_ = None
         if len(x):
             self.process_ = process.fit(x, y) if learned is None else process.restore(x, y, learned)
@@ -124,6 +126,7 @@ class Rebound:
     def without(self, *numbers: int) -> Self:
         """The same as if the tests with these numbers had not been run."""
         other = copy.copy(self)
+        other._corrections = {}
         if self.process_ is not None:
             nothing_left = np.isin(self.process_.x_[:, -1], numbers).all()
             other.process_ = None if nothing_left else self.process_.without(*numbers)
@@ -143,9 +146,13 @@ class Rebound:
         whole = _unloaded(pulses, since, cae_mps2, cae_loading)
         if self.process_ is None:
             return whole
-        mean, covariance = self.process_.posterior(_rows(_AFTER_S, speed_mps, -1))
-        draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(whole) - 1, rng)
-        return _with(np.vstack([mean, draws]), whole, since)
+        if (correction := self._corrections.get((speed_mps, widening))) is None:
+            mean, covariance = self.process_.posterior(_rows(_AFTER_S, speed_mps, -1))
+            correction = StudentT(mean, root(widening**2 * covariance), self.freedom_)
+            if len(self._corrections) < _MOST_KEPT:
+                self._corrections[speed_mps, widening] = correction
+        draws = correction.draw(len(whole) - 1, rng)
+        return _with(np.vstack([correction.mean, draws]), whole, since)
 
     def repeat(
         self, pulses: Kinematics, test_mps2: FloatArray, speed_mps: float, rng: np.random.Generator

@@ -23,7 +23,7 @@ from crashfuse.results.fit_explanations import whole_sentences
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts
-from crashfuse.units import MS, G
+from crashfuse.units import MS, G, Sentence, UnitSystem, said, speed
 from crashfuse.version import __version__
 
 PulseFormat = Literal["isomme", "lsdyna", "radioss"]
@@ -80,8 +80,18 @@ class PulseExport:
             if not (isinstance(number, Integral) and number >= 0):
                 raise UsageError(f"{what} is 0 or more, not {number!r}.")
 
-    def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:
-        """The files of each format, which state these remarks, too; a UsageError if there are too few draws."""
+    def files(
+        self,
+        campaign: Campaign,
+        estimates: Sequence[Estimate],
+        remarks: Sequence[str] = (),
+        units: UnitSystem | None = None,
+    ) -> PulseFiles:
+        """The files of each format, which state these remarks, too; a UsageError if there are too few draws.
+
+        What is for reading in them is in these units, by default the campaign's.
+        """
+        units = campaign.units if units is None else units
         written: dict[PulseFormat, dict[str, bytes]] = {name: {} for name in self.formats}
         cfc = campaign.channel_filter_class
         records = "taken as they are" if cfc is None else f"filtered with CFC {cfc:g}"
@@ -91,7 +101,7 @@ class PulseExport:
             *(fact.sentence for fact in campaign_facts(campaign)),
         )
         for place, pulse in enumerate((*outgoing(estimates, self.draws, self.seed), *corridors(estimates))):
-            comments = (*pulse.comments, *remarks, *origin)
+            comments = [said(text, units) for text in (*pulse.comments_in(units), *remarks, *origin)]
             for name, files in written.items():
                 if name == "isomme":
                     given = pulse.condition, pulse.accel_mps2, pulse.name, self.location, comments
@@ -108,7 +118,7 @@ class OutgoingPulse:
     """A whole pulse of a prediction, or an edge of its corridor, with its name and what has to be said about it."""
 
     approach: str
-    which: str  # for files: ``expected``, ``representative``, ``draw_037``, ``corridor_lower`` or ``corridor_upper``
+    which: str  # for files: ``expected``, ``representative``, ``apart``, ``draw_037`` or ``corridor_upper``, say
     label: str  # for readers
     condition: Condition
     accel_mps2: FloatArray = field(repr=False)
@@ -125,11 +135,11 @@ class OutgoingPulse:
         """Name for a reader."""
         return f"{LABELS[self.approach]}, {self.label}, {self.condition.stated_speed}"
 
-    @property
-    def comments(self) -> tuple[str, ...]:
-        """That it is predicted, by what, at which condition."""
-        made = f"Predicted by crashfuse {__version__}, not measured: {self.title}."
-        return made, f"Condition: {self.condition.stated}.", *self.remarks
+    def comments_in(self, units: UnitSystem) -> tuple[str, ...]:
+        """That it is predicted, by what, at which condition: as it was typed, and in the reader's units."""
+        made, there = f"Predicted by crashfuse {__version__}, not measured: {self.title}.", self.condition
+        same = "" if there.units == units.endings else f" ({there.in_units(units)})"
+        return made, f"Condition: {there.stated}{same}.", *self.remarks
 
 
 def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[OutgoingPulse]:
@@ -150,6 +160,9 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
                 representative,
                 "As a middling test here shows it.",
             )
+            for way, (fold, own) in zip(("others", "apart"), estimate.by_fold.items(), strict=False):
+                label = f"representative pulse if it folds as {fold}"
+                pulses[way] = label, own.representative_pulses()[0], "One of two ways in which tests here fold."
             for number, pulse in zip(chosen.tolist(), drawn, strict=True):
                 remark = f"One of {n} equally likely pulses."
                 pulses[f"draw_{number + 1:03d}"] = f"draw {number + 1}", pulse, remark
@@ -172,5 +185,5 @@ def _unfinished(accel_mps2: FloatArray, condition: Condition) -> tuple[str, ...]
     motion = kinematics(accel_mps2, condition.speed_mps, DT_S)
     end, last_g = f"The pulse ends at {accel_mps2.size * DT_S / MS:g} ms", accel_mps2[-1] / G
     if not np.isfinite(motion.t0_s):
-        return (f"{end}, while the vehicle still moves forward at {motion.velocity_mps[-1]:.3g} m/s.",)
+        return (Sentence(f"{end}, while the vehicle still moves forward at {{}}.", speed(motion.velocity_mps[-1])),)
     return (f"{end} with {last_g:.1f} g left.",) if abs(last_g) > _REST_G else ()

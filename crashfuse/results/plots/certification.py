@@ -1,6 +1,7 @@
-"""Figures of a certification: the matrix of verdicts, and the validated domain."""
+"""Figures of a certification: how close each planned test is to its limits, verdicts, record, validated domain."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from textwrap import wrap
 from typing import Any
 
@@ -11,7 +12,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
-from crashfuse.results.certification_tables import ANSWER, answer_texts
+from crashfuse.results.certification_tables import ANSWER, answer_texts, planned
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.drawing import Drawing, Look, Sheer
 from crashfuse.results.figures import WITH_GROUP, how_left_out
@@ -41,6 +42,9 @@ _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "tria
 _MAX_RUNS = 600  # more points only fill the same cloud
 _CHECKED = _AGREES = "#0072B2"
 _DISAGREES, _INTERVAL = "#D55E00", "#868D98"
+_BARS = {"met": _AGREES, "not met": _DISAGREES, "open": "#C29200", "outside": _INTERVAL}  # on a page of either theme
+_HEAD_PX, _FOOT_PX, _LETTERS_OF_HEADS = 88, 30, 55  # the page has its rows below a head of that height
+_MET_SIDE, _MISSED_SIDE = 3.0, 1.5  # of a scale, in usual widths of an interval from the limit
 
 
 def verdict_matrix(
@@ -92,8 +96,92 @@ def verdict_matrix(
     return drawing
 
 
+def planned_scales(
+    certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, names: bool = True
+) -> Drawing:
+    """Draw by planned test, in order of speed, and criterion the interval of a test there, or what one measured.
+
+    Each criterion has a scale around its limits, to whose ends is moved what lies beyond. ``names`` stand at the left;
+    marks are clicked as those of :func:`verdict_matrix`.
+    """
+    rows, criteria = planned(certification)[part], certification.criteria.items
+    drawing = drawing_of_points(_HEAD_PX + _ROW_PX * len(rows) + _FOOT_PX)
+    labels = [f"<b>{row.word}</b> {tick_name(row.id)} · {display.speed(row.condition.speed_mps)}" for row in rows]
+    left = max(map(len, labels)) * _LETTER_PX if names else 6
+    width, gap = 1 / len(criteria), 0.012
+    for number, criterion in enumerate(criteria):
+        verdicts = [certification.rows[row.id][number] for row in rows]
+        x, y = (name + f"{number + 1}" * (number > 0) for name in "xy")
+        start, end = number * width + gap * (number > 0), (number + 1) * width
+        drawing.axis(x, anchor=y, domain=[start, end], nticks=3, showgrid=False, tickfont={"size": 11}, ticks="outside")
+        drawing.axis(x, criterion.label, display.units.unit(criterion.unit), title="")
+        look = Look(tickvals=[*range(len(rows))], ticktext=labels, showticklabels=names and not number, zeroline=False)
+        drawing.axis(y, "Planned test", title="", anchor=x, range=[len(rows) - 0.5, -0.5], fixedrange=True, **look)
+        head = _header(criterion, max(_LETTERS_OF_HEADS // len(criteria), 11), display)
+        drawing.note(head, (start + end) / 2, 1, font_size=12, xanchor="center", yanchor="bottom", yshift=4)
+        _draw_scale(drawing, [row.id for row in rows], verdicts, x, y, display)
+    drawing.update(showlegend=False, margin={"l": left, "r": 8, "t": _HEAD_PX, "b": _FOOT_PX}, dragmode=False)
+    drawing.update(hoverdistance=-1, hoverlabel_align="left")
+    return drawing
+
+
+def _draw_scale(
+    drawing: Drawing, ids: Sequence[str], verdicts: Sequence[Verdict], x: str, y: str, display: Display
+) -> None:
+    criterion = verdicts[0].criterion
+    factor, at = display.units.factor(criterion.unit), {"xaxis": x, "yaxis": y}
+    ends = np.array([(own.value, own.lower, own.upper) for own in verdicts], dtype=np.float64) * factor
+    measured = [(row, factor * v) for row, own in enumerate(verdicts) for v in own.run.values() if v is not None]
+    low, high = _ends_of_scale(criterion, factor, ends, [value for _, value in measured])
+    drawing.axis(x, range=[low, high], fixedrange=True)
+    for limit, missed in ((criterion.at_least, low), (criterion.at_most, high)):
+        if limit is not None:
+            start, end = sorted((factor * limit, missed))
+            drawing.shade(start, end, y, xref=x, fillcolor=Sheer(_DISAGREES, 0.13))
+            drawing.rule(x, factor * limit, INK, width=1.5)
+    shown = np.clip(np.where(np.isnan(ends), [[np.nan, low, high]], ends), low, high)
+    shown[np.isnan(ends).all(axis=1)] = np.nan
+    shown[[row for row, _ in measured]] = np.nan  # what was measured stands in its place
+    for word, colour in _BARS.items():
+        some = [row for row, own in enumerate(verdicts) if own.word == word]
+        bars = np.column_stack([shown[some, 1:], np.full(len(some), np.nan)]).ravel()
+        look = Look(mode="lines", line_color=colour, line_width=9, hoverinfo="skip")
+        if some:
+            drawing.add(look | Look(x=bars, y=np.repeat(some, 3), name=word, **at))
+    numbers = {"label": ids, "x": ends[:, 0], "x_lower": ends[:, 1], "x_upper": ends[:, 2]}
+    tick = marker(INK, "line-ns", 13, 2, INK) | Look(name=f"{criterion.title}: expected", hoverinfo="skip")
+    drawing.add(tick | Look(x=shown[:, 0], y=[*range(len(ids))], **at), numbers)
+    if measured:
+        places, values = zip(*measured, strict=True)
+        drawn = np.clip(values, low, high)
+        sides = ["middle right" if value < (low + high) / 2 else "middle left" for value in drawn]
+        look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip", textfont_size=11)
+        look |= Look(
+            text=[f" {replace(criterion.shown(v / factor), values=(v,), unit='')} " for v in values], textposition=sides
+        )
+        name = {"name": f"{criterion.title}: measured"}
+        found = {"label": [ids[row] for row in places], "x": values}
+        drawing.add(look | Look(x=drawn, y=places, **name, **at), found)
+    cells = Look(x=[(low + high) / 2] * len(ids), y=[*range(len(ids))], marker_opacity=0, marker_size=_ROW_PX - 8)
+    told = [_hover(i, verdict, display) for i, verdict in zip(ids, verdicts, strict=True)]
+    drawing.add(cells | Look(customdata=[f"{i} | {criterion.name}" for i in ids], **at) | telling(told))
+
+
+def _ends_of_scale(
+    criterion: Criterion, factor: float, ends: FloatArray, measured: Sequence[float]
+) -> tuple[float, float]:
+    """Where a scale begins and ends: some usual intervals around the limits, and no further than there are values."""
+    limits = [factor * limit for limit in (criterion.at_least, criterion.at_most) if limit is not None]
+    widths = (ends[:, 2] - ends[:, 1])[np.isfinite(ends).all(axis=1)]
+    usual = float(np.median(widths)) if widths.size else 0.1 * max(map(abs, limits))
+    sides = [_MISSED_SIDE if limit is not None else _MET_SIDE for limit in (criterion.at_least, criterion.at_most)]
+    known = [*ends[np.isfinite(ends)], *measured, *limits]
+    low = max(min(limits) - sides[0] * usual, min(min(known), min(limits) - usual / 2) - usual / 5)
+    return low, min(max(limits) + sides[1] * usual, max(max(known), max(limits) + usual / 2) + usual / 5)
+
+
 def _header(criterion: Criterion, width: int, display: Display) -> str:
-    name = [f"<b>{line}</b>" for line in wrap(criterion.name, width)]
+    name = [f"<b>{line}</b>" for line in wrap(criterion.title, width)]
     return "<br>".join(name + wrap(unbroken(display.words(criterion.limits)), width))
 
 
@@ -105,7 +193,7 @@ def _cell(verdict: Verdict, confidence: float, between: str) -> str:
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
     lines = [
-        f"<b>{condition_id}, {verdict.criterion.name}: {verdict.word}</b>",
+        f"<b>{condition_id}, {verdict.criterion.title}: {verdict.word}</b>",
         display.condition(verdict.condition),
         *wrap(display.words(verdict.reason), 78),
     ]
@@ -243,7 +331,7 @@ def _draw_trials(
     for limit in (criterion.at_least, criterion.at_most):
         if limit is not None:
             drawing.rule(y, factor * limit, colour=CURSOR, width=1.5, dash="dash")
-    words = f"<b>{criterion.name}</b>: {display.words(criterion.limits)} (dashed)"
+    words = f"<b>{criterion.title}</b>: {display.words(criterion.limits)} (dashed)"
     drawing.note(words, 0, 1, f"{y} domain", xref=f"{x} domain", xanchor="left", yanchor="bottom")
     shows = ("Rating",) if criterion.window_ms is not None else display.axis(criterion.label, criterion.unit)
     drawing.axis(y, *shows)

@@ -29,7 +29,7 @@ FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido", "pptx")}  # modules, by format
 _BEGIN, _END = '<script type="application/json" id="report">', "</script>"
 _WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
-_SLIDE_ROWS = 12  # of the table that answers
+_SLIDE_ROWS, _ANSWERS = 12, 3  # of the table that answers; sentences of the first slide
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
     "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
@@ -87,7 +87,8 @@ def contents_of(result: Result, display: Display) -> FiguresOfReport:
     left = [("…",) * rows.shape[1]] if len(rows) > _SLIDE_ROWS else []
     table = tuple(tuple(map(str, row)) for row in (rows.columns, *rows.to_numpy()[:_SLIDE_ROWS], *left) if len(rows))
     labels, doubts = tuple(fact.label for fact in result.facts), tuple(against_lines(result, display))
-    return FiguresOfReport(display.words(result.heading), notices, labels, figures, answers, table, doubts)
+    others = tuple(text for text in notices if text not in answers)  # a fact may be an answer, too
+    return FiguresOfReport(display.words(result.heading), others, labels, figures, answers, table, doubts)
 
 
 def slides(result: Result, display: Display) -> bytes:
@@ -233,7 +234,7 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
         if text:  # else an empty box would stand there
             write(slide.shapes.add_textbox(0, 0, 0, 0), text, top, height, size)
 
-    first, (headline, *details) = deck.slides.add_slide(only_title), report.answers or ("",)
+    first, (headline, *details) = deck.slides.add_slide(only_title), report.answers[:_ANSWERS] or ("",)
     write(first.shapes.title, headline or report.title, 0.3, 0.9, 28)
     below(first, report.title if headline else "", 1.1, 0.3, 14)
     below(first, "\n".join(details), 1.5, 0.9, 14)

@@ -49,7 +49,7 @@ def matrix_asked(view: View) -> Matrix | None:
     address.default("matrix", _OWN if own.is_file() else _TYPED, _sources(view))
     address.default("planned", _usual(view), follow=not state.get(JUDGED))  # verdicts would go
     if state["matrix"] == _OWN:
-        return _read(own, campaigns.stamp(own), view.campaign)
+        return read_own(own, campaigns.stamp(own), view.campaign)
     if state["matrix"] == _UPLOAD:
         return find_kept(_FILE, "uploaded", partial(_checked, campaign=view.campaign))
     return _typed(tuple(state["planned"]), view.campaign) if state["planned"] else None
@@ -95,7 +95,8 @@ def take(matrix: Matrix) -> None:
 
 
 @st.cache_resource(max_entries=8, show_spinner=False, hash_funcs=HASHED)
-def _read(path: Path, stamp: tuple[int, ...], campaign: Campaign) -> Matrix:  # noqa: ARG001 - part of the key
+def read_own(path: Path, stamp: tuple[int, ...], campaign: Campaign) -> Matrix:  # noqa: ARG001 - part of the key
+    """The planned tests of a campaign's folder."""
     return Matrix.read(path, campaign.factors)
 
 
@@ -144,7 +145,7 @@ def _usual(view: View) -> list[str]:
     campaign, system, own = view.campaign, view.display.system, view.folder / _FILE
     with suppress(CrashfuseError):
         if own.is_file():
-            items = _read(own, campaigns.stamp(own), campaign).items
+            items = read_own(own, campaigns.stamp(own), campaign).items
             kept = next((known for known in SYSTEMS.values() if known.endings == items[0][1].units), system)
             given = [(i, at.vector, [dict(at.factors).get(name, "") for name in campaign.factors]) for i, at in items]
             return [_text(i, vector, kept, factors) for i, vector, factors in given]

@@ -1,6 +1,7 @@
 """Verdicts on the Certify page: the answer with reasons and what-ifs, their record, domain and files."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -10,21 +11,22 @@ from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.certification import file_store
 from crashfuse.certification.certify import APPROACH, Certification, Variant, certify, is_computed
-from crashfuse.certification.criteria import Criteria, criteria_text, varied
+from crashfuse.certification.criteria import Criteria, varied
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError
 from crashfuse.results.certification import certification_result
 from crashfuse.results.certification_facts import exceptions
 from crashfuse.results.certification_record import certification_json
-from crashfuse.results.certification_tables import Planned, changed_text, csv_as_given, matrix_table, planned
+from crashfuse.results.certification_tables import Planned, planned, turned_texts
 from crashfuse.results.display import Display
-from crashfuse.results.plots.certification import MOST_WORDS
+from crashfuse.results.plots.certification import planned_scales
 from crashfuse.results.table import Table
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong
 from crashfuse.ui.certify.matrix import matrix_asked
+from crashfuse.ui.certify.saving import question_files
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
@@ -39,7 +41,6 @@ from crashfuse.ui.kit.text import plain
 from crashfuse.units import counted, joined
 
 _CHOICE, _KEPT = "earlier", "verdicts that were kept"  # session keys
-_MANY = 3  # criteria whose record scrolls
 _RECORD = {
     "What left-out tests showed": (
         "record",
@@ -114,9 +115,7 @@ def show_record(view: View, certification: Certification) -> None:
             show_table(result.tables["record"], "counts")
         name, alt, meaning = _RECORD[choose("Figure", list(_RECORD), key="record")]
         st.caption(meaning)
-        is_long = name == "record" and len(certification.criteria.items) >= _MANY
-        with st.container(height=_MANY_PX if is_long else "content", border=False):
-            _show_figure(view, certification, name, alt, "track_record" if name == "record" else name)
+        _show_figure(view, certification, name, alt, "track_record" if name == "record" else name)
     with st.expander("Earlier verdicts", icon=":material/history:", expanded=certification.since is not None):
         _choose_earlier(certification)
         if certification.since is None:
@@ -125,6 +124,13 @@ def show_record(view: View, certification: Certification) -> None:
         _show_sentences(result.sentences["since"])
         if certification.since.trials:
             show_table(result.tables["since"], "earlier verdicts")
+
+
+@st.cache_resource(max_entries=50, show_spinner=False)
+def keep_past(key: Hashable, _verdicts: Certification) -> None:  # noqa: ARG001 - once
+    """List it among past results, if there is room on this machine."""
+    with suppress(CrashfuseError):
+        file_store.keep_certification(certification_json(_verdicts), _verdicts.campaign)
 
 
 def beside_earlier(verdicts: Certification, key: Hashable) -> Certification:
@@ -192,35 +198,30 @@ def show_domain(view: View, certification: Certification) -> None:
 
 
 _CELL, _CRITERION = "cell", "criterion of the cell"  # session keys
-_MANY_PX = 560  # of what scrolls: of a list, the reason stays beside it
-_FEW, _MOST = 12, 200  # planned tests in a list without scrolling, and at all
+_FEW, _MOST, _MANY_PX = 12, 200, 560  # planned tests in a list without scrolling, and at all; height of one that does
 _WITHOUT = "without "  # what if
-_WAYS = ("Planned tests", "By criterion")
-_MEANINGS = {
-    "skip": "would meet all criteria at once, with the confidence asked for",
-    "run": "uncertain, or a wrong answer costs too much: a test, or another design, can tell",
-    "would miss": "would miss a criterion: another design, not a test, is needed",
-    "cannot say": "beyond what the tests check, or records end too early",
-    "was run": "a test was made there",
-}
 
 
 def show_answer(view: View, certification: Certification) -> None:
-    """Show the answer, why, what speaks against it, and what would change it."""
+    """Show the answer, what speaks against it, how close each planned test is, why, and what would change it."""
     result = certification_result(certification)
     headline, *others = result.answer
     st.subheader(headline, anchor=False)
-    for sentence in dict.fromkeys((*others, *result.sentences["costs"], *result.sentences["verdicts"])):
+    for sentence in dict.fromkeys((*others, *result.sentences["costs"])):
         st.caption(plain(sentence))
     with st.container(key="caveats"):
         for subject, sentence in result.against.items():
             st.markdown(f":small[:material/warning: **{plain(subject)}:** {plain(sentence)}]")
-    left, right = st.columns([3, 2], gap="medium")
+    rows = planned(certification)
+    chosen, _, criterion = str(st.session_state[_CELL] or "").partition(" | ")
+    if chosen not in {row.id for row in rows}:  # of another matrix, or none: the one to act on
+        acting = [row.id for row in rows if row.word == "run"] or [rows[0].id]
+        chosen, criterion = certification.run_first or acting[-1], ""
+    left, right = st.columns([11, 5], gap="medium")
     with left:
-        way = choose("Shown as", _WAYS, key="answered")
-        (_show_planned if way == _WAYS[0] else _show_matrix)(view, certification)
+        _show_planned(view, certification, chosen)
     with right:
-        _show_reason(certification, view.display)
+        _show_reason(certification, view.display, chosen, criterion)
     _show_variants(certification)
     caveats = exceptions(certification)
     with st.expander(f"All {sum(map(len, caveats.values()))} caveats", icon=":material/list:"):
@@ -229,57 +230,44 @@ def show_answer(view: View, certification: Certification) -> None:
             _show_sentences(told)
 
 
-def _show_planned(view: View, certification: Certification) -> None:
-    rows, chosen = planned(certification), str(st.session_state[_CELL] or "").partition(" | ")[0]
-    with st.container(height=_MANY_PX if len(rows) > _FEW else "content", border=False, gap=None, key="planned_tests"):
-        for number, row in enumerate(rows[:_MOST]):
-            label = f"**{row.word}** *{plain(row.id)}* {plain(view.display.speed(row.condition.speed_mps))} · "
-            st.button(
-                label + plain(view.display.words(row.why)), key=f"planned {row.word} {number}", width="stretch",
-                type="primary" if row.id == chosen else "secondary", on_click=_choose, args=(row.id,),
-            )  # fmt: skip
-    if len(rows) > _MOST:
-        st.caption(f"The slowest {_MOST}; *By criterion* has all.")
-    words = dict.fromkeys(row.word for row in rows)
-    st.caption("  \n".join(f"**{word}**: {_MEANINGS[word]}" for word in _MEANINGS if word in words))
+def _show_planned(view: View, certification: Certification, chosen: str) -> None:
+    rows = planned(certification)
+    with st.container(height=_MANY_PX if len(rows) > _FEW else "content", border=False):
+        left, right = st.columns([5, 6], gap=None)
+        with left, st.container(gap=None, key="planned_tests"):
+            for number, row in enumerate(rows[:_MOST]):
+                label = f"**{row.word}** *{plain(row.id)}* {plain(view.display.speed(row.condition.speed_mps))} · "
+                st.button(
+                    label + plain(view.display.words(row.why)), key=f"planned {row.word} {number}", width="stretch",
+                    type="primary" if row.id == chosen else "secondary", on_click=_choose, args=(row.id,),
+                )  # fmt: skip
+        with right:
+            draw = partial(planned_scales, certification, view.display, slice(_MOST), names=False)
+            alt = "Interval or measured value, and limit, by planned test and criterion"
+            show_clickable(draw, alt, _choose, "planned scales", _key(certification), view.display, name="planned")
+    more = f" The slowest {_MOST} of {len(rows)}." if len(rows) > _MOST else ""
+    st.caption(f"Bar: 95 of 100 tests there. Line: the limit, missed where shaded. Dot: measured.{more}")
 
 
 def _choose(cell: str) -> None:
     st.session_state[_CELL] = cell
 
 
-def _show_matrix(view: View, certification: Certification) -> None:
-    n = len(certification.matrix.ids)
-    with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
-        draw = partial(certification_result(certification).figures["verdicts"].draw, view.display)
-        alt = "Verdicts by planned test and criterion"
-        show_clickable(draw, alt, _choose, "verdict matrix", _key(certification), view.display, name="verdicts")
-    told = "Probability that a test there meets the criterion. Click a cell for its reason."
-    st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict.")
-
-
-def _show_reason(certification: Certification, display: Display) -> None:
+def _show_reason(certification: Certification, display: Display, test: str, criterion: str) -> None:
     state, rows = st.session_state, {row.id: row for row in planned(certification)}
-    test, _, criterion = str(state.get(_CELL) or "").partition(" | ")
-    if test not in rows:  # of another matrix
-        test = ""
-    shown = f"planned test of {len(rows)}"
-    state[shown] = test or None
-    st.selectbox(
-        "Why? Choose a planned test, or click one", list(rows), index=None, key=shown, placeholder="none chosen",
-        format_func=lambda i: f"{i} · {display.speed(rows[i].condition.speed_mps)} · {rows[i].word}",
-        on_change=lambda: _choose(state[shown]),
-    )  # fmt: skip
-    if not test:
-        return
     row, verdicts = rows[test], {own.criterion.name: own for own in certification.rows[test]}
+    state[shown := f"planned test of {len(rows)}"] = test
+    st.selectbox(
+        "Why?", list(rows), key=shown, on_change=lambda: _choose(state[shown]),
+        format_func=lambda i: f"{i} · {display.speed(rows[i].condition.speed_mps)} · {rows[i].word}",
+    )  # fmt: skip
     with st.container(border=True):
-        st.markdown(f"**{plain(test)}: {row.word}** · {plain(display.words(row.why))}")
+        st.markdown(f"**{plain(row.word)}** · {plain(display.words(joined([row.why, *row.further], '; ')))}")
         st.caption(plain(display.condition(row.condition)))
         state[_CRITERION] = criterion if criterion in verdicts else _deciding(row, certification)
         st.pills(
             "Criterion", list(verdicts), key=_CRITERION, required=True, label_visibility="collapsed",
-            format_func=lambda name: plain(f"{name}: {verdicts[name].word}"),
+            format_func=lambda name: plain(f"{verdicts[name].criterion.title}: {verdicts[name].word}"),
             on_change=lambda: _choose(f"{test} | {state[_CRITERION]}"),
         )  # fmt: skip
         verdict = verdicts[state[_CRITERION]]
@@ -310,8 +298,12 @@ def _variants(certification: Certification) -> dict[str, tuple[Campaign, Criteri
 def _show_variants(certification: Certification) -> None:
     variants, state, table, key = _variants(certification), st.session_state, [], "what_if"
     address.put(key, [name for name in state[key] if name in variants])
-    asked = st.pills(
-        "What if …", [*variants], selection_mode="multi", format_func=plain, key=key, persist_state="session"
+    asked = st.multiselect(
+        "What if …",
+        [*variants],
+        key=key,
+        persist_state="session",
+        placeholder="another confidence, limits, a test less",
     )
     for name in asked:
         request = judge(*variants[name], certification.matrix)
@@ -322,9 +314,8 @@ def _show_variants(certification: Certification) -> None:
         if job.active:
             show_job(job)
         elif job.result is not None:
-            variant = Variant.of(name, certification, job.result)
-            saved, changed = "{} of {}".format(*variant.saved), changed_text(variant)
-            table.append({"What if": name, "Need not be run": saved, "What changes": changed or "nothing"})
+            saved, turned = "{} of {}".format(*job.result.saved), joined(turned_texts(certification, job.result), "; ")
+            table.append({"What if": name, "Need not be run": saved, "What changes": turned or "nothing"})
         else:
             show_end(job)
     if table:
@@ -342,8 +333,5 @@ def show_files(view: View, certification: Certification) -> None:
     others = (Variant.of(name, certification, other) for name, other in known.items())
     with_all = replace(certification, variants=(*certification.variants, *others))
     result = certification_result(with_all, notes_of(view))
-    asks: dict[str, Callable[[], str | bytes]] = {
-        "criteria.toml": lambda: criteria_text(certification.criteria),
-        "matrix.csv": lambda: csv_as_given(matrix_table(matrix)),
-    }
+    asks = {name: partial(bytes, content) for name, content in question_files(certification.criteria, matrix).items()}
     offer_result(replace(result, files={**result.files, **asks}), view.display, certification.campaign.name)

@@ -97,12 +97,13 @@ CHOICES: dict[str, Choice] = {
     "unit": Choice(str, "g", ("g", "m/s²"), ("data", "train", "compare", "study", "predict", "certify")),
     "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "train", "compare", "predict")),
     # what is shown on a page
+    "overlaid": Choice(tuple, (), pages=("data",), of_campaign=True),  # tests drawn alone
     "opening": Choice(str, None, ("add", "open"), ("data",), of_campaign=True),
     "corridors": Choice(bool, False, pages=("compare",)),
     "cost": Choice(float, pages=("study",)),
     "compare_curves": Choice(tuple, None, (TEST, *_APPROACHES), ("compare",)),
     "predict_approach": Choice(options=_APPROACHES, pages=("predict",)),
-    "predict_curves": Choice(tuple, None, (*_APPROACHES, "representative"), ("predict",)),
+    "predict_curves": Choice(tuple, None, (*_APPROACHES, "average"), ("predict",)),
     **{f"{page}_also": Choice(tuple, (), pages=(page,), of_campaign=True) for page in ("compare", "predict")},
     **{f"{page}_nearest": Choice(bool, False, pages=(page,)) for page in ("compare", "predict")},
     "pins": Choice(tuple, (), pages=("compare", "predict")),
@@ -120,7 +121,7 @@ _ON_PAGE = {
     "compare": ("compare_tab", "compared", "explained"),
     "study": ("study_tab", "ways", "compared_way"),
     "predict": ("predict_tab", "predicted", "subtracted", "factor_…", "speed_range", "front_range", "rear_range"),
-    "certify": ("approach", "certify_tab", "answered", "record"),
+    "certify": ("approach", "certify_tab", "record"),
 }
 _ON_PAGE_OF_CAMPAIGN = {"data": ("data_tab",), "certify": ("matrix", "uploaded", "earlier", "cell")}
 CHOICES |= {key: Choice(pages=(page,)) for page, keys in _ON_PAGE.items() for key in keys}

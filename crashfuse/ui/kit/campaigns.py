@@ -119,6 +119,15 @@ def may_open(path: Path) -> bool:
     return not roots() or any(path.is_relative_to(root) for root in roots())
 
 
+def folders_in(folder: Path) -> list[str]:
+    """Names of the folders in one, as far as pages may open them; none of one that cannot be read."""
+    try:
+        inside = [path for path in folder.iterdir() if not path.name.startswith(".") and path.is_dir()]
+        return sorted((path.name for path in inside if may_open(path.resolve())), key=str.casefold)
+    except OSError:
+        return []
+
+
 def still_allowed(path: Path) -> Path:
     """The same path; a DataError if a link now leads out of the roots. What lay outside from the start may."""
     if roots() and may_open(path):

@@ -11,6 +11,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 import streamlit as st
 
+from crashfuse.approaches.displacement_domain.events import CaeEvents, cae_events
 from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import read_folder
@@ -216,6 +217,16 @@ def sweep_over_speed(campaign: Campaign, fitted: Fitted, condition: Condition) -
 
     key = "sweep", fitted.key, replace(condition, speed_mps=1.0)
     return Request(key, f"{campaign.name}: predict over speed", compute, usual_s=lambda: _SWEEP_S)
+
+
+def mending_request(campaign: Campaign, window_ms: float) -> Request[CaeEvents]:
+    """Find what to mend in the CAE model; it takes seconds, so that it starts at once."""
+    return Request(
+        ("what to mend", said_of(campaign), window_ms),
+        f"{campaign.name}: what to mend in the CAE model",
+        lambda _: cae_events(campaign, window_ms),
+        lambda: True,
+    )
 
 
 def learn_vehicles(folders: Sequence[Path], seed: int) -> Request[VehicleArchive]:

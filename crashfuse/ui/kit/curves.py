@@ -23,7 +23,7 @@ from crashfuse.ui.kit.computation import answers, fit_request
 from crashfuse.ui.kit.text import plain
 from crashfuse.units import read_out
 
-REPRESENTATIVE = "representative"  # stands among the curves for a pulse that looks like a test
+AVERAGE = "average"  # stands among the curves for that of the draws
 _NEAREST = 3
 _NEAREST_HELP = f"The {_NEAREST} nearest tests by speed and mass, and any that stands apart near the condition."
 _MOST = 24  # added curves: with the test and the approaches some thirty
@@ -35,7 +35,7 @@ class Shown:
     """What a figure shows."""
 
     approach: str  # whose prediction and band it shows; added predictions are by it, too
-    others: tuple[str, ...]  # further approaches, the held-out test, the representative pulse
+    others: tuple[str, ...]  # further approaches, the held-out test, the average
     also: tuple[figures.Further, ...]
 
     @property
@@ -69,7 +69,7 @@ def choose_curves(view: View, condition: Condition, approach: str, known: Sequen
     """Let the user choose what a figure shows beside the prediction of a held-out test, or at a condition."""
     page = "compare" if test else "predict"
     others = [name for name in known if name != approach]
-    offered = [TEST, *others] if test else [*others, REPRESENTATIVE]
+    offered = [TEST, *others] if test else [*others, AVERAGE]
     key = f"{page}_curves"
     address.default(key, [TEST, BASELINE] if test else [] if pinned() else [BASELINE])
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
@@ -92,7 +92,7 @@ def without_clicks(drawing: Drawing) -> Drawing:
 
 
 def _label(curve: str) -> str:
-    return {TEST: "Test", REPRESENTATIVE: "Representative pulse", **LABELS}[curve]
+    return {TEST: "Test", AVERAGE: "Average", **LABELS}[curve]
 
 
 def _add(

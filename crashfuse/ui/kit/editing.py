@@ -41,7 +41,7 @@ def show_last_change(view: View) -> None:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
             st.markdown(f":material/history: {plain(last.what)}.", width="content")
             args = view, lambda: f"Undone: {undo(view.folder, last).what}"
-            st.button("Undo", icon=":material/undo:", on_click=_edit, args=args, help=plain(str(last)))
+            st.button("Undo", icon=":material/undo:", on_click=edit, args=args, help=plain(str(last)))
 
 
 def offer_leaving_out(view: View) -> None:
@@ -50,7 +50,7 @@ def offer_leaving_out(view: View) -> None:
         for test in [test for test in view.campaign.tests if test.faults]:
             why = "; ".join(fault.text for fault in test.faults)[:LONGEST_REASON]
             args = view, partial(leave_out, view.folder, [test.id], why)
-            st.button(f"Leave {plain(test.id)} out of use", on_click=_edit, args=args, key=f"leave out {test.id}")
+            st.button(f"Leave {plain(test.id)} out of use", on_click=edit, args=args, key=f"leave out {test.id}")
 
 
 def choose_tests_in_use(view: View) -> None:
@@ -81,28 +81,29 @@ def show_tests_out_of_use(view: View) -> None:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
             st.markdown(f":small[{label}]", width="content")
             st.text_input(
-                label, key=key, max_chars=LONGEST_REASON, on_change=_edit,
+                label, key=key, max_chars=LONGEST_REASON, on_change=edit,
                 args=(view, lambda test=test_id, key=key: say_why(view.folder, test, st.session_state[key])),
                 label_visibility="collapsed", placeholder="no reason given; it stands in every report",
             )  # fmt: skip
             args = view, partial(remove_tests, view.folder, [test_id])
-            st.button(f"Take {plain(test_id)} out of the folder", icon=":material/delete:", on_click=_edit, args=args)
+            st.button(f"Take {plain(test_id)} out of the folder", icon=":material/delete:", on_click=edit, args=args)
 
 
 def _change_use(view: View, used: tuple[str, ...]) -> None:
     chosen = set(st.session_state[_USED])
     if out := [test_id for test_id in used if test_id not in chosen]:
-        _edit(view, lambda: leave_out(view.folder, out))
+        edit(view, lambda: leave_out(view.folder, out))
     if again := sorted(chosen - {*used}):
-        _edit(view, lambda: use_again(view.folder, again))
+        edit(view, lambda: use_again(view.folder, again))
 
 
 def use_archive(view: View, content: bytes | None) -> None:
     """Put the file of an archive into the campaign's folder, or take it out; a callback."""
-    _edit(view, lambda: set_archive(view.folder, view.campaign, content))
+    edit(view, lambda: set_archive(view.folder, view.campaign, content))
 
 
-def _edit(view: View, change_it: Callable[[], str]) -> None:
+def edit(view: View, change_it: Callable[[], str]) -> None:
+    """Change the campaign's folder; a callback. If that is refused, :func:`show_refused` says why."""
     expected, advice = "a change that can be made", "choose otherwise, or check your rights"
     with refused_into(_REFUSED, view.campaign.name, expected, advice):
         with changed_by(visitor().name):

@@ -27,7 +27,7 @@ from crashfuse.ui.kit.address import kept, page_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.navigation import component
-from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.text import chosen_units, plain
 from crashfuse.units import MS, SYSTEMS
 
 _EXPORTED = "view whose files are shown"  # session key
@@ -133,7 +133,7 @@ def offer(of: str, files: Mapping[str, Callable[[], pd.DataFrame | bytes | str]]
 
 def offer_result(result: Result, display: Display, of: str = "", form: str = "", *, with_report: bool = True) -> None:
     """Offer the files of a result, its report and its slides, named by what they are ``of``."""
-    files: dict[str, Callable[[], Any]] = dict(result.files)
+    files: dict[str, Callable[[], Any]] = dict(result.files_in(display.system))
     if with_report:
         files[REPORT] = lambda: report(result, display)
     campaign = "" if result.campaign is None else result.campaign.name
@@ -203,7 +203,7 @@ def offer_pulses(
             st.warning(plain(error), icon=":material/warning:")
             return
         files = f"{approach}-{estimate.condition.speed_name}-{form}.zip"
-        offer(campaign.name, {files: lambda: zipped(export.files(campaign, [estimate], remarks)[form])})
+        offer(campaign.name, {files: lambda: zipped(export.files(campaign, [estimate], remarks, chosen_units())[form])})
 
 
 def _location() -> str:

@@ -34,8 +34,8 @@ from crashfuse.units import SYSTEMS, counted, read_out, said, speed
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _DRAWN = "drawn page"  # session key
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it
-_PLACE_OF = {  # of facts that stand above every page: where they lead
-    "test.stands_apart": ("compare", {"compare_tab": "Why"}),
+_PLACE_OF: Mapping[str, tuple[str, Mapping[str, object]]] = {  # of facts that stand above every page: where they lead
+    "test.stands_apart": ("data", {"data_tab": "Tests"}),
     "campaign.archive": ("train", {"train_tab": "Train"}),
     "cae.runs_fail": ("data", {"data_tab": "CAE model"}),
     "tests.left_out_of_use": ("data", {"data_tab": "Tests"}),
@@ -319,22 +319,23 @@ def _show_answer(row: DeltaGenerator, view: View) -> None:
     for fact in campaign_facts(campaign):
         page, chosen = _PLACE_OF.get(fact.code, ("", {}))
         label = plain(fact.label)
-        if fact.code == "test.stands_apart":
-            chosen = {**chosen, "test": fact.about[0]}
-            at = words(speed(campaign.test(chosen["test"]).condition.speed_mps, form=".0f"))
+        if fact.code == "test.stands_apart":  # over the others at its speed
+            test = fact.about[0]
+            chosen = {**chosen, "test": test, "overlaid": list(campaign.speed_group(test))}
+            at = words(speed(campaign.test(test).condition.speed_mps, form=".0f"))
             label = f"{label} at {at}"
         if page:
             label = label if fact.code in ("campaign.archive", "campaign.notice") else f":orange[{label}]"
             _link(row, f"{fact.code} {fact.label}", label, words(fact.sentence), page, **chosen)
 
 
-def _link(row: DeltaGenerator, key: str, label: str, meaning: str, page: str, **chosen: str) -> None:
+def _link(row: DeltaGenerator, key: str, label: str, meaning: str, page: str, **chosen: object) -> None:
     args, help_ = (page, chosen), plain(meaning)
     row.button(label, key=f"answer {key}", type="tertiary", help=help_, on_click=_open_with, args=args)
 
 
-def _open_with(page: str, chosen: Mapping[str, str]) -> None:
-    st.session_state.update(chosen, opening=None)
+def _open_with(page: str, chosen: Mapping[str, object]) -> None:
+    st.session_state.update({"overlaid": []} | dict(chosen), opening=None)
     forget()
     open_next(page)
 

@@ -10,7 +10,6 @@ import streamlit as st
 from pandas.io.formats.style import Styler
 
 from crashfuse.approaches.registry import label_of
-from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.display import Display
@@ -18,13 +17,10 @@ from crashfuse.results.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED
 from crashfuse.results.rating_tables import REPEAT, TTZV_COLUMN
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result import Result
-from crashfuse.results.table import CONDITION, Cell, Column, Table, of_condition
+from crashfuse.results.table import Cell, Column, Table
 from crashfuse.signals.metrics import MAIN_METRICS
-from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.signals.rating import WEIGHTS, Rating, rate_windows
-from crashfuse.study.config import WINDOWS_MS
+from crashfuse.signals.rating import WEIGHTS, Rating
 from crashfuse.study.repeatability import Repeatability
-from crashfuse.ui.kit.campaigns import HASHED
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import METRICS, PULSE_SHAPE, advice_on_page, chosen_units, plain
 
@@ -62,7 +58,8 @@ def styled(table: Table, display: Display) -> Styler:
 def _markdown(column: Column, cell: Cell) -> str:
     if not cell.detail:
         return plain(cell.text)
-    detail = f":gray[{plain(cell.detail)}]" if column.kind == "interval" else plain(cell.detail)
+    look = {"interval": ":gray[{}]", "pair": "**{}**"}.get(column.kind, "{}")
+    detail = look.format(plain(cell.detail))
     return f"{plain(cell.value)} {detail}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
@@ -128,28 +125,6 @@ def window_label(window_ms: float) -> str:
     return f"0–{window_ms:g} ms"
 
 
-@st.cache_data(show_spinner=False, max_entries=4, hash_funcs=HASHED)
-def conditions_table(campaign: Campaign) -> Table:
-    """Every test with its condition, and the rating of its paired CAE run over each window."""
-    cae, rows, (speed, *weights) = campaign.cae, [], CONDITION
-    for test in campaign.tests:
-        run = cae.paired_run(test.condition)
-        rated = {} if run is None else rate_windows(test.pulse, Pulse(GRID_S, cae.accel_mps2[run]), WINDOWS_MS)
-        at = of_condition(test.condition)
-        rows.append(  # the most important first: the rest may be cut off on a narrow page
-            {
-                "Test": test.id,
-                speed.source: at.pop(speed.source),
-                **{window_label(w): rated[w].overall if w in rated else None for w in WINDOWS_MS},
-                "In CAE range": not cae.extrapolation(test.condition),
-                **{own.source: at.pop(own.source) for own in weights},
-                **{name.capitalize(): value for name, value in at.items()},
-                "Paired run": "none" if run is None else cae.ids[run],
-            }
-        )
-    return Table.of("conditions", rows, *CONDITION, *(Column(window_label(w), "grade") for w in WINDOWS_MS))
-
-
 def ratings_table(
     by_approach: Mapping[str, Mapping[float, Rating]],
     window_ms: float,
@@ -197,12 +172,12 @@ def show_account(sentences: Sequence[str], *, missed: bool) -> None:
     st.markdown(f":material/{'warning' if missed else 'info'}: **{first}** {' '.join(others)}")
 
 
-def show_metrics(about: Result) -> None:
-    """Show the main pulse metrics of the test and of approaches."""
+def show_metrics(about: Result, *hidden: str) -> None:
+    """Show the main pulse metrics of the test and of approaches, but for those hidden."""
     main = about.tables["metrics"]
     missed = " Coloured: the test lies outside." if main.is_marked else ""
-    remark = f"Values: the middle of what tests show. Brackets: 95 of 100 lie inside.{missed}"
-    show_table(main, remark=remark, meanings=[METRICS[name] for name in MAIN_METRICS])
+    remark = f"The middle of tests, [95 of 100 inside; –: wider than the value].{missed}"
+    show_table(main.without(*hidden), remark=remark, meanings=[METRICS[name] for name in MAIN_METRICS])
 
 
 def show_details(about: Result, remarks: Sequence[str] = ()) -> None:

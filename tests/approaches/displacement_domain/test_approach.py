@@ -15,6 +15,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import NotFittedError
+from crashfuse.execution.cache import NoCache
 from crashfuse.execution.progress import SILENT, Progress, Watch
 from crashfuse.execution.run import Run
 from crashfuse.signals.loading_phase import loading_phase
@@ -148,6 +149,19 @@ def test_the_paper_preset_runs_and_tells_how_its_fit_went() -> None:
     assert np.asarray(prediction.draws_mps2).shape == (20, 1250)
     assert json.loads(json.dumps(model.state))["points"] == 5 * 2 * 8
     assert "dead" in model.state
+
+
+@pytest.mark.parametrize(("extra", "is_shared"), [(bias(), True), (0.0 * S, False)])
+def test_seeds_share_what_none_of_them_changes(extra: FloatArray, is_shared: bool) -> None:
+    """In one task a second seed learns, to the bit, what it learns alone; a fit that was retried is of its seed."""
+    campaign, task = made_up(extra), Run(NoCache(), memory={})
+    first, second = (DisplacementDomain(FEW, seed=seed).fit(campaign, task) for seed in (0, 1))
+    alone = DisplacementDomain(FEW, seed=1).fit(campaign)
+    assert (second.points_ is first.points_) == is_shared
+    for name, array in alone.learned().arrays.items():
+        np.testing.assert_array_equal(second.learned().arrays[name], array)
+    at = campaign.tests[0].condition
+    np.testing.assert_array_equal(second.predict(at).draws_mps2, alone.predict(at).draws_mps2)
 
 
 @pytest.mark.slow

@@ -21,6 +21,7 @@ from crashfuse.results.export.solver_curves import UNIT_SYSTEMS, SolverCurve
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.study.estimate import Estimate
 from crashfuse.testing.readers import written
+from crashfuse.units import KPH_KG
 from tests.conftest import OTHER_READERS, needs_other_readers
 
 SPEED_MPS, T0_S, N_DRAWS = 15.0, 0.06, 40
@@ -177,7 +178,7 @@ def test_curves_of_other_speeds_have_other_names_and_say_the_speed_as_it_was_typ
         [pulse] = outgoing([own], 0, 0)
         names.append(pulse.name)
         titles.append(pulse.title)
-        assert f"Condition: {speed_kph} km/h, front 950 kg, rear 700 kg." in pulse.comments
+        assert f"Condition: {speed_kph} km/h, front 950 kg, rear 700 kg." in pulse.comments_in(KPH_KG)
     assert names == ["cae_56kph_expected", "cae_64kph_expected"]
     assert titles == ["CAE, expected pulse, 56 km/h", "CAE, expected pulse, 64 km/h"]
 
@@ -213,8 +214,8 @@ def test_what_happens_at_the_end_of_the_record_is_said() -> None:
     said = []
     for pulse in (PULSE / 2, np.where(GRID_S > 0.09, 20.0, stopped), stopped):
         (one,) = outgoing([Estimate(CONDITION, pulse, approach="cae", seconds=0.1)], 0, 0)
-        said.append(" ".join(one.comments))
-    assert "ends at 100 ms, while the vehicle still moves forward at 7.5" in said[0]
+        said.append(" ".join(one.comments_in(KPH_KG)))
+    assert "ends at 100 ms, while the vehicle still moves forward at 16.8 mph" in said[0]
     assert "ends at 100 ms with 2.0 g left" in said[1]
     assert "ends at" not in said[2]
 
@@ -248,8 +249,8 @@ def test_the_iso_mme_files_say_that_nothing_was_measured(campaign: Campaign, wri
     assert test.descriptor("Subtype of the test") == "Prediction, no vehicle was crashed"
     assert test.descriptor("Date of the test") == ""
     assert campaign.fingerprint in "".join(comments)
-    numbers = ("Velocity test object 1", "Mass test object 1", ".Rear weight test object 1")
-    assert [test.descriptor(name) for name in numbers] == ["15", "1650.5", "700.5"]
+    numbers = "Velocity", "Mass", ".Front weight", ".Rear weight"
+    assert [test.descriptor(f"{name} test object 1") for name in numbers] == ["15", "1650.5", "950", "700.5"]
     for channel in test.channels:
         assert channel.source == "simulation"
         assert channel.code[-1] == "S", "records taken as they are"

@@ -15,7 +15,13 @@ from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial, sh
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.results.drawing import darkened
-from crashfuse.results.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
+from crashfuse.results.plots.certification import (
+    planned_scales,
+    record_figure,
+    reliability,
+    validated_domain,
+    verdict_matrix,
+)
 from crashfuse.results.plots.palette import IN_THE_DARK, VERDICT_COLOURS
 from crashfuse.results.render.figure_data import figure_table
 from crashfuse.study.config import StudyConfig
@@ -111,6 +117,36 @@ def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> 
     met: tuple[Word, Word] = ("met", "met")
     figure = verdict_matrix(certification(campaign, {name: met, same: met}, {name: 20.0, same: 20.1})).figure()
     assert figure.layout.yaxis2.ticktext[1] == "skip, as a condition …a long name"
+
+
+def test_how_close_a_test_is_stands_beside_the_limit_in_the_order_of_speed(three: Certification) -> None:
+    """Interval or measured value on a scale around the limit, to whose end moves what lies far; numbers stay."""
+    first, slow, far = three.verdicts
+    wide = {"fast": (495.0, 480.0, 510.0), "slow": (450.0, 440.0, 470.0), "far": (900.0, 880.0, 925.0)}
+    rows = tuple(
+        (replace(row[0], value=v, lower=low, upper=high), row[1])
+        for row, (v, low, high) in zip((first, slow, far), wide.values(), strict=True)
+    )
+    ran = tuple(replace(own, run={"T1": value}) for own, value in zip(rows[1], (455.5, None), strict=True))
+    found = replace(three, verdicts=(rows[0], ran, rows[2]))
+    figure = planned_scales(found).figure()
+    low, high = figure.layout.xaxis.range
+    assert low < 440 < 500 < high < 880
+    labels = [label.replace("<b>", "").replace("</b>", "") for label in figure.layout.yaxis.ticktext]
+    assert labels == ["was run slow · 20.0 mph", "would miss fast · 30.0 mph", "cannot say far · 70.0 mph"]
+    crush = [trace for trace in figure.data if trace.xaxis == "x"]
+    bars = {trace.name: list(trace.x[:2]) for trace in crush if trace.mode == "lines"}
+    assert bars["not met"] == [480.0, 510.0]
+    assert bars["outside"] == [high, high]
+    assert np.isnan(bars["met"]).all()  # there stands what was measured
+    (measured,) = (trace for trace in crush if trace.name == "crush: measured")
+    assert (list(measured.x), list(measured.y), measured.text[0].strip()) == ([455.5], [0], "455.5")
+    assert crush[-1].customdata[1] == "fast | crush"
+    (limit,) = (shape for shape in figure.layout.shapes if shape.type == "line" and shape.xref == "x")
+    assert limit.x0 == 500.0
+    table = figure_table(figure)
+    assert table["Maximum dynamic crush, upper (mm)"].tolist()[:3] == [470.0, 510.0, 925.0]
+    assert not planned_scales(found, part=slice(1, 2), names=False).figure().layout.yaxis.showticklabels
 
 
 def test_the_legend_counts_the_verdicts_and_is_dim_with_them_on_a_dark_page(three: Certification) -> None:

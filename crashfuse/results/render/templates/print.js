@@ -33,9 +33,10 @@ const onPaper = figure => {
   const rows = heatMap ? heightOfCells(heatMap, data) : Math.max(usual * share, LOWEST_PX, MARGINS_PX + PANEL_PX * panels(layout)) + underNames(data);
   Object.assign(changes, { height: Math.round(Math.min(usual, rows)), "font.size": WORDS_PX });
   for (const key of Object.keys(layout).filter(key => /^[xy]axis/.test(key) && layout[key].title?.text)) {
-    changes[`${key}.title.font.size`] = WORDS_PX;
     const [low, high] = layout[key].domain ?? [0, 1], length = (changes.height - MARGINS_PX) * (high - low);
-    if (key.startsWith("y")) changes[`${key}.title.text`] = wrapped(layout[key].title.text, length / LETTER_PX);
+    const title = wrapped(layout[key].title.text, length / LETTER_PX), longest = Math.max(...title.split("<br>").map(line => line.length));
+    if (key.startsWith("y")) changes[`${key}.title.text`] = title;
+    changes[`${key}.title.font.size`] = key.startsWith("y") ? Math.max(8, Math.min(WORDS_PX, length / longest / 0.55)) : WORDS_PX;
   }
   return changes;
 };
