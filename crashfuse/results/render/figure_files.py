@@ -87,7 +87,8 @@ def contents_of(result: Result, display: Display) -> FiguresOfReport:
     left = [("…",) * rows.shape[1]] if len(rows) > _SLIDE_ROWS else []
     table = tuple(tuple(map(str, row)) for row in (rows.columns, *rows.to_numpy()[:_SLIDE_ROWS], *left) if len(rows))
     labels, doubts = tuple(fact.label for fact in result.facts), tuple(against_lines(result, display))
-    return FiguresOfReport(display.words(result.heading), notices, labels, figures, answers, table, doubts)
+    others = tuple(text for text in notices if text not in answers)  # a fact may be an answer, too
+    return FiguresOfReport(display.words(result.heading), others, labels, figures, answers, table, doubts)
 
 
 def slides(result: Result, display: Display) -> bytes:

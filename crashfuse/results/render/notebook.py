@@ -27,7 +27,8 @@ def result_html(result: Result) -> str:
     """A result in a notebook: what answers, and what has to be known of the data."""
     display = result.usual_display
     table = result.tables[result.shown[0]] if result.shown else Table.of("nothing", ())
-    notes = [*map(display.words, (*result.answer, *result.notices)), *against_lines(result, display)]
+    told = dict.fromkeys(map(display.words, (*result.answer, *result.notices)))
+    notes = [*told, *against_lines(result, display)]
     return card(display.words(result.heading), table, notes, display)
 
 
