@@ -73,3 +73,13 @@ def test_sentences_of_a_table_can_still_be_said_in_other_units() -> None:
     table = Table.of("x", [{"Where": at, "n": 1.0}, {"Where": None, "n": 2}, {"n": None}], Column("n", "number"))
     assert table.texts(METRIC).to_numpy().tolist() == [["at 16.1 km/h", "1.0"], ["–", "2.0"], ["–", "–"]]
     assert table.frame["n"].dtype == float
+
+
+def test_readers_see_a_dash_for_an_interval_wider_than_its_value() -> None:
+    """The parts, of which files are made, keep its ends."""
+    column = Column("Time of peak", "interval", "ms", widest=1.0)
+    for ends, detail in (((24.9, 95.4), "[–]"), ((44.9, 75.4), "[44.9, 75.4]")):
+        row = dict(zip(("Time of peak", "Time of peak lower", "Time of peak upper"), (60.1, *ends), strict=True))
+        cell = column.cell(row, METRIC)
+        assert cell.text == f"60.1 {detail}"
+        assert cell.parts == ("60.1", *(f"{end}" for end in ends))

@@ -100,3 +100,17 @@ def test_titles_of_axes_are_no_larger_than_text() -> None:
     drawing.axis("y", "Velocity", "km/h")
     layout = drawing.figure().layout
     assert layout.xaxis.title.font.size == layout.yaxis.title.font.size == layout.font.size
+
+
+def test_the_band_of_whole_curves_is_drawn_smooth_and_nowhere_narrower() -> None:
+    """Its numbers stay as they are."""
+    rough = np.random.default_rng(0).uniform(1, 2, 200)
+    drawing = new_drawing(300)
+    drawing.band(np.arange(200.0), -rough, rough, colour="#009E73", smooth=15)
+    (mark,) = drawing.marks
+    drawn = mark.look["y"]
+    lower, upper = drawn[:200], drawn[200:][::-1]
+    assert (upper >= rough - 1e-6).all()
+    assert (lower <= 1e-6 - rough).all()
+    assert np.abs(np.diff(upper)).max() < 0.1 * np.abs(np.diff(rough)).max()
+    np.testing.assert_array_equal(mark.numbers["upper"], rough)
