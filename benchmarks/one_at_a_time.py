@@ -32,8 +32,8 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, all_met, needs_no_test
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.run import Run
+from crashfuse.results.certification import certification_json
 from crashfuse.results.certification_facts import outcomes
-from crashfuse.results.certification_record import certification_json
 from crashfuse.study.learning_curve import subsets
 
 _SHARES = (0.6, 0.9)

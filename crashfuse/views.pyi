@@ -24,7 +24,7 @@ from .results.figures import overview as overview
 from .results.figures import prediction_name as prediction_name
 from .results.files import write_result as write_result
 from .results.fit_explanations import campaign_events as campaign_events
-from .results.learning_curve import learning_curve_result as learning_curve_result
+from .results.planning import learning_curve_result as learning_curve_result
 from .results.planning import next_tests_file as next_tests_file
 from .results.planning import next_tests_result as next_tests_result
 from .results.planning import sweep_result as sweep_result
@@ -37,8 +37,8 @@ from .results.prediction import prediction_figure as prediction_figure
 from .results.prediction import prediction_result as prediction_result
 from .results.render.html import ReportForm as ReportForm
 from .results.render.html import ReportOptions as ReportOptions
-from .results.render.notebook import card as card
-from .results.render.notebook import result_html as result_html
+from .results.render.text import card as card
+from .results.render.text import result_html as result_html
 from .results.result_tables import metrics_table as metrics_table
 from .results.result_tables import pulses_table as pulses_table
 from .results.result_tables import repeat_scores as repeat_scores

@@ -8,9 +8,8 @@ from crashfuse.approaches.registry import APPROACHES
 from crashfuse.certification.certify import APPROACH
 from crashfuse.ui.certify import results
 from crashfuse.ui.certify.criteria import choose_criteria
-from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
+from crashfuse.ui.certify.matrix import JUDGED, choose_matrix, offer_saving
 from crashfuse.ui.certify.results import judge
-from crashfuse.ui.certify.saving import offer_saving
 from crashfuse.ui.kit import address, frame
 from crashfuse.ui.kit.figures import show_tabs
 from crashfuse.ui.kit.navigation import end_page

@@ -127,8 +127,8 @@ class Certification:
         Parameters
         ----------
         figure : {"verdicts", "planned", "record", "reliability", "domain"}
-            The verdicts in colours, conditions by criteria; how close each planned test is to its limits; what left-out
-            tests were predicted to show and showed; how often probabilities came true; where predictions are checked.
+            The verdicts in colours, conditions by criteria; how close to the limits; what left-out tests were predicted
+            to show and showed; how often probabilities came true; where predictions are checked.
         """
         return views.certification_figure(self, figure, **display)
 

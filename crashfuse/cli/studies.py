@@ -26,7 +26,7 @@ from crashfuse.files.csv_text import csv_bytes, read_csv_table
 from crashfuse.results.comparison import comparison_result, history_table, read_study
 from crashfuse.results.display import DEFAULT
 from crashfuse.results.files import begin_study, read_begun, write_result
-from crashfuse.results.learning_curve import learning_curve_result
+from crashfuse.results.planning import learning_curve_result
 from crashfuse.results.render.html import ReportOptions, report
 from crashfuse.results.render.text import lines
 from crashfuse.results.result_tables import studies_table

@@ -164,7 +164,7 @@ def changed_text(variant: Variant) -> str:
 
 
 def turned_texts(usual: Certification, other: Certification) -> list[Sentence]:
-    """Which answers another certification of the same conditions changes, each with its reason."""
+    """Which answers another certification changes, each with its reason."""
     texts, confidence = [], other.criteria.confidence
     for i, (then, now) in Variant.of("", usual, other).changed.items():
         before, after = usual.rows[i], other.rows[i]
@@ -268,7 +268,7 @@ def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Tab
 
 
 class Planned(NamedTuple):
-    """A planned test: the answer, what decides it in a line, and what else has to be known there."""
+    """A planned test: the answer, what decides it, and what else is to be known."""
 
     id: str
     condition: Condition
@@ -325,7 +325,7 @@ def _why(certification: Certification, i: str) -> Sentence:
 
 
 def _tests_there(certification: Certification, row: Sequence[Verdict]) -> Sentence:
-    """What the tests at a condition showed: the criteria that one missed, or that it met all."""
+    """What the tests at a condition missed, if anything."""
     tests = []
     for test_id in row[0].run:
         known = [(own.criterion, value) for own in row if (value := own.run[test_id]) is not None]

@@ -20,7 +20,7 @@ from crashfuse.results.table import Column, Table, frame_of
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Study
-from crashfuse.units import IN_SI, MS, Quantity, Sentence, joined, statements
+from crashfuse.units import IN_SI, MS, Quantity, Sentence, joined, number, statements
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration", "whole": "Whole pulse, 0–60 ms"}
@@ -135,7 +135,7 @@ def metric_remarks(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[lis
 
 def _averaged(who: str, metrics: Sequence[Metric]) -> str:
     away = {m.name: m.of_pulse / m.value - 1 for m in metrics if m.drawn and m.value and m.of_pulse is not None}
-    texts = [f"{METRIC_LABELS[name]} {100 * x:+.0f} %" for name, x in away.items() if abs(x) > _SAME]
+    texts = [f"{METRIC_LABELS[name]} {number(100 * x, '+.0f')} %" for name, x in away.items() if abs(x) > _SAME]
     return f"{who}: values are those of a single test; the averaged pulse has {', '.join(texts)}." if texts else ""
 
 

@@ -15,7 +15,7 @@ from crashfuse.readers.vocabulary import Travel
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.pulses import imported_pulse
-from crashfuse.results.render.notebook import card
+from crashfuse.results.render.text import card
 from crashfuse.results.table import Column, Table
 from crashfuse.units import MS
 

@@ -13,7 +13,7 @@ from crashfuse.certification.verdict import with_decided
 from crashfuse.errors import DataError
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import coverage_table
-from crashfuse.results.learning_curve import MEANING, ONE_MORE_MEANING, learning_curve_result
+from crashfuse.results.planning import MEANING, ONE_MORE_MEANING, learning_curve_result
 from crashfuse.results.study import means_table, quality_table, study_files, study_result
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG

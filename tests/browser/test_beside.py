@@ -35,7 +35,7 @@ def test_curves_and_conditions_stay_as_chosen_whatever_else_is(small_server: Ser
     shows(user, "Test", *shown)
     user.press_inside("Curves", "Test", PILL)
     shows(user, *shown)
-    user.press("Corridors of the rating", "label")
+    user.press("Corridors", "label")
     user.sees("Corridor of the rating, inner", FIGURE)
     assert "Test" not in legend(user)
     user.rates_over("40")

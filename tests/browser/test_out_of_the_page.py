@@ -64,7 +64,7 @@ def test_a_figure_is_saved_as_it_is_shown_and_notes_and_marks_go_onto_it_and_int
     assert engineer.browser.execute_script(ground) == IN_THE_DARK[PAPER]
     engineer.prefers("light")
     engineer.sits_at(1440, 1000)
-    engineer.press("Corridors of the rating", "label")
+    engineer.press("Corridors", "label")
     engineer.sees("Corridor of the rating, inner", FIGURE)
     engineer.press_inside("Curves", "CAE", PILL)
     engineer.wait(lambda: "CAE" not in engineer.texts(f"{FIGURE} .legendtext"))

@@ -41,7 +41,7 @@ def test_a_page_shows_one_thing_at_a_time_and_hands_out_whole_files(engineer: Us
     engineer.sees("rated", POPOVER)
     engineer.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     assert not engineer.all(FIGURE, "Corridor of the rating")
-    engineer.press("Corridors of the rating", "label")
+    engineer.press("Corridors", "label")
     engineer.sees("Corridor of the rating, inner", FIGURE)
     engineer.press("Residuals")
     engineer.sees("Prediction − test", FIGURE)

@@ -17,8 +17,8 @@ from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.errors import DataError, UsageError
 from crashfuse.execution.run import Run
 from crashfuse.execution.workers import Local
+from crashfuse.results.certification import certification_record
 from crashfuse.results.certification_facts import facts
-from crashfuse.results.certification_record import certification_record
 from crashfuse.results.certification_tables import certification_table, planned, track_record_table
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse

@@ -23,9 +23,8 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
-from crashfuse.results.certification import certification_result
+from crashfuse.results.certification import _criterion, certification_json, certification_result
 from crashfuse.results.certification_facts import facts, outcomes, sentences
-from crashfuse.results.certification_record import _criterion, certification_json
 from crashfuse.results.certification_tables import track_record_table
 from crashfuse.results.render.html import report as report_of
 from crashfuse.signals.metrics import METRIC_UNITS, metric_values

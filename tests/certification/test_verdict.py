@@ -15,7 +15,7 @@ from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecasts import Forecast
 from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge, with_decided
 from crashfuse.condition import Condition
-from crashfuse.results.learning_curve import curve_table
+from crashfuse.results.planning import curve_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.expected_rating import RatingDistribution
 from crashfuse.study.learning_curve import LearningCurve

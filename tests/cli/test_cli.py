@@ -294,6 +294,19 @@ def test_rate_prints_pairs_of_a_table_as_csv_and_fails_if_one_lacks(campaign_fol
     assert "1 rated, 1 not; each says why." in err
 
 
+def test_rate_takes_a_channel_of_each_file(tmp_path: Path, shell: Shell) -> None:
+    """Of one file with two channels; the comparison's is named otherwise."""
+    path, time_ms = tmp_path / "two.csv", np.arange(0.0, 100.0, 0.1)
+    pulse = -30 * np.sin(np.pi * time_ms / 100)
+    pd.DataFrame({"time_ms": time_ms, "left [g]": pulse, "right [g]": 0.8 * pulse}).to_csv(path, index=False)
+    asked = ["rate", path, path, "--windows-ms", 60, "--csv", "--channel", "left [g]"]
+    same, other = (
+        pd.read_csv(StringIO(shell.prints(*asked, *more)))["overall"][0]
+        for more in ([], ["--comparison-channel", "right [g]"])
+    )
+    assert other < same == 1
+
+
 def test_what_cannot_be_rated_is_one_sentence(campaign_folder: Path, tmp_path: Path, shell: Shell) -> None:
     """Options that exclude each other, a file that is not there, a window that nothing fills."""
     pulse = campaign_folder / "tests" / "T1.csv"

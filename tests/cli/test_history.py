@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from crashfuse import cli
+from crashfuse.cli.studies import _summary
 from crashfuse.results.comparison import read_study
 from crashfuse.study.history import past_results
 from crashfuse.testing import small_campaign
@@ -74,3 +75,14 @@ def test_a_written_study_is_read_back(tmp_path: Path) -> None:
     found = read_study(tmp_path)
     assert found.ratings == {test: {"cae": {60.0: 0.5}} for test in ids}
     assert (found.config.seed, found.approach, found.condition) == (3, "cae", None)
+
+
+def test_a_series_is_summed_up_by_one_way_of_leaving_out() -> None:
+    """As its heading says, over the longest window; the range is that of the seeds."""
+    columns = ["campaign", "preset", "seed", "approach", "left_out", "window_ms", "mean"]
+    rows = [
+        ("alpha", "fast", seed, "cae", way, window, mean + seed / 10)
+        for seed in (0, 1)
+        for way, window, mean in (("test", 40.0, 0.7), ("test", 60.0, 0.6), ("speed group", 60.0, 0.3))
+    ]
+    assert _summary([pd.DataFrame(rows, columns=columns)]).split()[-1] == "0.600–0.700"

@@ -9,9 +9,12 @@ import plotly.graph_objects as go
 import pytest
 
 from crashfuse import cli
+from crashfuse.cli.arguments import parser
+from crashfuse.cli.output import pulse_export
 from crashfuse.results.render import figure_files
 from crashfuse.units import MS, G
 from tests.cli.conftest import Shell, run
+from tests.conftest import not_none
 
 WEIGHTS = ["--front-weight-lb", "2060", "--rear-weight-lb", "1520"]
 LSDYNA = ["--export", "lsdyna", "--unit-system", "mm-ms-kg"]
@@ -85,6 +88,12 @@ def test_an_export_that_is_impossible_is_one_sentence(
 def test_draws_of_a_sweep_need_a_format(campaign_on_disk: Path, tmp_path: Path, shell: Shell) -> None:
     command = ["sweep", campaign_on_disk, *WEIGHTS, "--out", tmp_path / "out", "--draws", 3]
     assert "name their format with --export" in shell.wrong_usage(*command)
+
+
+def test_a_curve_starts_and_is_scaled_as_asked() -> None:
+    command = f"predict X --speed-mph 30 {' '.join(WEIGHTS)} --out Y {' '.join(LSDYNA)} --start-ms 25 --scale 1.2"
+    curve = not_none(pulse_export(parser().parse_args(command.split())).curve)
+    assert (curve.start_s, curve.scale, curve.number) == (0.025, 1.2, 1)
 
 
 @pytest.fixture

@@ -5,8 +5,7 @@ import threading
 import pytest
 
 from crashfuse.execution import jobs as jobs_module
-from crashfuse.execution.jobs import Job, Jobs
-from crashfuse.execution.pace import Pace, slowness
+from crashfuse.execution.jobs import Job, Jobs, Pace, slowness
 from tests.execution.test_jobs import ANNA, SOON
 
 

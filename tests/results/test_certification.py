@@ -21,9 +21,17 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
-from crashfuse.results.certification import certification_result
-from crashfuse.results.certification_facts import CATALOGUE, PLACES, SUBJECTS, against, exceptions, facts, sentences
-from crashfuse.results.certification_record import certification_json, certification_record
+from crashfuse.results.certification import certification_json, certification_record, certification_result
+from crashfuse.results.certification_facts import (
+    CATALOGUE,
+    PLACES,
+    SUBJECTS,
+    against,
+    exceptions,
+    facts,
+    sentences,
+    support_text,
+)
 from crashfuse.results.certification_tables import certification_table, planned, turned_texts
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.plots.certification import verdict_matrix
@@ -302,6 +310,13 @@ def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certi
     at_most = pytest.approx(1 - 0.05 ** (1 / near), abs=1e-4)
     assert kept["near_limit"] == {"n": near, "wrong": 0, "wrong_at_most": at_most}
     assert kept["intervals"] == dict(zip(("inside", "n"), record.intervals, strict=True))
+
+
+def test_each_criterion_stands_beside_what_its_own_record_supports(certification: Certification) -> None:
+    record, asked = certification.record, certification.criteria
+    told = certification_result(certification).tables["record"].frame["What this record supports"].tolist()
+    assert told == [*(support_text(record, own, asked.confidence) for own in asked.items), ""]
+    assert len({*told}) > 2
 
 
 def test_probabilities_that_did_not_come_true_or_gain_nothing_are_exceptions(certification: Certification) -> None:

@@ -59,6 +59,7 @@ def test_studies_stand_beside_each_other(compared: StudyComparison) -> None:
     table = studies_table(compared.first, compared.second).texts().set_index("Study")
     assert table.loc["Settings"].tolist() == ["fast, seed 0", "fast, seed 7"]
     assert table.loc["What"].tolist() == ["study of 4 tests, each both ways", "study of 3 tests, each both ways"]
+    assert table.loc["Mean rating"].tolist() == [f"{np.mean([*own.values()]):.3f}" for own in (FIRST, SECOND)]
     assert table.loc["Id"].tolist() == [compared.first.id, compared.second.id]
 
 

@@ -10,10 +10,10 @@ import pytest
 import crashfuse
 from crashfuse import Campaign, Display, Note, PredictedPulse, Study, StudyConfig, UsageError
 from crashfuse.condition import Condition
+from crashfuse.results.drawing import figure_table
 from crashfuse.results.figures import EarlierPrediction
 from crashfuse.results.plots import pulses as plots
 from crashfuse.results.plots.curves import POINTWISE, WHOLE
-from crashfuse.results.render.figure_data import figure_table
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold
 from crashfuse.units import G

@@ -135,6 +135,7 @@ def test_each_column_is_followed_by_its_differences_from_the_first(campaign: Cam
     assert table.loc["Peak deceleration (g)", "21.0 mph − 20.0 mph"] == "+3.2"
     assert table.loc["Maximum dynamic crush (mm)", "21.0 mph − 20.0 mph"] == "0.0"
     assert table.loc["Time of zero velocity (TTZV) (ms)", "21.0 mph − 20.0 mph"] == "–"
+    assert list(side_by_side([base, other], 1).texts())[1:] == ["21.0 mph", "20.0 mph", "20.0 mph − 21.0 mph"]
     in_si = side_by_side([base, other]).texts(Display(unit="m/s²"))
     peak = in_si.set_index("Pulse metric").loc["Peak deceleration (m/s²)"]
     assert float(peak["21.0 mph − 20.0 mph"]) == pytest.approx(3.25 * G, abs=0.05)

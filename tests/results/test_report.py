@@ -130,8 +130,14 @@ def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(stu
 
 
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
-    both = study_report(replace(study, speed_groups=study))
-    assert "A whole speed group left out" in both
+    """With their own ratings."""
+    weaker = replace(estimate(study.folds[1].test), accel_mps2=0.8 * study.folds[1].test.pulse.accel_mps2)
+    folds = (study.folds[0], Fold.of(study.folds[1].test, [weaker], CONFIG.windows_ms))
+    both = study_report(replace(study, speed_groups=(groups := replace(study, folds=folds))))
+    alone, _, grouped = both.partition("<h3>A whole speed group left out")
+    mean = f"<b>{groups.mean_rating('cae', 60.0):.3f}"
+    assert mean in grouped.partition("</section>")[0]
+    assert mean not in alone
     assert len(both.contents.figures) == len(study_report(study).contents.figures) + 1
 
 

@@ -13,7 +13,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.results import result_tables as tables
 from crashfuse.results.display import Display
-from crashfuse.results.learning_curve import curve_table
+from crashfuse.results.planning import curve_table
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, Pulse

@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from crashfuse.condition import Condition
 from crashfuse.results.display import Display
-from crashfuse.results.table import Column, Table
+from crashfuse.results.table import CONDITION, Column, Table, of_condition
 from crashfuse.units import KPH_KG, Quantity, Sentence
 
 METRIC = Display(unit="m/s²", deceleration=True, system=KPH_KG)
@@ -50,6 +51,12 @@ NAN = np.nan
 )
 def test_a_number_becomes_words_in_the_units_of_its_reader(column: Column, row: dict[str, object], text: str) -> None:
     assert column.cell(row, METRIC).text == text
+
+
+def test_a_condition_has_its_speed_and_both_weights_in_the_units_of_its_reader() -> None:
+    row = of_condition(Condition.of_vector([15.0, 950.0, 700.0], (("drive", "AWD"),)))
+    assert [column.cell(row, METRIC).text for column in CONDITION] == ["54.0", "950", "700"]
+    assert row["drive"] == "AWD"
 
 
 def test_headings_have_the_unit_of_the_reader() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
-from crashfuse.results.learning_curve import gains_table
+from crashfuse.results.planning import gains_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, enough, gains, one_more, summary

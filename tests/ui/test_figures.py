@@ -1,5 +1,6 @@
 """Figures as they are sent to the browser, and those of the library on the pages."""
 
+import inspect
 import json
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,12 @@ import pytest
 import crashfuse
 from crashfuse import Campaign, Condition, Display, StudyConfig, load_campaign
 from crashfuse.files.archive import zipped
-from crashfuse.results.drawing import Drawing, drawing_of
+from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results.drawing import Drawing, drawing_of, drawing_table
 from crashfuse.results.figures import Further
 from crashfuse.results.plots.canvas import new_drawing
-from crashfuse.ui.kit.figures import SentFigure
+from crashfuse.ui.kit.figures import SentFigure, offer_files
+from crashfuse.ui.kit.files import Caption
 from crashfuse.ui.predict import _ends
 from crashfuse.units import KPH_KG
 from tests.readers.nhtsa_files import nhtsa_files
@@ -60,6 +63,18 @@ def test_a_revision_stands_for_the_data(campaign: Campaign) -> None:
     other.marks[0].look["y"] = other.marks[0].look["y"] + 0.5
     revisions = [sent(drawing)["layout"]["datarevision"] for drawing in (one, same, other)]
     assert revisions[0] == revisions[1] != revisions[2]
+
+
+def test_the_table_of_a_figure_has_the_curves_that_are_shown(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figure, got = campaign.plot(), dict[str, Any]()
+    monkeypatch.setattr("crashfuse.ui.kit.figures.component", lambda *_, **__: lambda data, **_: got.update(data))
+    asked = {"files x": {"csv": {"at": 1, "hidden": ["0"]}}}
+    monkeypatch.setattr("crashfuse.ui.kit.figures.st.session_state", asked)
+    inspect.unwrap(offer_files)(SentFigure(drawing_of(figure)), Caption("", "", ""), "x")
+    assert got["csv"] == csv_bytes(drawing_table(drawing_of(figure), [0])).decode()
+    assert got["csv"] != csv_bytes(drawing_table(drawing_of(figure))).decode()
 
 
 def test_many_names_have_room_above_the_figure() -> None:

@@ -29,6 +29,7 @@ from crashfuse.execution.jobs import Job
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.run import UNKEPT, Run
 from crashfuse.results.drawing import drawing_of
+from crashfuse.results.result import Result
 from crashfuse.results.study import study_files
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -243,7 +244,7 @@ def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
 
 @pytest.mark.usefixtures("studies_are_quick")
 @pytest.mark.slow
-def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
+def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """From the empty state to figure, ratings, metrics, notes and files by one button."""
     session = start("compare")
     assert "not been predicted yet" in session.words
@@ -268,6 +269,11 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
         *("scores.csv", "pulses.csv", "metrics.csv", "cae_events.csv", "study.json", "report.html", "report.pptx"),
         "fused-15mph-lsdyna.zip",
     ]
+    taken: list[Result] = []
+    monkeypatch.setattr("crashfuse.ui.compare.offer_result", lambda result, *_: taken.append(result))
+    session.app.selectbox(key="window").select(20.0).run()
+    session.press("Export")
+    assert taken[-1].values["window"] == "0–20 ms"
 
 
 @pytest.mark.slow

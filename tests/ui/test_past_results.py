@@ -8,7 +8,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify
 from crashfuse.certification.file_store import keep_certification
 from crashfuse.condition import Condition
-from crashfuse.results.certification_record import certification_json
+from crashfuse.results.certification import certification_json
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import PastResult, annotate, keep, past_results
 from crashfuse.units import KPH

@@ -99,10 +99,9 @@ def verdict_matrix(
 def planned_scales(
     certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, names: bool = True
 ) -> Drawing:
-    """Draw by planned test, in order of speed, and criterion the interval of a test there, or what one measured.
+    """Draw by planned test and criterion the interval of a test there, or what one measured, beside the limits.
 
-    Each criterion has a scale around its limits, to whose ends is moved what lies beyond. ``names`` stand at the left;
-    marks are clicked as those of :func:`verdict_matrix`.
+    What lies beyond a scale is moved to its end; marks are those of :func:`verdict_matrix`.
     """
     rows, criteria = planned(certification)[part], certification.criteria.items
     drawing = drawing_of_points(_HEAD_PX + _ROW_PX * len(rows) + _FOOT_PX)
@@ -170,7 +169,7 @@ def _draw_scale(
 def _ends_of_scale(
     criterion: Criterion, factor: float, ends: FloatArray, measured: Sequence[float]
 ) -> tuple[float, float]:
-    """Where a scale begins and ends: some usual intervals around the limits, and no further than there are values."""
+    """Some usual intervals around the limits, no further than there are values."""
     limits = [factor * limit for limit in (criterion.at_least, criterion.at_most) if limit is not None]
     widths = (ends[:, 2] - ends[:, 1])[np.isfinite(ends).all(axis=1)]
     usual = float(np.median(widths)) if widths.size else 0.1 * max(map(abs, limits))

@@ -17,9 +17,8 @@ from markupsafe import Markup
 from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import Drawing
+from crashfuse.results.drawing import Drawing, drawing_table
 from crashfuse.results.plots.canvas import without_links
-from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.results.render.text import against_lines
 from crashfuse.results.result import Result
 
@@ -87,7 +86,8 @@ def contents_of(result: Result, display: Display) -> FiguresOfReport:
     left = [("…",) * rows.shape[1]] if len(rows) > _SLIDE_ROWS else []
     table = tuple(tuple(map(str, row)) for row in (rows.columns, *rows.to_numpy()[:_SLIDE_ROWS], *left) if len(rows))
     labels, doubts = tuple(fact.label for fact in result.facts), tuple(against_lines(result, display))
-    return FiguresOfReport(display.words(result.heading), notices, labels, figures, answers, table, doubts)
+    others = tuple(text for text in notices if text not in answers)  # a fact may be an answer, too
+    return FiguresOfReport(display.words(result.heading), others, labels, figures, answers, table, doubts)
 
 
 def slides(result: Result, display: Display) -> bytes:

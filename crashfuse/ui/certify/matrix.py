@@ -1,4 +1,4 @@
-"""The planned tests: those of the campaign, of an uploaded file, or typed in."""
+"""The planned tests: of the campaign, of a file, or typed in; saved into the campaign with the criteria."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,7 +11,9 @@ import pandas as pd
 import streamlit as st
 
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.history import changing, taking_turns
 from crashfuse.certification import file_store
+from crashfuse.certification.criteria import Criteria, criteria_text, read_criteria
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, DataError, Problem
 from crashfuse.files.csv_text import without_formulas
@@ -31,10 +33,12 @@ from crashfuse.ui.certify.entry import (
 )
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.campaigns import HASHED, View
+from crashfuse.ui.kit.editing import can_be_edited, edit, show_refused
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.text import plain
 from crashfuse.units import IN_SI, SYSTEMS, UnitSystem, counted, speed
 
+_CHOICES = "criteria", "confidence", "cost_test", "cost_wrong", "matrix", "planned", "uploaded"  # session keys
 JUDGED = "judged"  # session key: what is chosen, in a line, if it has verdicts
 _FILE = "matrix.csv"
 _OWN, _UPLOAD, _TYPED = "The campaign’s", "Upload", "Typed in"
@@ -176,3 +180,43 @@ def _edit(view: View) -> None:
         fields[place] = Field(name.capitalize(), options={text: text for text in known})
     system = rows[0][_SYSTEM] if rows else state["system"]
     edit_table("planned", fields, _parts(SEPARATOR * _SYSTEM + system, campaign), view.display.units)
+
+
+def question_files(criteria: Criteria | None, matrix: Matrix | None) -> dict[str, bytes]:
+    """What is asked, as files of a campaign folder."""
+    files = {} if criteria is None else {"criteria.toml": criteria_text(criteria).encode()}
+    return files if matrix is None else {**files, "matrix.csv": csv_as_given(matrix_table(matrix))}
+
+
+def offer_saving(view: View, criteria: Criteria | None, matrix: Matrix | None) -> None:
+    """Offer to save what the folder does not have."""
+    folder, known = view.folder, dict[str, bytes]()
+    with suppress(DataError):
+        known |= question_files(read_criteria(folder / "criteria.toml"), None)
+    with suppress(DataError, OSError):
+        path = folder / "matrix.csv"
+        known |= question_files(None, read_own(path, campaigns.stamp(path), view.campaign))
+    asked = question_files(criteria, matrix)
+    files = {name: content for name, content in asked.items() if known.get(name) != content}
+
+    def save() -> str:
+        what = _save(folder, files)
+        st.session_state.update(dict.fromkeys(_CHOICES))  # now those of the folder
+        return what
+
+    with st.container(horizontal=True):
+        if can_be_edited(folder):
+            tip = "Into criteria.toml and matrix.csv of the campaign; Undo on Data takes it back."
+            st.button("Save in the campaign", on_click=edit, args=(view, save), disabled=not files, help=tip)
+        else:
+            for name, content in files.items():
+                st.download_button(name, content, file_name=name, icon=":material/download:", on_click="ignore")
+    show_refused()
+
+
+def _save(folder: Path, files: dict[str, bytes]) -> str:
+    what = f"Saved: {' and '.join(files)}"
+    with taking_turns(folder), changing(folder, what) as new:
+        for name, content in files.items():
+            new(folder / name).write_bytes(content)
+    return what

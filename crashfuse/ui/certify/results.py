@@ -15,9 +15,8 @@ from crashfuse.certification.criteria import Criteria, varied
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError
-from crashfuse.results.certification import certification_result
+from crashfuse.results.certification import certification_json, certification_result
 from crashfuse.results.certification_facts import exceptions
-from crashfuse.results.certification_record import certification_json
 from crashfuse.results.certification_tables import Planned, planned, turned_texts
 from crashfuse.results.display import Display
 from crashfuse.results.plots.certification import planned_scales
@@ -25,8 +24,7 @@ from crashfuse.results.table import Table
 from crashfuse.study.outliers import departures
 from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong
-from crashfuse.ui.certify.matrix import matrix_asked
-from crashfuse.ui.certify.saving import question_files
+from crashfuse.ui.certify.matrix import matrix_asked, question_files
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
@@ -203,7 +201,7 @@ _WITHOUT = "without "  # what if
 
 
 def show_answer(view: View, certification: Certification) -> None:
-    """Show the answer, what speaks against it, how close each planned test is, why, and what would change it."""
+    """Show the answer, why, what speaks against it, and what would change it."""
     result = certification_result(certification)
     headline, *others = result.answer
     st.subheader(headline, anchor=False)

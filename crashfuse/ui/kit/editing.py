@@ -103,7 +103,7 @@ def use_archive(view: View, content: bytes | None) -> None:
 
 
 def edit(view: View, change_it: Callable[[], str]) -> None:
-    """Change the campaign's folder; a callback. If that is refused, :func:`show_refused` says why."""
+    """Change the campaign's folder; a callback. :func:`show_refused` says what is refused."""
     expected, advice = "a change that can be made", "choose otherwise, or check your rights"
     with refused_into(_REFUSED, view.campaign.name, expected, advice):
         with changed_by(visitor().name):

@@ -10,9 +10,8 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.results.drawing import Drawing
+from crashfuse.results.drawing import Drawing, drawing_table
 from crashfuse.results.plots.canvas import room_above, without_links
-from crashfuse.results.render.figure_data import drawing_table
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.files import Caption, caption, export_button

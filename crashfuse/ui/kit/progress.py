@@ -9,8 +9,7 @@ import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.execution.jobs import Job
-from crashfuse.execution.pace import slowness
+from crashfuse.execution.jobs import Job, slowness
 from crashfuse.execution.visitors import names
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui.kit.computation import Request, jobs

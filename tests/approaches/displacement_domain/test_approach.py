@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.calibration import Coverage
-from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
+from crashfuse.approaches.displacement_domain.approach import (
+    DisplacementConfig,
+    DisplacementDomain,
+    measured_bias,
+)
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.rebound import follow_unloading
 from crashfuse.cae_library import CaeLibrary
@@ -260,7 +264,7 @@ def test_a_left_out_group_says_nothing_of_its_tests() -> None:
     ]
     changed = replace(campaign, tests=tuple(stiffer))
     again = DisplacementDomain(FEW).restore(changed, domain.learned())  # with the hyperparameters of the others
-    again._calibrate(changed, SILENT)
+    again._calibrate(changed, {}, SILENT)
     expected = domain.left_out_groups_.mean_mps2[group]
     np.testing.assert_allclose(again.left_out_groups_.mean_mps2[group], expected, atol=1e-6 * np.abs(expected).max())
     assert np.abs(again.left_out_.mean_mps2[group] - domain.left_out_.mean_mps2[group]).max() > 1.0

@@ -249,8 +249,8 @@ def test_the_iso_mme_files_say_that_nothing_was_measured(campaign: Campaign, wri
     assert test.descriptor("Subtype of the test") == "Prediction, no vehicle was crashed"
     assert test.descriptor("Date of the test") == ""
     assert campaign.fingerprint in "".join(comments)
-    numbers = ("Velocity test object 1", "Mass test object 1", ".Rear weight test object 1")
-    assert [test.descriptor(name) for name in numbers] == ["15", "1650.5", "700.5"]
+    numbers = "Velocity", "Mass", ".Front weight", ".Rear weight"
+    assert [test.descriptor(f"{name} test object 1") for name in numbers] == ["15", "1650.5", "950", "700.5"]
     for channel in test.channels:
         assert channel.source == "simulation"
         assert channel.code[-1] == "S", "records taken as they are"

@@ -14,7 +14,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial, share_bounds
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.condition import Condition
-from crashfuse.results.drawing import darkened
+from crashfuse.results.drawing import darkened, figure_table
 from crashfuse.results.plots.certification import (
     planned_scales,
     record_figure,
@@ -23,7 +23,6 @@ from crashfuse.results.plots.certification import (
     verdict_matrix,
 )
 from crashfuse.results.plots.palette import IN_THE_DARK, VERDICT_COLOURS
-from crashfuse.results.render.figure_data import figure_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
 

@@ -16,13 +16,12 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import Drawing
+from crashfuse.results.drawing import Drawing, drawing_table, figure_table
 from crashfuse.results.plots.canvas import new_drawing
 from crashfuse.results.plots.curves import WHOLE, Predictions
 from crashfuse.results.plots.displacement import over_displacement
 from crashfuse.results.plots.pulses import add_corridors, motion, overlay
 from crashfuse.results.plots.ratings import rated_curves, rating_heatmap, rating_spread
-from crashfuse.results.render.figure_data import drawing_table, figure_table
 from crashfuse.results.result_tables import pulses_table
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, Pulse, kinematics
