@@ -213,13 +213,11 @@ def _shortest(value: float, units: Mapping[str, float]) -> str:
 
 
 def _read(text: str, units: Mapping[str, float]) -> tuple[float, str]:
-    """A value in SI, 0 if it is none, and the unit that it was given in."""
     found = _QUANTITY.fullmatch(text)
     return (float(found["number"]) * units.get(found["unit"], 0.0), found["unit"]) if found else (0.0, "")
 
 
 def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float | str | None]) -> tuple[float, str]:
-    """The one quantity of this name in SI, and the unit that its name ends in."""
     words, names = name.replace("_", " "), [f"{name}_{unit}" for unit in units]
     found = [key for key in given if key == name or key.startswith(f"{name}_")]
     unknown = [key for key in found if key not in names]

@@ -112,7 +112,6 @@ def probability_text(probability: float | None, confidence: float) -> str:
 
 
 def _sides(probability: float, confidence: float) -> tuple[bool, bool]:
-    """Whether a probability reaches a confidence, and its complement from above, whatever the last digits are."""
     return probability >= confidence - 1e-12, probability <= 1 - confidence + 1e-12
 
 

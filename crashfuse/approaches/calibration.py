@@ -136,7 +136,6 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
 
 
 def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
-    """Whether values lie inside the central interval of draws, shape (n_draws, ...)."""
     lower, upper = central_interval(draws, LEVEL)
     return np.asarray((lower <= true) & (true <= upper))
 

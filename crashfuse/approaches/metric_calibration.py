@@ -256,7 +256,6 @@ def representative_pulses(
     gain = np.linalg.lstsq(values - values.mean(axis=0), draws - draws.mean(axis=0))[0]
 
     def matched(pulses: FloatArray, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The pulses changed until their metrics are these quantiles, and by what share any of them is still off."""
         rows = [[d.quantile(share) for d, share in zip(distributions, row, strict=True)] for row in shares]
         wanted = np.array(rows, dtype=np.float64).reshape(shares.shape)
         nearest, least = pulses, np.full(len(pulses), np.inf)
@@ -298,5 +297,4 @@ def _spread(values: FloatArray, metric: str) -> tuple[float, float] | None:
 
 
 def _share(values: FloatArray, end: float) -> float:
-    """Share of draws at an infinite end; NaN, neither small nor large, counts at both."""
     return float(((values == end) | np.isnan(values)).mean())

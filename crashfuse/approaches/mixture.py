@@ -159,7 +159,6 @@ class Scores:
 
 
 def _apart(draws: FloatArray) -> float:
-    """E|X - X'| of one component, averaged over time; no draw is paired with itself."""
     n = len(draws)
     return _between_all(draws) / max(n * (n - 1) / 2, 1)
 

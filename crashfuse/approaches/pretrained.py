@@ -131,7 +131,6 @@ class PretrainedNetwork(nn.Module):
         seen: Tensor | None = None,
         memory: Memory = (),
     ) -> tuple[Forecast, Memory]:
-        """``seen`` are the pulses that each step attends to; ``memory`` is of others."""
         shape, speeds = cae_mps2.shape, conditions[..., :1].clamp(min=_SLOWEST_MPS)
         weights = torch.log(conditions[..., 1:] / mean_kg) / _WEIGHT_SHARE
         at = torch.cat([speeds / _SPEED_MPS, weights], -1)[:, :, None].expand(*shape[:2], _STEPS, 3)
@@ -155,8 +154,6 @@ class PretrainedNetwork(nn.Module):
 
 
 class _Layer(nn.Module):
-    """Attention, then a perceptron for each step, both beside a shortcut."""
-
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
         self.norm = nn.LayerNorm(width)
@@ -250,7 +247,6 @@ class Pretrained(BandedApproach):
         return campaign
 
     def _choose(self, prior: Prior | None) -> Prior | None:
-        """What past vehicles teach, if left-out tests come out no worse by it."""
         self.archive_ = ""
         if prior is None or len(self._vectors) < bands.LEAST_CHECKED:
             return prior
@@ -260,7 +256,6 @@ class Pretrained(BandedApproach):
         return None
 
     def _left_out_error(self, prior: Prior | None) -> float:
-        """Mean error of left-out tests over the rated time, in impact speeds per second."""
         self.prior_ = prior
         means = np.array([self._without(number, [number])(1.0)[0] for number in range(len(self._vectors))])
         off = np.abs(means - self._measured) / self._vectors[:, :1]

@@ -69,7 +69,6 @@ class Metric:
 
 
 def _sm25(motion: Kinematics) -> FloatArray:
-    """The largest loss of velocity within 25 ms of the record, over 25 ms."""
     steps = round(_WINDOW_S / motion.dt_s, 6)
     whole, share = int(steps), steps % 1
     velocity = motion.velocity_mps
@@ -82,7 +81,6 @@ def _sm25(motion: Kinematics) -> FloatArray:
 
 
 def _olc(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
-    """Counts as smaller if the record ends before it, and before the vehicle moves freely."""
     free = pulse_shape.moves_freely(motion)
     olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant, free)
     return np.where(np.isnan(olc), -np.inf, olc)
@@ -270,7 +268,6 @@ def checked_metrics(
 
 
 def _interval(values: FloatArray) -> tuple[float | None, float | None]:
-    """Ends of the central 95 %; NaN counts as beyond either end."""
     last = values.size - 1
     lowest, highest = (np.sort(np.where(np.isnan(values), beyond, values)) for beyond in (-np.inf, np.inf))
     return _finite(lowest[math.floor(TAIL * last)]), _finite(highest[math.ceil((1 - TAIL) * last)])

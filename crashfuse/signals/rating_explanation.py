@@ -182,7 +182,6 @@ def _rated_humps(t: FloatArray, c: FloatArray, shift: int, warped: Compared, slo
 
 
 def _correlation_terms(t: FloatArray, c: FloatArray, shift: int) -> FloatArray:
-    """What each sample of the reference adds to the correlation of the overlap, shape (n,)."""
     terms, curves, begin = np.zeros_like(t), iso18571.overlap(t, c, shift), max(-shift, 0)
     if all(np.ptp(curve) > 0 for curve in curves):
         centred = [curve - curve.mean() for curve in curves]
@@ -320,7 +319,6 @@ def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
 
 
 def _with_worst(explanation: RatingExplanation, text: str, error: float, share: str) -> tuple[str, RatedHump | None]:
-    """A text with the hump that has the largest share of an error, where that means anything."""
     if len(explanation.humps) < _SEVERAL or error < _LEAST_SHOWN:
         return text, None
     worst = max(explanation.humps, key=lambda hump: float(getattr(hump, share)))

@@ -95,7 +95,6 @@ class _Signal(NamedTuple):
         return max(round(lasts_s / self.step_s), 1)
 
     def above_median(self, half_s: float) -> FloatArray:
-        """What stands out from the running median of so much on both sides."""
         half = self.samples(half_s)
         windows = sliding_window_view(np.pad(self.accel, half, mode="edge"), 2 * half + 1)
         return np.asarray(self.accel - np.median(windows, axis=1))
@@ -159,7 +158,6 @@ def confirmed(
 
 
 def _signal(time_s: FloatArray, accel: FloatArray, step_s: float, smooth: FloatArray) -> _Signal | None:
-    """None if nothing happens."""
     peak = float(np.abs(smooth).max())
     crash = np.flatnonzero(np.abs(smooth) > _IN_CRASH * peak)
     return _Signal(time_s, accel, step_s, int(crash[0]), int(crash[-1]), peak) if peak > G else None
@@ -373,7 +371,6 @@ def _spike(raw: _Signal, band: _Signal) -> Iterator[SensorFault]:
 
 
 def _is_impulse(signal: _Signal, off: FloatArray, top: int, lasts_s: float) -> bool:
-    """Whether a peak is as narrow as an impulse that lasts so long: at half its height, and between its inflections."""
     impulse_s, smooth_s = float(np.hypot(lasts_s / _FWHM, signal.impulse_s)), 0.0 if signal.impulse_s else _SMOOTH_S
     smooth = gaussian_filter1d(signal.accel, smooth_s / signal.step_s, mode="nearest") if smooth_s else signal.accel
     bends = -np.sign(off[top]) * np.gradient(np.gradient(smooth))
@@ -385,7 +382,6 @@ def _is_impulse(signal: _Signal, off: FloatArray, top: int, lasts_s: float) -> b
 
 
 def _run_s(where: npt.NDArray[np.bool_], at: int, step_s: float) -> float:
-    """How long it is so without a break around a sample."""
     before, after = np.argmin(np.r_[where[at::-1], False]), np.argmin(np.r_[where[at:], False])
     return float(before + after - 1) * step_s
 

@@ -182,7 +182,6 @@ def _events(
 
 
 def _conditions(reached: Sequence[CrashTest], shows: npt.NDArray[np.bool_]) -> str:
-    """Which of the tests that get there show an event; empty where they contradict each other."""
     if shows.sum() < 2:  # nothing tells the CAE model's error from what a single test does
         return ""
     if shows.all():

@@ -73,7 +73,6 @@ class GaussianProcess:
         self._spread = np.array([prior.spread for prior in priors])
 
     def _by_part(self, theta: FloatArray) -> dict[str, FloatArray]:
-        """The logarithms of the hyperparameters by part; the noise last, without a name."""
         ends = np.cumsum([len(part.priors) for part in self.parts])
         return dict(zip([*(part.name for part in self.parts), ""], np.split(theta, ends), strict=True))
 

@@ -66,7 +66,6 @@ class _SinceStop(NamedTuple):
 
 
 def _unloaded(pulses: Kinematics, since: _SinceStop, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
-    """As :func:`follow_unloading`, at any time step."""
     whole, at_t0 = pulses.accel_mps2.copy(), _at(pulses.accel_mps2, since.place)
     if np.isnan(cae_loading.t0_s):
         branch, end = np.zeros_like(since.after_s), 0.0

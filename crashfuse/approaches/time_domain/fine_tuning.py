@@ -150,7 +150,6 @@ def _left_out(inverse: FloatArray, weights: FloatArray, out: Sequence[int]) -> t
 
 
 def _one_standard_error(squares: dict[float, FloatArray]) -> float:
-    """The first ρ whose error exceeds the least by no more than its standard error."""
     best = min(squares, key=lambda rho: float(squares[rho].mean()))
     excess = {rho: square - squares[best] for rho, square in squares.items()}
     return next(rho for rho, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(len(e)))

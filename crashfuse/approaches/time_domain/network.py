@@ -88,7 +88,6 @@ class ResidualBlock(nn.Module):
         return torch.relu(hidden + self.shortcut(inputs))
 
     def _drop(self, hidden: Tensor) -> Tensor:
-        """Drop whole channels of a pulse by our own generator; the caller's random state is unchanged."""
         if not (self.training and self._dropout):
             return hidden
         members, _, n_pulses, channels = hidden.shape
@@ -164,7 +163,6 @@ class _TapByTap(torch.autograd.Function):
 
 
 def _earlier(lags: tuple[int, ...], n_times: int, n_pulses: int) -> Iterator[tuple[int, int]]:
-    """The taps that see the past within a sequence, and the number of rows that come too early for them."""
     return ((tap, lag * n_pulses) for tap, lag in enumerate(lags[:-1]) if lag < n_times)
 
 
