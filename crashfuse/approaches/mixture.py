@@ -107,10 +107,8 @@ class Tests:
             rows = [np.flatnonzero(part.numbers == number) for part in parts]
             if not all(row.size for row in rows):
                 continue
-            components = [
-                Component(part.mean_mps2[row], part.draws_mps2[row].astype(np.float64))
-                for part, (row,) in zip(parts, rows, strict=True)
-            ]
+            pairs = zip(parts, rows, strict=True)
+            components = [Component(part.mean_mps2[n], part.draws_mps2[n].astype(np.float64)) for part, (n,) in pairs]
             speed = float(self.speeds_mps[number])
             raw = self.raw(self.cae_mps2[number], speed, out)
             components.append(Component(raw.mean[::STRIDE], raw.draws[:, ::STRIDE]))
@@ -122,10 +120,8 @@ def mixed(components: Sequence[Component], weights: FloatArray, n_draws: int, se
     """The weighted mean, and draws from each component in proportion to its weight."""
     rng = np.random.default_rng(seed)
     shares = np.diff(np.floor(np.cumsum(weights) * n_draws + 0.5).astype(int), prepend=0)
-    chosen = [
-        component.draws[rng.choice(len(component.draws), size=share, replace=bool(share > len(component.draws)))]
-        for component, share in zip(components, shares, strict=True)
-    ]
+    drawn = zip([component.draws for component in components], shares, strict=True)
+    chosen = [draws[rng.choice(len(draws), size=share, replace=bool(share > len(draws)))] for draws, share in drawn]
     return Component(weights @ np.array([component.mean for component in components]), np.concatenate(chosen))
 
 

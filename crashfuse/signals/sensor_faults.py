@@ -145,16 +145,12 @@ def confirmed(
         near = np.abs(time_s - fault.start_s) <= _EDGE_S
         if fault.kind != "spike" or not (len(alike_mps2) and near.any()):
             return False
-        own, *alike = (
-            float((np.sign(fault.size_mps2) * _bumps(time_s, accel)[near]).max()) for accel in (accel_mps2, *alike_mps2)
-        )
+        sign, records = np.sign(fault.size_mps2), (accel_mps2, *alike_mps2)
+        own, *alike = (float((sign * _bumps(time_s, accel)[near]).max()) for accel in records)
         return float(np.median(alike)) > _SHARED * own
 
-    return tuple(
-        replace(fault, strength=max(fault.strength, 1.0))
-        for fault in faults
-        if not is_shared(fault) and (fault.strength >= 1 or is_odd(fault))
-    )
+    certain = [fault for fault in faults if not is_shared(fault) and (fault.strength >= 1 or is_odd(fault))]
+    return tuple(replace(fault, strength=max(fault.strength, 1.0)) for fault in certain)
 
 
 def _signal(time_s: FloatArray, accel: FloatArray, step_s: float, smooth: FloatArray) -> _Signal | None:
