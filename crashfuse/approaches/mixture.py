@@ -35,10 +35,8 @@ _SLOPES: FloatArray = np.array([-0.6, -0.6, -0.6, -1.0])  # of each by the log r
 
 PRIOR: FloatArray = np.column_stack([_EQUAL, np.diag(_SLOPES)])
 """Prior mean of logits and slopes, shape (4, 5)."""
-
 SPREAD: FloatArray = np.array([1.0, 0.4, 0.4, 0.4, 0.2])
 """Prior standard deviations of the logits and of their slopes: a handful of tests says little about a slope."""
-
 STRENGTH = 10.0
 """Weight of the data against the prior."""
 

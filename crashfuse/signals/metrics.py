@@ -141,13 +141,10 @@ _READINGS: Mapping[str, _Reading] = {
 
 METRIC_LABELS = {name: reading.label for name, reading in _READINGS.items()}
 """Labels of the metrics in tables."""
-
 METRIC_UNITS = {name: reading.unit for name, reading in _READINGS.items()}
 """Units of the metrics in tables; empty for ratios."""
-
 METRIC_NEEDS = {name: reading.needs for name, reading in _READINGS.items()}
 """What must happen within a record before it has the metric; empty if every record has it."""
-
 MAIN_METRICS = tuple(name for name, reading in _READINGS.items() if not reading.minor)
 """The metrics that tables show first; the others are shown on demand, and are in every file."""
 

@@ -283,7 +283,6 @@ def _flattest(band: _Signal, lasts_ms: Sequence[float], gap_ms: float, floor: fl
 
 
 def _flat_top(band: _Signal) -> Iterator[SensorFault]:
-    """The best flat stretch at the extreme, from which the signal falls on both sides; sound: 0.5."""
     extremes = float(band.accel.min()), float(band.accel.max())
 
     def fall(mean: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
@@ -292,21 +291,19 @@ def _flat_top(band: _Signal) -> Iterator[SensorFault]:
         high = at_top & (np.abs(mean) > 3 * _IN_CRASH * band.peak)
         return np.asarray(high * np.minimum(-sign * before, -sign * after))
 
-    best = _flattest(band, (3, 4, 6, 9, 14, 20, 30), 2, _FLOOR, fall)
+    best = _flattest(band, (3, 4, 6, 9, 14, 20, 30), 2, _FLOOR, fall)  # sound: 0.5 of the limit
     if best.score:
         level = float(band.accel[best.first : best.first + best.length + 1].mean())
         yield _saturated(band, level, best.score / _FLAT)
 
 
 def _lost(band: _Signal) -> Iterator[SensorFault]:
-    """The best flat stretch about zero, among what is far from it on one side of zero; sound: 0.5."""
-
     def fall(mean: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
         around = np.minimum(np.abs(before), np.abs(after))
         gap = (np.abs(mean) < _ZERO * around) & (before * after > 0) & (around > 0.2 * band.peak)
         return np.asarray(gap * around)
 
-    best = _flattest(band, (1.6, 2, 2.5, 3, 4), 2, 2 * _FLOOR, fall)
+    best = _flattest(band, (1.6, 2, 2.5, 3, 4), 2, 2 * _FLOOR, fall)  # sound: 0.5 of the limit
     if best.score:
         away, end = np.abs(band.accel) > abs(best.around) / 2, best.first + best.length
         start = best.first - int(np.argmax(away[best.first :: -1]))
@@ -314,13 +311,11 @@ def _lost(band: _Signal) -> Iterator[SensorFault]:
 
 
 def _held(band: _Signal) -> Iterator[SensorFault]:
-    """The best flat stretch of 3 ms that the signal leaves at once on one side; sound: 0.8."""
-
     def leap(mean: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
         size = np.maximum(np.abs(before), np.abs(after))
         return np.asarray(size * (size > _JUMP * band.peak) * (np.abs(mean) > _IN_CRASH * band.peak))
 
-    best = _flattest(band, (3,), 1.5, _HELD_FLOOR, leap)
+    best = _flattest(band, (3,), 1.5, _HELD_FLOOR, leap)  # sound: 0.8 of the limit
     if best.score:
         yield band.fault("held", best.first, best.first + best.length, best.level, best.score / _HELD)
 
