@@ -34,19 +34,9 @@ from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pinned
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
-from crashfuse.ui.kit.curves import (
-    AVERAGE,
-    choose_curves,
-    predicted,
-    without_clicks,
-)
+from crashfuse.ui.kit.curves import AVERAGE, choose_curves, predicted, without_clicks
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
-from crashfuse.ui.kit.files import (
-    choose_form,
-    export_button,
-    offer_pulses,
-    offer_result,
-)
+from crashfuse.ui.kit.files import choose_form, export_button, offer_pulses, offer_result
 from crashfuse.ui.kit.frame import by_itself
 from crashfuse.ui.kit.progress import result_of, result_or_none, show_training
 from crashfuse.ui.kit.results import show_table

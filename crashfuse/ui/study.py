@@ -177,9 +177,7 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     st.markdown("How good are predictions from fewer tests, and what would one more add?")
     settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
     whole = result_or_none(
-        learn_curve(campaign, settings),
-        invitation="",
-        button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
+        learn_curve(campaign, settings), invitation="", button=f"Predict from 1 to {len(campaign.tests) - 1} tests"
     )
     if whole is None:
         return

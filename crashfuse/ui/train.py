@@ -172,9 +172,7 @@ def _show_diagnostics(view: View) -> None:
     others = config.training_campaign(campaign, test)
     request = study_request(campaign, (test,), config)
     study = progress.result_of(
-        request,
-        invitation=f"Nothing was trained without {plain(test)} yet.",
-        button=f"Train without {test}",
+        request, invitation=f"Nothing was trained without {plain(test)} yet.", button=f"Train without {test}"
     )
     progress.show_training(config, study.config.approaches)
 

@@ -20,16 +20,7 @@ from crashfuse.certification.criteria import (
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
-from crashfuse.ui.certify.entry import (
-    SEPARATOR,
-    Field,
-    edit_table,
-    parts_of,
-    require_few,
-    show_wrong,
-    upload,
-    uploaded,
-)
+from crashfuse.ui.certify.entry import SEPARATOR, Field, edit_table, parts_of, require_few, show_wrong, upload, uploaded
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import kept
 from crashfuse.ui.kit.campaigns import View

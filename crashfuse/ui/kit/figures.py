@@ -109,12 +109,7 @@ def show_cached_figure(draw: Callable[[], Drawing], alt: str, *key: Hashable, na
 
 
 def show_clickable(
-    draw: Callable[[], Drawing],
-    alt: str,
-    on_click: Callable[[str], None],
-    widget: str,
-    *key: Hashable,
-    name: str = "",
+    draw: Callable[[], Drawing], alt: str, on_click: Callable[[str], None], widget: str, *key: Hashable, name: str = ""
 ) -> bool:
     """Like :func:`show_cached_figure`, and pass the value of a clicked mark to ``on_click``; True if there is one."""
 
