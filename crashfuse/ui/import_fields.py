@@ -43,7 +43,6 @@ _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positiv
 
 
 def _condition_of(source: Source, records: Sequence[Record]) -> tuple[PartialCondition, float | None, UnitSystem]:
-    """What replaces the condition, the front axle's share of the mass, and units of sentences, which know no m/s."""
     (left, right), usual = st.columns(2), chosen_units() if st.session_state.get("system") else KPH_KG
     v = _choose_unit(left, "Speed in", usual.speed, tuple(UNITS["speed"]), source)
     w = _choose_unit(right, "Weights in", usual.weight, ("kg", "lb"), source)
@@ -74,14 +73,7 @@ def _choose(
     return place.selectbox(label, list(options), index=None, placeholder=grey, **kept(key, **look))
 
 
-def _ask_number(place: DeltaGenerator, label: str, grey: str, key: str, tip: str | None = None) -> float | None:
-    """Without limits: the browser would drop a number beyond them, and nothing would name it."""
-    value: float | None = place.number_input(label, value=None, placeholder=grey, help=tip, **kept(key))
-    return value
-
-
 def _choose_unit(place: DeltaGenerator, label: str, usual: str, units: Sequence[str], source: Source) -> str:
-    """The pages' unit, until another one is chosen."""
     key = f"{source.key} {label}"
     address.default(key, usual)
     return str(place.selectbox(label, units, **kept(key)))
@@ -90,7 +82,6 @@ def _choose_unit(place: DeltaGenerator, label: str, usual: str, units: Sequence[
 def _number(
     place: DeltaGenerator, key: str, label: str, in_si: Sequence[float | None], unit: float, tip: str | None = None
 ) -> None:
-    """A number that the session keeps in SI, in a field of its unit."""
     state, shown = st.session_state, f"{key} in units of {unit:g}"
     values = sorted(value / unit for value in in_si if value is not None and value > 0)
     grey = "not found"
@@ -207,8 +198,8 @@ def choices_of(
     sign = _choose(right, "Sign", _SIGNS, detected_sign, f"{source.key} Sign")
     left, right = st.columns(2)
     zero = "to be found" if detected is None else f"{detected.time_zero_s / MS:.4g}"
-    tip = "First contact, in the file's own time."
-    zero_ms = _ask_number(left, "Time zero (ms)", zero, f"{source.key} time zero", tip)
+    look = kept(f"{source.key} time zero", placeholder=zero, help="First contact, in the file's own time.")
+    zero_ms = left.number_input("Time zero (ms)", value=None, **look)  # beyond limits the browser would drop it
     if own_class is not None:
         right.selectbox("Filter", [f"CFC {own_class:g}, by the campaign"], disabled=True, key=f"{source.key} own class")
         cfc: float | str | None = own_class

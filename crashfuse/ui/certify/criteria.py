@@ -33,9 +33,8 @@ _METRICS = {**metric_headings(), RATING: f"{STANDARD} rating against a test ther
 
 
 def criteria_asked(view: View) -> Criteria | None:
-    """The criteria that are chosen, at first the campaign's; None if there are none. A DataError says what is wrong."""
-    state, path, wrong = st.session_state, view.folder / _FILE, None
-    declared: Criteria | None = None
+    """The criteria that are chosen, at first the campaign's, if any. A DataError says what is wrong."""
+    state, path, wrong, declared = st.session_state, view.folder / _FILE, None, None
     try:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
@@ -87,8 +86,8 @@ def choose_criteria(view: View) -> Criteria | None:
         for key, label in _COSTS.items():
             look = {"format": "%.10g", "width": 170, "placeholder": "optional", "help": _COSTS_HELP}
             st.number_input(label, value=None, **kept(key, **look))
-        names = tuple(APPROACHES)
-        st.selectbox("Approach that is judged", names, format_func=LABELS.__getitem__, width=210, **kept("approach"))
+        judged = kept("approach", format_func=LABELS.__getitem__, width=210)
+        st.selectbox("Approach that is judged", tuple(APPROACHES), **judged)
         kind: Literal["secondary", "primary"] = "secondary" if criteria else "primary"
         st.button("Limits of these tests", type=kind, on_click=lambda: start(limits_of_tests(view.campaign, units)))
         st.button("Good ratings", on_click=start, args=(ratings_wanted(),))
@@ -105,7 +104,7 @@ def choose_criteria(view: View) -> Criteria | None:
 
 
 def take(criteria: Criteria) -> None:
-    """Ask for these criteria; call it from a callback."""
+    """Ask for these criteria; a callback."""
     st.session_state.update(criteria=_rows_of(criteria), confidence=criteria.confidence, **_costs_of(criteria))
 
 
