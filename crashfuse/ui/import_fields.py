@@ -47,9 +47,8 @@ def _condition_of(source: Source, records: Sequence[Record]) -> tuple[PartialCon
     v = _choose_unit(left, "Speed in", usual.speed, tuple(UNITS["speed"]), source)
     w = _choose_unit(right, "Weights in", usual.weight, ("kg", "lb"), source)
     mps, kg = UNITS["speed"][v], UNITS["mass"][w]
-    speed, share, front, rear, mass = (
-        st.session_state.get(f"{source.key} {name}") for name in ("speed", "front share", *_WEIGHTS)
-    )
+    names = "speed", "front share", *_WEIGHTS
+    speed, share, front, rear, mass = (st.session_state.get(f"{source.key} {name}") for name in names)
     given = PartialCondition(speed, mass, front, rear)
     conditions = [record.condition.overruled(replace(given, front_share=share)) for record in records]
     pairs = [(at.front_weight_kg, at.rear_weight_kg) for at in conditions]
@@ -111,9 +110,8 @@ def reading_of(source: Source) -> Reading:
     forms, names = forms_of(source), list(tables)
     with_conditions = {file for form in forms if form.proposed.kind == "conditions" for file in _files(form)}
     place = names.index(next(iter(with_conditions))) if len(with_conditions) == 1 else None
-    name = st.selectbox(
-        "Table of conditions, by id", names, place, placeholder="none", **kept(f"{source.key} conditions")
-    )
+    look = kept(f"{source.key} conditions", placeholder="none")
+    name = st.selectbox("Table of conditions, by id", names, place, **look)
     if name is None:
         return Reading(source.path, source.fmt, travel=travel)
     columns = tuple(choice for form in forms if name in _files(form) for choice in _columns(form, source.key))
@@ -146,9 +144,8 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
     more = f" and {len(form.names) - 1} more with the same columns" if len(form.names) > 1 else ""
     uses = form.proposed.uses
     needed = {"pulses": {"time", "acceleration"}, "conditions": {"id", "speed"}}.get(form.proposed.kind, {"none"})
-    is_clear = needed <= {use.role for use in uses} and all(
-        use.unit if use.role in QUANTITIES else not use.is_unknown for use in uses
-    )
+    known = (use.unit if use.role in QUANTITIES else not use.is_unknown for use in uses)
+    is_clear = needed <= {use.role for use in uses} and all(known)
     with st.expander(f"**{plain(form.names[0])}**{more}", expanded=not is_clear):
         st.dataframe(without_formulas(form.head.iloc[:, :_MOST_COLUMNS]), hide_index=True, height="content")
         kinds, look = ["pulses", "conditions", "neither"], {"required": True, "format_func": str.capitalize}
@@ -199,7 +196,7 @@ def choices_of(
     left, right = st.columns(2)
     zero = "to be found" if detected is None else f"{detected.time_zero_s / MS:.4g}"
     look = kept(f"{source.key} time zero", placeholder=zero, help="First contact, in the file's own time.")
-    zero_ms = left.number_input("Time zero (ms)", value=None, **look)  # beyond limits the browser would drop it
+    zero_ms = left.number_input("Time zero (ms)", value=None, **look)  # no limits: a browser would drop what is beyond
     if own_class is not None:
         right.selectbox("Filter", [f"CFC {own_class:g}, by the campaign"], disabled=True, key=f"{source.key} own class")
         cfc: float | str | None = own_class

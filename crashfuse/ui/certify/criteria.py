@@ -117,10 +117,8 @@ def _costs_of(criteria: Criteria) -> dict[str, float | None]:
 
 
 def _text(row: dict[str, Any]) -> str:
-    values = [row.get(name) for name in _FIELDS]
-    return SEPARATOR.join(
-        "" if value is None else value if isinstance(value, str) else f"{value:.12g}" for value in values
-    )
+    values = ("" if row.get(name) is None else row[name] for name in _FIELDS)
+    return SEPARATOR.join(value if isinstance(value, str) else f"{value:.12g}" for value in values)
 
 
 def _row(text: str) -> dict[str, Any]:

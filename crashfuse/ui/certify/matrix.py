@@ -113,10 +113,8 @@ def _typed(texts: tuple[str, ...], campaign: Campaign) -> Matrix:
     try:
         return Matrix.of(table, campaign.factors)
     except DataError as error:  # with rows as a reader counts them
-        problems = [
-            replace(own, where="Planned tests", row=None if own.row is None else own.row + 1) for own in error.problems
-        ]
-        raise DataError(problems) from error
+        counted_anew = [(own, None if own.row is None else own.row + 1) for own in error.problems]
+        raise DataError([replace(own, where="Planned tests", row=row) for own, row in counted_anew]) from error
 
 
 def _parts(text: str, campaign: Campaign) -> list[str]:

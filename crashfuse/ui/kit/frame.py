@@ -194,10 +194,9 @@ def _choose_held_out(tests: Mapping[str, CrashTest], *, was_drawn: bool) -> None
     address.put(shown, state["test"])
     state[_HELD_OUT] = True
     named = {name: f"{name} · {said(speed(test.condition.speed_mps), units)}" for name, test in tests.items()}
-    look: dict[str, Any] = {"format_func": named.__getitem__, "help": "Nothing that predicts it sees its pulse."}
-    st.selectbox(
-        "Held-out test", list(tests), key=shown, on_change=lambda: choose_held_out(tests[state[shown]]), **look
-    )
+    look: dict[str, Any] = {"key": shown, "on_change": lambda: choose_held_out(tests[state[shown]])}
+    tip, label = "Nothing that predicts it sees its pulse.", named.__getitem__
+    st.selectbox("Held-out test", list(tests), format_func=label, help=tip, **look)
 
 
 def _note(sentence: str, asked: str) -> None:
