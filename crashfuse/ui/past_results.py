@@ -66,8 +66,7 @@ def _listed(campaign: Campaign) -> list[PastResult | Earlier]:
         if result.fingerprint == campaign.fingerprint
         or (result.campaign == campaign.name and result.fingerprint not in hidden and not is_restricted)
     ]
-    certified = list(file_store.certifications(campaign).values())
-    results: list[PastResult | Earlier] = [*studies, *certified]
+    results: list[PastResult | Earlier] = [*studies, *file_store.certifications(campaign).values()]
     return sorted(results, key=lambda result: result.date.replace("T", " ")[:16], reverse=True)
 
 

@@ -100,8 +100,7 @@ def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> N
         st.progress(step.progress.fraction, text=f"{plain(doing)} · {duration(job.elapsed_s)} so far{of}")
         with st.expander("Steps", icon=":material/checklist:"):
             for name, step in steps:
-                done, total = step.progress.done, step.progress.total
-                took, icon = f": {done:,} of {total:,}", "hourglass_top"
+                took, icon = f": {step.progress.done:,} of {step.progress.total:,}", "hourglass_top"
                 if step.finished:
                     took, icon = f", {duration(step.updated - step.started)}", "check"
                 st.caption(f":material/{icon}: {plain(name)}{took}")
