@@ -92,7 +92,6 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
 
 
 def _plan(campaign: Campaign, given: Mapping[str, Any], held_out: Sequence[str], resumed: Path | None) -> StudyPlan:
-    """Plan of a study; what is not given, is taken from the one to be resumed."""
     if resumed is None:
         whole = not held_out and given.get("preset") != "paper"  # a paper-preset fit takes minutes, or a GPU
         return StudyPlan(campaign, StudyConfig(**{"leave_out": "both" if whole else "test", **given}), tuple(held_out))

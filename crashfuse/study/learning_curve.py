@@ -151,11 +151,7 @@ class LearningCurve:
 
 
 def learning_curve(
-    campaign: Campaign,
-    config: StudyConfig = CURVE_CONFIG,
-    *,
-    repeats: int = REPEATS,
-    **run: Unpack[RunOptions],
+    campaign: Campaign, config: StudyConfig = CURVE_CONFIG, *, repeats: int = REPEATS, **run: Unpack[RunOptions]
 ) -> LearningCurve:
     """Predict and rate tests from 1, 2, 3, 4, 6, 8, 10 … and all but one of the others.
 
@@ -267,10 +263,6 @@ def _rows(entry: dict[str, Any]) -> list[_Row]:
 
 
 def _key(campaign: Campaign, chosen: tuple[str, ...], config: StudyConfig) -> dict[str, object]:
-    return {
-        "fits": [config.create(name).identity for name in config.approaches],
-        "windows_ms": config.windows_ms,
-        "campaign": campaign.fingerprint,
-        "chosen": chosen,
-        "code": Code(__name__),
-    }
+    fits = [config.create(name).identity for name in config.approaches]
+    learned = {"windows_ms": config.windows_ms, "campaign": campaign.fingerprint, "chosen": chosen}
+    return {"fits": fits, **learned, "code": Code(__name__)}

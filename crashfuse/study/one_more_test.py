@@ -134,7 +134,6 @@ def one_more(curve: LearningCurve) -> OneMore | None:
 
 
 def _law(ratings: pd.DataFrame, exponent: float) -> tuple[float, float]:
-    """The law's a and its standard error: from scatter about the law, and between the tests."""
     means = ratings.mean().to_numpy()
     x = -(ratings.columns.to_numpy(dtype=np.float64) ** -exponent)
     x = x - x.mean()

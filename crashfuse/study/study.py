@@ -219,11 +219,7 @@ class Study:
     """The same as a Plotly figure."""
 
     def write(
-        self,
-        folder: str | Path,
-        *,
-        report: views.ReportOptions | None = None,
-        **display: Unpack[views.DisplayOptions],
+        self, folder: str | Path, *, report: views.ReportOptions | None = None, **display: Unpack[views.DisplayOptions]
     ) -> None:
         """Write what ``crashfuse study`` writes: tables, ``study.json``, ``report.html``."""
         shown = views.Display.of(self.campaign.units, **display)

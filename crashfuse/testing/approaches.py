@@ -29,7 +29,6 @@ _HELD_OUT = "T3"
 
 
 def _half_sine(condition: Condition, lasts_s: float) -> FloatArray:
-    """A half-sine pulse that stops the vehicle and throws it back at a tenth of its speed; longer if it is heavy."""
     duration_s = lasts_s * condition.mass_kg / 1700
     peak = 1.1 * condition.speed_mps * np.pi / (2 * duration_s)
     return np.where(duration_s > GRID_S, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0)
