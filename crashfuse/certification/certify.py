@@ -322,10 +322,8 @@ def certify_matrix(
     at_cells = forecasts.averaged(plan.cells, _JUDGE)
     seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     domain, tests_run = Domain.of(campaign), matrix.run((test.id, test.condition) for test in campaign.tests)
-    left_out, left_out_with_runs = (
-        [*left_out_tests(campaign, criteria, plan.splits, config.approaches[0], found)]
-        for found in (at_trials, at_trials | with_runs)
-    )
+    asked = campaign, criteria, plan.splits, config.approaches[0]
+    left_out, left_out_with_runs = ([*left_out_tests(*asked, own)] for own in (at_trials, at_trials | with_runs))
 
     def by(criteria: Criteria) -> Certification:
         record = TrackRecord.of_tests(criteria, left_out)

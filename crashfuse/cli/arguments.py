@@ -330,7 +330,6 @@ def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:
 
 
 def _one_of(*choices: str) -> Callable[[str], str]:
-
     def choice(text: str) -> str:
         if text not in choices:
             raise argparse.ArgumentTypeError(f"must be {' or '.join(choices)}, not {text!r}")

@@ -162,9 +162,8 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     criteria = read_criteria(file) if arguments.criteria or file.is_file() else None
     repeats = curves.REPEATS if arguments.repeats is None else arguments.repeats
     with watching() as watch:
-        curve = curves.learning_curve(
-            campaign, config, repeats=repeats, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler
-        )
+        where = {"workers": arguments.workers, "scheduler": arguments.scheduler}
+        curve = curves.learning_curve(campaign, config, repeats=repeats, watch=watch, **where)
     if criteria is not None:
         curve = with_decided(curve, criteria)
     result = learning_curve_result(curve, cost)

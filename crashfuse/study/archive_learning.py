@@ -79,11 +79,8 @@ class _Part:
             settings, approaches = Settings(seed=self.seed), (TimeDomain, DisplacementDomain)
             fits = [kind.create(settings).fitted(few, self.run)[0] for kind in approaches]
             predictions = [fit.predict(test.condition) for test in self.held_out for fit in fits]
-            rows = [
-                np.vstack([prediction.accel_mps2, prediction.draws_mps2[:_DRAWS]])[:, ::STRIDE]
-                for prediction in predictions
-                if prediction.draws_mps2 is not None
-            ]
+            drawn = ((own.accel_mps2, own.draws_mps2[:_DRAWS]) for own in predictions if own.draws_mps2 is not None)
+            rows = [np.vstack(pair)[:, ::STRIDE] for pair in drawn]
             pulses = np.array(rows).reshape(len(self.held_out), len(fits), 1 + _DRAWS, -1)
             return pulses, {"pulses": pulses}
 

@@ -312,21 +312,10 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
     )
     if not isinstance(text["state"], dict) or errors.keys() != METRIC_LABELS.keys():
         raise ValueError("no estimate")
-    return Estimate(
-        condition,
-        finite(entry, "accel_mps2", N_SAMPLES),
-        draws,
-        notes,
-        apart,
-        apart_as,
-        approach=approach,
-        state=text["state"],
-        seconds=float(text["seconds"]),
-        left_out_mps2=left_out,
-        agreements={test: float(value) for test, value in text["agreements"].items()},
-        metric_errors=errors,
-        occupant=occupant,
-    )
+    prediction = condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes, apart, apart_as
+    estimate = Estimate(*prediction, approach=approach, state=text["state"], seconds=float(text["seconds"]))
+    agreements = {test: float(value) for test, value in text["agreements"].items()}
+    return replace(estimate, left_out_mps2=left_out, agreements=agreements, metric_errors=errors, occupant=occupant)
 
 
 def _cache_key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:

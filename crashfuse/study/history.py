@@ -181,14 +181,10 @@ def parsed(values: Mapping[str, Any]) -> PastResult:
     ratings, groups = (_ratings(values[name], texts["approach"]) for name in ("ratings", "speed_groups"))
     if not ratings and condition is None:
         raise ValueError("neither a study nor a prediction")
+    note = printable(str(values.get("note", "")), LONGEST_NOTE)
+    config = StudyConfig.parse(values["config"])
     return PastResult(
-        **texts,
-        config=StudyConfig.parse(values["config"]),
-        ratings=ratings,
-        speed_groups=groups,
-        condition=condition,
-        expected=expected,
-        note=printable(str(values.get("note", "")), LONGEST_NOTE),
+        **texts, config=config, ratings=ratings, speed_groups=groups, condition=condition, expected=expected, note=note
     )
 
 

@@ -245,12 +245,11 @@ def measure(estimate: Estimate, test: CrashTest, window_ms: float) -> _Row:
 def _table(
     parts: Sequence[Subset], known: dict[tuple[str, ...], list[_Row]]
 ) -> tuple[pd.DataFrame, tuple[dict[str, Distribution | None], ...]]:
-    def rows() -> Iterator[_Row]:
-        for part in parts:
-            subset = {"n_tests": len(part.chosen), "chosen": " ".join(part.chosen), "choice": part.choice}
-            yield from ({**subset, **row} for row in known[part.chosen])
-
-    table = pd.DataFrame(rows()).astype({"inside": float, "half_width_g": float})
+    rows = list[_Row]()
+    for part in parts:
+        subset = {"n_tests": len(part.chosen), "chosen": " ".join(part.chosen), "choice": part.choice}
+        rows += [{**subset, **row} for row in known[part.chosen]]
+    table = pd.DataFrame(rows).astype({"inside": float, "half_width_g": float})
     forecasts = tuple(
         {name: None if metric is None else Distribution(*metric) for name, metric in row.items()}
         for row in table.pop(_FORECAST)

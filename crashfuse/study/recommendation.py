@@ -296,10 +296,8 @@ def _recommendation(study: Study) -> Recommendation:
         worst = [min(fold.ratings[other][window_ms].overall for fold in study.folds) for other in (name, *equal)]
         ties = _ties((name, *equal), means, worst, n)
     crps_of = {other: float(values.mean()) for other, values in crps.items()}
-    distances = [
-        Sentence("{} {}", CLASSES[other].in_words, Quantity((crps_of[other],), "g", ".2f"))
-        for other in sorted(crps_of, key=lambda other: other != name)
-    ]
+    by_use = sorted(crps_of.items(), key=lambda scored: scored[0] != name)
+    distances = [Sentence("{} {}", CLASSES[own].in_words, Quantity((g,), "g", ".2f")) for own, g in by_use]
     method = f"{CLASSES[name].in_words} {'away from tested speeds' if grouped else 'for this campaign'}"
     distance = {"crps_g": crps_of, "window_ms": window_ms, "n": n, "distances": joined(distances, ", ")}
     facts = [_use(name, method, ties), _rated("recommendation.ratings", study, name, window_ms)]

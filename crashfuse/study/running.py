@@ -237,7 +237,6 @@ def _joined(
     seconds: dict[str, float],
     repeats: Mapping[str, Mapping[float, Repeatability]],
 ) -> Study:
-
     def study(way: StudyConfig) -> Study:
         keys = [fold_key(plan.campaign, way, test) for test in plan.held_out]
         known = tuple(folds[key] for key in keys if key in folds)
