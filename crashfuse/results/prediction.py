@@ -20,18 +20,18 @@ from crashfuse.results.campaign import campaign_result
 from crashfuse.results.certification_tables import condition_columns, csv_as_given, factors_of
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
-from crashfuse.results.export.outgoing_pulses import PulseExport
+from crashfuse.results.export.outgoing_pulses import PulseExport, PulseFiles, PulseFormat
 from crashfuse.results.fit_explanations import bias_result, estimates_result
 from crashfuse.results.provenance import fit_record, prediction_command, provenance, recommendation_record
 from crashfuse.results.render.html import ReportForm
 from crashfuse.results.render.text import json_bytes, parquet_bytes
-from crashfuse.results.result import Figure, ForReading, Result
+from crashfuse.results.result import Content, Figure, ForReading, Result
 from crashfuse.results.result_tables import metrics_shown
 from crashfuse.results.table import Table
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
 from crashfuse.study.prediction import PredictedPulse, by_one
-from crashfuse.units import Sentence, joined, speed
+from crashfuse.units import Sentence, UnitSystem, joined, speed
 
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
 _WITH_WHOLE_PULSES = ("motion", "acceleration")
@@ -77,10 +77,7 @@ def prediction_result(
             "pulses.parquet": lambda: parquet_bytes(prediction.pulses),
             "metrics.csv": lambda: csv_bytes(prediction.metrics),
             **({"side_by_side.csv": lambda: csv_as_given(predictions_table(together))} if others else {}),
-            **{
-                f"{name}/": ForReading(lambda units, name=name: pulses(units=units)[name], campaign.units)
-                for name in export.formats
-            },
+            **{f"{name}/": ForReading(partial(_of_format, pulses, name), campaign.units) for name in export.formats},
             "prediction.json": lambda: json_bytes(prediction_record(prediction)),
         },
     )
@@ -88,6 +85,10 @@ def prediction_result(
 
 def _drawn(prediction: PredictedPulse, figure: str = "motion") -> Callable[[Display], Drawing]:
     return lambda display: prediction.draw(figure, display=display)
+
+
+def _of_format(pulses: Callable[..., PulseFiles], name: PulseFormat, units: UnitSystem) -> Content:
+    return pulses(units=units)[name]
 
 
 def _beside_others(predictions: Sequence[PredictedPulse]) -> Result:

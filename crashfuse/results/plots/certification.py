@@ -327,11 +327,10 @@ def _told(trial: Trial, display: Display) -> str:
     verdict, criterion = trial.verdict, trial.verdict.criterion
     value, measured = (display.words(criterion.shown(value)) for value in (verdict.value, trial.measured))
     interval = display.words(criterion.interval(verdict.lower, verdict.upper))
-    return "<br>".join(
-        [
-            f"<b>{trial.held_out}</b>, {how_left_out(trial.left_out)}",
-            f"predicted {value}, 95 % of tests {interval}",
-            f"measured {measured}: {'met' if trial.met else 'not met'}",
-            f"verdict: {verdict.word}{', wrong' * trial.wrong}",
-        ]
+    lines = (
+        f"<b>{trial.held_out}</b>, {how_left_out(trial.left_out)}",
+        f"predicted {value}, 95 % of tests {interval}",
+        f"measured {measured}: {'met' if trial.met else 'not met'}",
+        f"verdict: {verdict.word}{', wrong' * trial.wrong}",
     )
+    return "<br>".join(lines)
