@@ -96,7 +96,7 @@ def _of_two_crashes(one: About, other: About) -> bool:
 
 
 def _without_place(name: str) -> list[str]:
-    """The words of a name but those of a sensor's place: ``V7_SillLeft`` and ``V7 tunnel`` are both of V7."""
+    """``V7_SillLeft`` and ``V7 tunnel`` are both of V7."""
     words = [word.casefold() for word in _TOKEN.findall(name)]
     pairs = zip(["", *words], words, strict=False)
     return [word for before, word in pairs if not (_PLACE.fullmatch(word) or (word.isdigit() and before in _NUMBERED))]
@@ -140,14 +140,13 @@ def copied_runs(speeds_mps: FloatArray, accel: npt.NDArray[np.float32]) -> Pairs
 
 
 def _unlike_tests(one: FloatArray, other: FloatArray) -> float:
-    """One of them may have been filtered once more."""
     filtered = [cfc_filter(accel, cfc=_CFC, dt_s=DT_S) for accel in (one, other)]
     pairs = (one, other), (filtered[0], other), (one, filtered[1])
     return min(_smooth_difference(*pair) for pair in pairs)
 
 
 def _smooth_difference(one: FloatArray, other: FloatArray) -> float:
-    """The share (RMS) of a pulse that the other leaves unexplained, shifted, scaled and offset, averaged over 4 ms."""
+    """The share (RMS) of a pulse that the other leaves unexplained, averaged over 4 ms."""
     shift, explained = _best_shift(one, other, _TESTS_SHIFT_S)
     if not explained:
         return np.inf
@@ -161,7 +160,7 @@ def _smooth_difference(one: FloatArray, other: FloatArray) -> float:
 
 
 def _best_shift(one: FloatArray, other: FloatArray, reach_s: float) -> tuple[int, float]:
-    """The shift in samples at which a line through the other pulse explains the most, and the share of power."""
+    """In samples, and the share of power that a line then explains."""
     size = 1 << int(one.size + other.size - 1).bit_length()
     shift = np.arange(-round(reach_s / DT_S), round(reach_s / DT_S) + 1)
     products = np.fft.irfft(np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size)), size)[shift]
@@ -183,7 +182,7 @@ def _best_shift(one: FloatArray, other: FloatArray, reach_s: float) -> tuple[int
 
 
 def _alike(records: Sequence[FloatArray]) -> Pairs:
-    """Pairs worth a closer look, by their correlation at 2.5 kHz as far as all are recorded."""
+    """By their correlation at 2.5 kHz as far as all are recorded."""
     if not records:
         return []
     n, length = len(records), min(record.size for record in records) // _COARSE

@@ -255,7 +255,6 @@ def _table(folder: Path, role: Role) -> ConditionTable | None:
 
 
 def _already_there(folder: Path, role: Role, table: ConditionTable | None, new: Sequence[Addition]) -> tuple[str, ...]:
-    """Ids that are there already; a DataError if one has another condition or pulse there."""
     conditions = {} if table is None else dict(zip(table.ids, table.conditions, strict=True))
     names = set(map(condition_tables.folded, conditions))
     again = {addition.id: addition for addition in new if condition_tables.folded(addition.id) in names}
@@ -283,7 +282,6 @@ def _is_same(one: RecordedPulse, other: Pulse) -> bool:
 
 
 def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequence[Addition]) -> tuple[str, list[str]]:
-    """The condition table with further columns, in which rows may be too short, and all columns."""
     further = writer.further_columns([addition.further for addition in additions])
     if table is None:
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
@@ -330,7 +328,7 @@ def _refuse(problems: Sequence[Problem]) -> None:
 
 @contextmanager
 def _editing_tests(folder: Path) -> Iterator[tuple[tuple[str, ...], Mapping[str, str]]]:
-    """The ids of all tests, whatever is wrong with their data, and why some are left out of use; nobody else edits."""
+    """The ids of all tests, whatever is wrong with their data, and why some are out of use."""
     with taking_turns(folder):
         problems: list[Problem] = []
         settings = sound_settings(folder)
@@ -371,7 +369,7 @@ def _set_unused(folder: Path, test_ids: Sequence[str], unused: Mapping[str, str]
 
 
 def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
-    """Set ``unused`` in a campaign.toml, and leave every other byte of it; without any setting, none is written."""
+    """Every other byte stays."""
     value = unused if any(unused.values()) else list(unused)
     text = path.read_bytes().decode("utf-8-sig") if path.is_file() else ""
     line = f"unused = {toml_text(value)}\n" if value else ""
@@ -388,7 +386,7 @@ def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
 
 
 def _without_list(text: str) -> Iterator[str]:
-    """The text, then without each of what looks like the list: the lines may stand in a text, too."""
+    """The text, then without each of what looks like the list."""
     yield text
     lines = text.splitlines(keepends=True)
     for start in islice((at for at, line in enumerate(lines) if _START.match(line)), _MOST_TRIES):
@@ -406,7 +404,7 @@ def _values(text: str) -> dict[str, object] | None:
 
 
 def _with_rows(text: str, ids: Sequence[str], new: Callable[[list[str]], str] = lambda _: "") -> str:
-    """The text of a condition table with new rows, or none, of these ids; the other lines stay to the byte."""
+    """The other lines stay to the byte."""
     lines = io.StringIO(text, newline="").readlines()
     reader = csv.reader(lines, skipinitialspace=True)
     at = [cell.strip() for cell in next(reader)].index("id")

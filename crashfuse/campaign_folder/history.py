@@ -247,7 +247,7 @@ def _move(source: Path, folder: Path, names: Sequence[str]) -> None:
 
 
 def _waiting(folder: Path, home: Path, change: Change) -> list[str]:
-    """The files that are still as a change left them; a DataError if a file is neither that nor as before."""
+    """The files that are still as a change left them."""
     waiting = []
     for file in change.files:
         kept = home / _BEFORE / file.name
@@ -276,7 +276,6 @@ def _entries(folder: Path, names: str = "[0-9]" * 6) -> list[Path]:
 
 
 def _read(path: Path) -> Change | None:
-    """The change that a list tells of; None if it is not one that this module has written."""
     try:
         if path.parent.is_symlink() or path.is_symlink() or path.stat().st_size > _LARGEST:
             return None
@@ -319,7 +318,6 @@ def _link(path: Path, to: Path) -> None:
 
 
 def _discard(home: Path) -> None:
-    """Remove what was kept of a change: all of it at once, or at least its list first."""
     with suppress(OSError):  # such as one of its files being open on Windows
         home = home.rename(home.with_suffix(".gone"))
     for name in (_BEGUN, _LIST):

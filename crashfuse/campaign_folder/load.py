@@ -144,7 +144,6 @@ def read_folder(folder: str | Path, archive: VehicleArchive | None = None) -> Ca
 
 
 def _wall_findings(table: ConditionTable, walls: Mapping[str, Wall]) -> list[str]:
-    """What the force of the barrier says against pulses and conditions."""
     return [
         f"{table.file}, {run_id}: {text}."
         for run_id, at, accel in zip(table.ids, table.conditions, table.accel_mps2, strict=True)
@@ -213,7 +212,7 @@ def _without_unused(
 
 
 def _check_pulses(table: ConditionTable, reader: PulseFiles, tests: ConditionTable | None) -> plausibility.Gap | None:
-    """Check every pulse against its condition, and tests against each other; returns the gap of CAE runs, if any."""
+    """Returns the gap of CAE runs, if any."""
     gap = None
     if table.role == "cae" and tests is not None:
         gap = plausibility.find_gap(table, tests, reader.gap_m if reader.through_gap else 0.0)
@@ -355,7 +354,6 @@ def _in_a_campaign(path: PurePosixPath) -> bool:
 
 
 def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Problem]) -> None:
-    """Move each pulse beside the tables to the role that has its id, else to the one whose table cannot be read."""
     strays = [folder / path for path in at_the_top if path.name not in AT_THE_TOP]
     has_pulses = {role for role in ROLES for end in PULSES if (folder / f"{role}_pulses{end}").is_file()}
     lacking = [role for role in ROLES if strays and role not in has_pulses]
@@ -376,7 +374,6 @@ def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Pro
 
 
 def _check_rows(folder: Path, limits: Limits) -> None:
-    """Reject a Parquet table that packs too many rows into few bytes."""
     for path in sorted(folder.rglob("*.parquet")):
         try:
             with pq.ParquetFile(path) as file:

@@ -91,7 +91,6 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
 
 
 def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
-    """``alone``: a file with other columns is refused."""
     names, rows, numbers = read_rows(path, FILE)
     expected = f"the columns {', '.join(COLUMNS)}"
     if missing := [name for name in COLUMNS if name not in names]:

@@ -252,7 +252,7 @@ def _is_through(free_s: FloatArray, lasts_s: FloatArray) -> npt.NDArray[np.bool_
 
 
 def _free_travel(table: ConditionTable) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Speed, time of free travel, and whether that ends suddenly, of at most 500 pulses that are fast enough."""
+    """Speed, time, and whether it ends suddenly, of some pulses that are fast enough."""
     speeds_mps = table.speeds_mps
     rows = np.flatnonzero(speeds_mps > max(CREEP_MPS, _FAST * float(np.nanmax(speeds_mps, initial=0.0))))
     rows = rows[:: max(-(-rows.size // _MOST_RUNS), 1)]
@@ -304,18 +304,15 @@ def confirmed_faults(
 
 
 def _nearest(speeds_mps: FloatArray, speed_mps: float) -> npt.NDArray[np.intp]:
-    """The few runs nearest to a speed."""
     return np.argsort(np.abs(speeds_mps - speed_mps), kind="stable")[:NEAR]
 
 
 def _alike(tests: ConditionTable, row: int) -> npt.NDArray[np.intp]:
-    """The other tests at about the speed of one."""
     near = np.abs(tests.speeds_mps - tests.speeds_mps[row]) < SPEED_STEP_MPS
     return np.setdiff1d(np.flatnonzero(near), row)
 
 
 def _expected(tests: ConditionTable, runs: ConditionTable, row: int) -> FloatArray:
-    """What the CAE runs near a test's speed show, and what the other tests at about that speed (else all) add to it."""
     test_speeds, run_speeds = tests.speeds_mps, runs.speeds_mps
 
     def model(test: int) -> FloatArray:
@@ -328,7 +325,6 @@ def _expected(tests: ConditionTable, runs: ConditionTable, row: int) -> FloatArr
 
 
 def _odd(differences: FloatArray, limit: float) -> list[tuple[int, float]]:
-    """Place and deviation of each test that is further than the limit from the others."""
     odd = []
     for i, difference in enumerate(differences):
         others = np.delete(differences, i)

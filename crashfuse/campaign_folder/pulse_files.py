@@ -147,7 +147,6 @@ class PulseFiles:
                 yield stem, name, None
 
     def _from_table(self, path: Path) -> Iterator[tuple[str, str, RecordedPulse | None]]:
-        """Records that were split at a batch boundary are joined."""
         finished, pending_id, pending = set[str](), "", list[RecordedPulse]()
         so_far = len(self.problems)
         try:
@@ -267,7 +266,7 @@ def _cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
 def _sample_batches(
     path: Path, where: str, problems: list[Problem], *, with_id: bool = False
 ) -> Iterator[tuple[pd.Categorical, RecordedPulse]]:
-    """In SI units, with the record id of each sample, if asked for; a cell that is no number is a problem and NaN."""
+    """In SI units; a cell that is no number is a problem and NaN."""
     empty = True
     with opened_table(path, where) as table:
         (time, to_s), (accel, to_mps2) = _columns(table.names, where, with_id=with_id)

@@ -108,7 +108,7 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
 
 
 class _Table:
-    """A table of settings: each is taken out of it, and what is wrong with it goes to ``problems``."""
+    """What is wrong with it goes to ``problems``."""
 
     def __init__(self, values: dict[str, Any], problems: list[Problem], name: str = "") -> None:
         self.values, self.problems, self._prefix = values, problems, f"{name}." if name else ""

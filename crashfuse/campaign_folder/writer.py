@@ -112,7 +112,6 @@ def pulse_csv(pulse: Pulse) -> str:
 
 
 def _write_runs(campaign: Campaign, path: Path) -> None:
-    """In batches, so that a library of any size needs little extra memory."""
     kinds = {"id": pa.dictionary(pa.int32(), pa.string()), "time_s": pa.float64(), "acceleration_mps2": pa.float32()}
     schema = pa.schema([*kinds.items()])
     accel, ids = campaign.cae.accel_mps2, campaign.cae.ids

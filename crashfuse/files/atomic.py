@@ -127,7 +127,7 @@ def _unfinished(folder: Path) -> Path:
 
 @cache  # once per process is enough
 def _sweep(folder: Path) -> None:
-    """Remove what killed processes left long ago, told by its age: machines that share a folder see only their own."""
+    """By age: machines that share a folder see only their own processes."""
     for path in folder.glob(".unfinished-*"):
         with suppress(OSError):
             if _UNFINISHED.fullmatch(path.name) and time.time() - path.stat().st_mtime > _LONG_S:

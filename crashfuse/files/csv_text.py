@@ -202,7 +202,7 @@ def _lines(stream: TextIO, where: str) -> Iterator[str]:
 
 
 def _with_points(rows: list[list[str]]) -> list[list[str]]:
-    """Decimal commas as points; but where any number has a point, a comma may stand between thousands and is left."""
+    """Where any number has a point, a comma may stand between thousands and is left."""
     if any(_POINT.fullmatch(cell) for row in rows for cell in row):
         return rows
     return [[cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell for cell in row] for row in rows]

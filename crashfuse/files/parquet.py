@@ -115,7 +115,7 @@ def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:
 
 
 def _pages(stream: IO[bytes], start: int, length: int, where: str) -> Iterator[tuple[int, int | None]]:
-    """Unpacked size and encoding of each; headers are Thrift structs, compact protocol (``parquet.thrift``)."""
+    """Unpacked size and encoding; headers are Thrift structs (``parquet.thrift``)."""
     end = start + length
     while start < end:
         stream.seek(start)
@@ -138,7 +138,7 @@ def _pages(stream: IO[bytes], start: int, length: int, where: str) -> Iterator[t
 
 
 class _Header:
-    """Reader of a Thrift struct: integers of its fields, and those of the structs in it as ``inner``."""
+    """Integers of a Thrift struct's fields, and of the structs in it as ``inner``."""
 
     def __init__(self, content: bytes) -> None:
         self._content = content
@@ -146,7 +146,6 @@ class _Header:
         self.inner: dict[int, dict[int, int]] = {}
 
     def struct(self, depth: int = 0) -> dict[int, int]:
-        """The integers of a struct by field; raises IndexError if it goes on beyond the content."""
         fields: dict[int, int] = {}
         number = 0
         while head := self._byte():

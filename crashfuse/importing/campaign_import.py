@@ -214,7 +214,7 @@ def settle_each(
 
 
 def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
-    """That of the others of its table, else of its source, if they have one in common."""
+    """That of its table, else of its source, if it has one."""
     units = [one.unit for one in others if one.source == record.source] or [one.unit for one in others]
     if len(set(units)) != 1:
         return record

@@ -182,7 +182,7 @@ def _in_one_unit(channels: Channels, choices: Choices) -> Channels:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Signal:
-    """A channel around its peak at CFC 60 and 10 kHz, with its change of velocity in its unit times seconds, signed."""
+    """A channel around its peak at CFC 60 and 10 kHz, and its signed change of velocity."""
 
     name: str
     gain: float
@@ -205,7 +205,6 @@ class _Signal:
         return abs(self.gain - other.gain) > share * _DISSENT * max(abs(self.gain), abs(other.gain))
 
     def differences(self, other: "_Signal", share: float = 1.0) -> list[str]:
-        """In words, but for ΔV: by more than this share of the limits."""
         if self.gain * other.gain <= 0:
             return ["of the other sign" if self.gain * other.gain else ""]
         differ = [""] if self.changes_unlike(other, share) else []
@@ -230,7 +229,6 @@ class _Signal:
 
 
 def _sound(case: Case, channels: Channels) -> Channels:
-    """All of them if they were chosen or no sensor is sound, which is told."""
     signals = {channel.name: resample_evenly(channel, case.record.source)[:2] for channel in channels}
     failures: dict[str, Sentence] = {}
     for channel in channels:

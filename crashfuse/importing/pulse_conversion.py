@@ -124,7 +124,6 @@ def _weights_problems(record: Record, weights: PartialCondition) -> list[Problem
 
 
 def _refuse_short(case: Case, time_s: FloatArray) -> None:
-    """Whatever its unit and speed, by the earliest contact that may be."""
     zero_s = case.choices.time_zero_s
     earliest = 0.0 if detection.stated_zero(case.record, time_s) else float(time_s[0])
     end_s = float(time_s[-1]) - (earliest if zero_s is None else zero_s)
@@ -134,7 +133,6 @@ def _refuse_short(case: Case, time_s: FloatArray) -> None:
 
 
 def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
-    """A record that ends before 60 ms, or before 100 ms while the vehicle moves, is refused."""
     first, last, end = float(motion.velocity_mps[0]), float(motion.velocity_mps[-1]), time_text(end_s)
     sentences: list[str] = []
     refuse_if(end_s < SHORTEST_S - motion.dt_s, case.record.source, _LEAST, end, _LONGER[case.role])
@@ -200,7 +198,6 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
 
 
 def _pulse_problems(record: Record, choices: Choices, role: Role, *, raw: bool) -> list[Problem]:
-    """Of a pulse whose condition is not complete: nobody should look for that of one to be refused."""
     if not record.chosen(choices.channels):
         return []
     speed_mps = record.condition.overruled(choices.condition).speed_mps
@@ -272,7 +269,6 @@ def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) ->
 
 
 def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
-    """The end comes before ``unlike``: what ends too early has not lost its speed."""
     record, speed_mps = case.record, case.speed_mps
     after = (pulse.time_s >= 0) & (pulse.time_s <= _LONGEST_S)
     motion = kinematics(pulse.accel_mps2[after], speed_mps, pulse.dt_s)

@@ -225,7 +225,6 @@ def _has_to_be_unpacked(source: Path, fmt: str) -> bool:
 
 
 def _archives(folder: Path) -> list[Path]:
-    """As laboratories offer tests for download, in a folder with nothing else to import."""
     files = _files(folder, lambda path: is_archive(path.name))
     return [] if files and formats_of(_names(folder)) else files
 

@@ -305,7 +305,6 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, list[s
 
 
 def _quantity(test: IsommeTest, names: Sequence[str], quantity: str, default: str) -> float | None:
-    """In SI; the unit is the format's unless the descriptor states one."""
     text = next((value for name in names if (value := test.descriptor(name))), "")
     number, unit = vocabulary.number_and_unit(text) or (0.0, "")
     named = vocabulary.unit_named(unit, quantity) if unit else default

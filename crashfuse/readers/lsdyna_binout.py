@@ -51,10 +51,7 @@ _SAMPLED = 20  # states
 
 
 class _LsdaFile:
-    """An LSDA file: symbol tables are read at once, data on demand.
-
-    ``wanted`` maps a folder's path to the names in it that are kept: a long list of symbols costs time, not memory.
-    """
+    """Symbol tables are read at once, data on demand; ``wanted`` has the names to keep of a folder."""
 
     def __init__(self, stream: IO[bytes], where: str, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
         self._stream, self._where = stream, where
@@ -169,7 +166,7 @@ class _Metadata(NamedTuple):  # of the nodes of a database; a continuation file 
 
 @dataclass
 class _Part:
-    """A database in one file: its states in order of time, and the file in which the last may go on."""
+    """A database in one file; its last state may go on in the file ``after``."""
 
     database: str
     file: _LsdaFile
@@ -191,7 +188,7 @@ class _Part:
         return {*self.file.folders[state], *self._torn(state)}
 
     def _torn(self, state: _Folder) -> Collection[str]:
-        """Variables of a state that went into the next file."""
+        """What went into the next file."""
         variables = () if self.after is None else self.after.folders.get(state, ())
         return () if "time" in variables else variables
 
@@ -299,7 +296,7 @@ def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
 
 
 def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
-    """Velocities at the start, shape (3, n_nodes), and the largest speed along each axis in some states."""
+    """Velocities at the start, shape (3, n_nodes), and the largest speeds along each axis."""
     first: dict[tuple[str, bytes], _Part] = {}
     fastest = np.zeros(3)
     for part in sorted(parts, key=lambda part: float(part.time[0])):
@@ -348,7 +345,7 @@ def _text(file: _LsdaFile, folder: _Folder, name: str) -> str:
 
 
 def _joined(pieces: Sequence[History]) -> History:
-    """If a restart repeats a time, the later file takes precedence."""
+    """A later file takes precedence."""
     ordered = sorted(pieces, key=lambda piece: float(piece.time[0]))
     ends = [float(piece.time[0]) for piece in ordered[1:]] + [np.inf]
     kept = [piece.time < end for piece, end in zip(ordered, ends, strict=True)]

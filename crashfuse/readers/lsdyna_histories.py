@@ -161,8 +161,6 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int, travel: Travel |
 
 
 class _Nodout:
-    """What was read so far; the first state tells along which axis the others are read."""
-
     def __init__(self, where: str, most: int, travel: Travel | None) -> None:
         self._where, self._most, self._travel = where, most, travel
         self._titles: dict[str, str] = {}

@@ -116,7 +116,7 @@ class _BinaryFile:
         )
 
     def _walls(self) -> dict[str, FloatArray]:
-        """Impulses by axis, normal (codes 1 to 3) and tangential (4 to 6) ones of all rigid walls."""
+        """Impulses by axis, normal (codes 1 to 3) and tangential (4 to 6)."""
         found: dict[str, FloatArray] = {}
         for at, group in self._written:
             codes = enumerate(group.codes if group.kind == _WALLS else ())
@@ -258,7 +258,6 @@ def _watched_of_csv(table: FloatArray, labels: list[str], start: int, where: str
 
 
 def _labels(content: bytes, where: str) -> tuple[list[str], int]:
-    """The labels, and where the numbers begin; a label may hold a line break."""
     refuse_if(_BEGINS.match(content[:_HEAD]) is None, where, _KIND, OTHER_KIND, _IMPORT)
     end, quotes, breaks = 0, 0, 0
     while not end or quotes % 2:  # to the first line break outside quotes
@@ -351,7 +350,6 @@ def _parts_of_name(name: str) -> tuple[str, int, str]:
 
 
 def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
-    """A CSV beside its original is left out."""
     has, is_one = FORMATS["radioss"].has, path.is_file() and path.suffix.lower() != ".zip"
     chosen = (True, not has(path), _parts_of_name(path.name)[0])
     original = {member.path for member in members if has(member.path)}

@@ -147,7 +147,7 @@ def with_names(history: TimeHistory) -> TimeHistory:
 
 
 def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
-    """Empty if curves cannot be told apart without doubt, or the run sets out at rest or along no axis."""
+    """Empty in doubt."""
     initial = history.initial_velocity
     if initial is None or np.count_nonzero(initial) != 1:
         return {}
@@ -181,7 +181,7 @@ def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
 
 
 def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> bool:
-    """The impulse of a force grows as the velocity falls, which no acceleration of a vehicle does."""
+    """The impulse of a force grows as the velocity falls; an acceleration does not."""
     if np.ptp(vehicle) > 0 and abs(np.corrcoef(acceleration, vehicle)[0, 1]) > _ALIKE:
         return False
     speed, change = vehicle[0], solver_run.integral(acceleration, time)
@@ -224,7 +224,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
 
 
 def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:
-    """Velocities when the run begins, shape (3, n_nodes), or of all that moves; the largest along each axis, (3,)."""
+    """Velocities at the start, shape (3, n_nodes), and the largest along each axis, (3,)."""
     names = [f"V{letter}" for letter in "XYZ"]
     rows = [[one.curves.get(name, np.zeros(1)) for name in names] for one in run.watched if {*names} & {*one.curves}]
     if not rows:
@@ -235,7 +235,7 @@ def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:
 
 
 def _along(one: Watched, axis: int, initial: FloatArray | None) -> History | None:
-    """An accelerometer has its own skew: read is the direction of largest ΔV, turned to where the vehicle travels."""
+    """An accelerometer has its own skew: read is the direction of largest ΔV."""
     accel, velocity = (one.curves.get(f"{kind}{'XYZ'[axis]}") for kind in "AV")
     if one.is_accelerometer:
         accelerations = [of for name, of in one.curves.items() if name[0] == "A"]

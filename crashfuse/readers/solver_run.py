@@ -108,7 +108,7 @@ class History:
 
 
 def _is_aliased(node: History) -> bool:
-    """Whether accelerations, sampled once per output interval, lack or fail to reproduce the velocity."""
+    """Whether accelerations lack or fail to reproduce the velocity."""
     change, goes_on = node.velocity - node.velocity[0], bool((np.diff(node.time) > 0).all())
     if node.lacks_acceleration and node.time.size > 1:
         return goes_on
@@ -150,7 +150,7 @@ def proposed_nodes(nodes: Sequence[History]) -> tuple[list[History], str]:
 
 
 def _finest(nodes: Sequence[History]) -> list[History]:
-    """Only nodes of one clock can be averaged: those that were written most often (``nodouthf``)."""
+    """Only nodes of one clock can be averaged."""
     most = max(node.time.size for node in nodes)
     return [node for node in nodes if node.time.size == most]
 

@@ -226,7 +226,7 @@ def is_key(text: str) -> bool:
 
 
 def _name_and_unit(column: str, unit_cell: str) -> tuple[str, str | None]:
-    """Split a header into name and unit: ``a_x (g)``, ``Zeit [ms]``, ``AX_m/s^2``, ``t/ms``, ``time in s``."""
+    """Split ``a_x (g)``, ``Zeit [ms]``, ``AX_m/s^2``, ``t/ms``, ``time in s``."""
     if (unit := unit_named(unit_cell)) is not None:
         return column, unit
     if repeated := _REPEATED.search(column):
@@ -258,7 +258,7 @@ def axis_by_motion(columns: Mapping[str, tuple[str, ...]], values: Callable[[str
 
 
 def _gain(values: FloatArray) -> float:
-    """The largest change of velocity, without an offset from the beginning and what is small."""
+    """The largest change of velocity, without offset and noise."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return 0.0

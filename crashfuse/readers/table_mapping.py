@@ -114,7 +114,6 @@ def _along(sheet: Sheet, axis: str) -> Mapping:
 
 
 def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, axis: str) -> ColumnUse:
-    """What stands above tells what a column's name does not."""
     if not use.is_unknown and use.role != "acceleration":
         return use
     begun = next((part for part in (sample, sheet) if part.filled(use.column)), None)
@@ -160,7 +159,6 @@ def _numeric(sheet: Sheet, column: str) -> bool:
 
 
 def _runs(values: FloatArray) -> bool:
-    """Whether the numbers increase like time, except where the next of several records starts."""
     steps = np.diff(values[np.isfinite(values)])
     return bool(steps.size and np.any(steps > 0) and np.mean(steps >= 0) > 0.9)
 
@@ -320,7 +318,7 @@ def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> P
 
 
 def _decimal(sheet: Sheet, column: str) -> FloatArray:
-    """A DataError for thousands separators: ``-441.234`` among ``119``, never ``-44.1``."""
+    """A DataError for thousands separators."""
     numbers = sheet.numbers(column)
     finite = numbers[np.isfinite(numbers)]
     broken = finite[finite != np.round(finite)]
@@ -335,7 +333,6 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
 
 
 def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows, *, once: bool) -> None:
-    """Of rows of one record, in which each time stands ``once``, or of several, which must not go back."""
     steps = np.diff(time[rows])
     places = np.flatnonzero(steps == 0 if once else steps < 0)
     if not places.size:
@@ -370,7 +367,7 @@ def _time_unit(times: FloatArray) -> tuple[str, float]:
 
 
 def _unwrapped(time_s: FloatArray) -> tuple[FloatArray, int]:
-    """Time that goes on where a clock begins anew each second, minute, hour or day; and how often."""
+    """Time that goes on where a clock begins anew; and how often."""
     there = np.flatnonzero(np.isfinite(time_s))
     steps = np.diff(time_s[there])
     back = np.flatnonzero(steps < 0)

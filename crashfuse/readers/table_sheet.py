@@ -235,11 +235,7 @@ def is_unnamed(column: str) -> bool:
 
 
 def _aligned(names: list[str], data: Sequence[Sequence[str]], decimal: str, name: str) -> list[str]:
-    """Of names one fewer than the columns, as R writes them above row names; "" for the column without.
-
-    They are those of the last columns if the first is one of row names or the clock; of the first ones if the last has
-    no numbers, or if there is but one. Otherwise nobody can tell.
-    """
+    """Of names one fewer than the columns, as R writes them above row names; "" for the column without."""
     if len(names) == 1:
         return [*names, ""]
     rows = [[*row, *[""] * (len(names) + 1)] for row in data if any(row)]
@@ -267,7 +263,6 @@ class _Block(NamedTuple):
 
 
 def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
-    """Of the largest and widest block of rows with numbers; a remark or a gap in the data does not end it."""
     if not (blocks := _blocks(grid, decimal, 0.5) or _blocks(grid, decimal, 1e-9)):
         return None
     most = max(blocks, key=lambda block: block.numbers * len(block.numeric))
@@ -282,7 +277,6 @@ def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
 
 
 def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_Block]:
-    """Of at least five rows, or fewer at the end of the grid; rows with gaps are part of a block."""
     found: list[_Block] = []
     rows: list[list[bool | None]] = []
     begin: int | None = None

@@ -89,7 +89,7 @@ def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
 
 
 def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
-    """One sheet per time if several accelerations have their own; columns left of the first are in all of them."""
+    """Columns left of the first time are in all sheets."""
     sheet = _with_clock_in_seconds(sheet)
     mapping = propose(sheet)
     roles = [use.role for use in mapping.uses]
@@ -137,7 +137,6 @@ class _Segment:
         return None
 
     def times(self, stated_s: FloatArray, channel: int, first: int, *, is_shared: bool) -> FloatArray:
-        """Those stated left of it, if they are its own or of a channel that has the same clock."""
         clock_s, clocks_s = ([self.number(tag, one) for tag in ("X0", "Delta_X")] for one in (channel, first))
         applies = not is_shared or np.allclose(clock_s, clocks_s, rtol=_SAME_S, atol=0, equal_nan=True)
         begin, first_begin = self.begin(channel), self.begin(first)
@@ -147,7 +146,6 @@ class _Segment:
 
 
 def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
-    """All segments as one table; channels that begin at other times have their own to their left."""
     pairs = (_GAP.split(line, maxsplit=1) for line in lines[:100] if _GAP.search(line))
     entries = {name: value.strip() for name, value in pairs}
     delimiter = _DELIMITERS.get(entries.get("Separator", ""), "\t")
@@ -313,11 +311,7 @@ def _check_commas(grid: Sequence[Sequence[str]], name: str) -> None:
 
 
 def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: str, *, is_ragged: bool) -> None:
-    """Raise a DataError if commas in numbers give rows, told with their numbers, more cells than there are names.
-
-    Decimal commas: -0,063 is no -0 and 063, and no cell has a point. Thousands separators: -1,234.5 is no -1 and 234.5,
-    and other rows have as many cells as there are names.
-    """
+    """Decimal commas: -0,063 is no -0 and 063. Thousands separators: -1,234.5 is no -1 and 234.5."""
     broken = [(at, match[0]) for at, row in rows if (match := _GROUPED_CELLS.search(",".join(row)))]
     if not is_ragged or len(broken) < len(rows):
         pairs = ((at, ",".join(pair)) for at, row in rows for pair in pairwise(row))
@@ -363,7 +357,6 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
 
 
 def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: str) -> list[list[str]]:
-    """Names of columns may hold blanks: a line of text is split as gives one name a column, or names none."""
     data = [2 * sum(table_sheet.is_number(cell, decimal) for cell in row) >= len(row) for row in grid]
     widths = Counter(len(row) for row, numeric in zip(grid, data, strict=True) if numeric and len(row) > 1)
     width = widths.most_common(1)[0][0] if widths else 0

@@ -43,7 +43,6 @@ TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)  # 1000 channe
 
 
 def _text_of(properties: Properties, *names: str) -> str:
-    """The first that is not empty."""
     values = (properties.get(name, "") for name in names)
     texts = (value.strip() if isinstance(value, str) else f"{value:g}" for value in values)
     return next(filter(None, texts), "")
@@ -88,7 +87,6 @@ class _Candidate(NamedTuple):
 
 
 def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
-    """Those at the best place are proposed, by the codes of their names; without codes, the only acceleration."""
     every = []
     for channel in file.channels:
         properties = file.properties_of(channel)
@@ -149,7 +147,7 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
 
 
 def _groups_alike(channels: _Named, groups: Mapping[str, str], began_s: Mapping[str, float]) -> list[str]:
-    """Those with one sensor of a vehicle, as of several tests, unless one is filtered, or began with the other."""
+    """Those with one sensor of a vehicle, as of several tests."""
     of_sensor = dict[str, dict[str, float]]()
     for name, channel in channels.items():
         code = ChannelCode.parsed(channel.label)
@@ -161,7 +159,6 @@ def _groups_alike(channels: _Named, groups: Mapping[str, str], began_s: Mapping[
 
 
 def _aligned(channels: _Named, began_s: Mapping[str, float], steps: list[str]) -> dict[str, RecordedChannel]:
-    """In one time, from the first sample on: zeros of their own are those of several triggers."""
     late_s = {name: round(start_s - min(began_s.values()), 6) for name, start_s in began_s.items()}
     times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
     first_s = min(float(time_s[0]) for time_s in times.values())
@@ -173,7 +170,6 @@ def _aligned(channels: _Named, began_s: Mapping[str, float], steps: list[str]) -
 def _clock_of(
     one: _Candidate, clocks: Sequence[_Candidate], file: TdmsFile, times: dict[str, FloatArray]
 ) -> FloatArray | None:
-    """Of equal length, if any, of its group, and of a name that begins alike."""
     size = file.size(one.channel)
     alike = [clock for clock in clocks if file.size(clock.channel) == size >= 2]
     if not alike:

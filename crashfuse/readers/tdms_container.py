@@ -41,7 +41,7 @@ _MOST_VALUES = 5_000_000  # per channel
 
 
 class _UnusableScale(ValueError):
-    """A scale of a kind that no accelerometer has, without a property, or in a circle."""
+    """A scale that no accelerometer has."""
 
 
 class _Scales:
