@@ -13,27 +13,13 @@ from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import WrongShare, trial_bounds
 from crashfuse.errors import one_of
 from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results import certification_tables as tables
 from crashfuse.results.campaign import campaign_result
 from crashfuse.results.certification_facts import PLACES, against, answer, exceptions, facts, outcomes, sentences
-from crashfuse.results.certification_tables import (
-    certification_table,
-    counts_frame,
-    csv_as_given,
-    makers_of_tables,
-    matrix_table,
-    record_counts,
-    share_columns,
-)
 from crashfuse.results.credibility import credibility_rows, credibility_table
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
-from crashfuse.results.plots.certification import (
-    planned_scales,
-    record_figure,
-    reliability,
-    validated_domain,
-    verdict_matrix,
-)
+from crashfuse.results.plots import certification as plots
 from crashfuse.results.provenance import certification_settings, certify_command, provenance
 from crashfuse.results.render.text import json_bytes
 from crashfuse.results.result import Deferred, Figure, ForReading, Result
@@ -69,7 +55,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         shown=("planned", "counts"),
         sentences={place: sentences(certification, place) for place in PLACES},
         tables=Deferred(
-            **makers_of_tables(certification),
+            **tables.makers_of_tables(certification),
             credibility=lambda: Table.of("credibility", credibility_rows(certification).set_axis(_SHEET, axis=1)),
             repeats=repeats,
         ),
@@ -87,7 +73,9 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
             "earlier": certification.since and certification.since.earlier,
         },
         files={
-            "certification.csv": reading(lambda units: csv_as_given(certification_table(certification, units))),
+            "certification.csv": reading(
+                lambda units: tables.csv_as_given(tables.certification_table(certification, units))
+            ),
             "track_record.csv": lambda: csv_bytes(certification.track_record),
             "credibility.csv": reading(lambda units: csv_bytes(credibility_table(certification, units))),
             "certification.json": lambda: certification_json(certification),
@@ -97,18 +85,18 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
 
 def _figures(certification: Certification) -> dict[str, Figure]:
     record, n = certification.record, len(certification.matrix.ids)
-    domain, matrix = partial(validated_domain, certification), partial(verdict_matrix, certification)
+    domain, matrix = partial(plots.validated_domain, certification), partial(plots.verdict_matrix, certification)
     size = _CONDITIONS if n <= _CONDITIONS else _CONDITIONS_OF_MANY
-    scales = [partial(planned_scales, certification, part=slice(i, i + size)) for i in range(0, n, size)]
-    close = Figure("How close each planned test is", partial(planned_scales, certification), is_answer=True)
+    scales = [partial(plots.planned_scales, certification, part=slice(i, i + size)) for i in range(0, n, size)]
+    close = Figure("How close each planned test is", partial(plots.planned_scales, certification), is_answer=True)
     figures = {"planned": close._replace(sheets=tuple(scales[:_MOST_SHEETS]))}
     figures["domain"] = Figure("Validated domain, and the conditions in it", domain)
     if record.trials:
         judged = [criterion for criterion in certification.criteria.items if record.of(criterion)]
         parts = [judged[i : i + _CRITERIA] for i in range(0, len(judged), _CRITERIA)]
-        draw, *sheets = (partial(record_figure, record, some) for some in (judged, *parts))
+        draw, *sheets = (partial(plots.record_figure, record, some) for some in (judged, *parts))
         figures["record"] = Figure("Evidence from left-out tests", draw, sheets=tuple(sheets))
-        figures["reliability"] = Figure("Do the probabilities come true?", lambda _: reliability(record))
+        figures["reliability"] = Figure("Do the probabilities come true?", lambda _: plots.reliability(record))
     sheets = [partial(matrix, part=slice(i, i + size)) for i in range(0, n, size)]
     if n > size * _MOST_SHEETS:
         sheets = [partial(matrix, words=False)]
@@ -136,7 +124,7 @@ def _since(certification: Certification, since: LaterTests) -> dict[str, object]
         "sha256": since.earlier.digest,
         "date": since.earlier.date,
         "new_tests": since.new,
-        "decided": {**share_columns(bounds["verdicts"]), "tests": bounds["tests"].n},
+        "decided": {**tables.share_columns(bounds["verdicts"]), "tests": bounds["tests"].n},
         "bounds": {unit: share.at_most for unit, share in bounds.items()},
         "verdicts": [
             {
@@ -157,10 +145,10 @@ def certification_record(certification: Certification) -> dict[str, object]:
     """Versions, settings, criteria, matrix, and counts of verdicts with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, domain, costs = certification.criteria, certification.domain, certification.criteria.costs
-    counts = counts_frame(certification).set_index("criterion")
+    counts = tables.counts_frame(certification).set_index("criterion")
     brier, (tests, saved, wrong) = record.brier or (None, None), record.waived(criteria)
     (inside, intervals), (inside_outside, outside) = record.intervals, record.intervals_outside
-    with_runs = certification.record_with_runs
+    with_runs, rows = certification.record_with_runs, certification.rows.items()
     return {
         **provenance(campaign, campaign.test_ids, config),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -176,17 +164,11 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "criterion": [_criterion(criterion) for criterion in criteria.items],
         },
         **({"costs": _costs(certification)} if costs else {}),
-        "matrix": matrix_table(certification.matrix).to_dict("records"),
-        "cells": {
-            i: {own.criterion.name: (own.word, own.probability, own.lower, own.upper) for own in row}
-            for i, row in certification.rows.items()
-        },
+        "matrix": tables.matrix_table(certification.matrix).to_dict("records"),
+        "cells": {i: {v.criterion.name: (v.word, v.probability, v.lower, v.upper) for v in row} for i, row in rows},
         "monte_carlo": {
-            i: {
-                "seeds": max(len(own.chances) for own in row),
-                "error": {own.criterion.name: round(own.error, 4) for own in row},
-            }
-            for i, row in certification.rows.items()
+            i: {"seeds": max(len(v.chances) for v in row), "error": {v.criterion.name: round(v.error, 4) for v in row}}
+            for i, row in rows
         },
         "run": {
             i: {test: {own.criterion.name: own.run[test] for own in certification.rows[i]} for test in tests_there}
@@ -212,16 +194,16 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "run_first": certification.run_first,
         "bounds": {unit: share.at_most for unit, share in record.bounds().items()},
         "track_record": {
-            **record_counts(record),
-            "decided_tests": share_columns(record.bounds()["tests"]),
-            "waived": {"tests": tests, **share_columns(WrongShare(wrong, saved))},
+            **tables.record_counts(record),
+            "decided_tests": tables.share_columns(record.bounds()["tests"]),
+            "waived": {"tests": tests, **tables.share_columns(WrongShare(wrong, saved))},
             "saved": {test: list(ways) for test, ways in record.saved(criteria).items()},
-            "near_limit": share_columns(record.near_limit.bounds()["verdicts"]),
+            "near_limit": tables.share_columns(record.near_limit.bounds()["verdicts"]),
             "intervals": {"n": intervals, "inside": inside},
             "intervals_outside": {"n": outside, "inside": inside_outside},
-            "tuned": {unit: share_columns(share) for unit, share in trial_bounds(record.tuned).items()},
+            "tuned": {unit: tables.share_columns(share) for unit, share in trial_bounds(record.tuned).items()},
             "whole_pulses": {way: {"n": n, "inside": inside} for way, (inside, n) in record.whole_pulses.items()},
-            **({} if with_runs is None else {"with_paired_runs": record_counts(with_runs)}),
+            **({} if with_runs is None else {"with_paired_runs": tables.record_counts(with_runs)}),
             "brier": brier[0],
             "brier_raw_cae": brier[1],
             "reliability": [{**asdict(own), "holds": own.holds} for own in record.reliability],
@@ -229,7 +211,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "by_criterion": {
             own.name: {
                 "verdicts": {str(word): int(n) for word, n in counts.loc[own.name].drop("limit").items()},
-                "track_record": record_counts(record, own),
+                "track_record": tables.record_counts(record, own),
                 "support": {**asdict(support), "confidence": round(support.confidence, 4)},
             }
             for own in criteria.items

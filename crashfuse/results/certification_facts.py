@@ -1,6 +1,6 @@
 """What is said of a certification: every fact once, with its code and values, and where each of them is shown."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain, groupby
 from typing import ClassVar, Literal
@@ -272,9 +272,7 @@ def _record(certification: Certification) -> Iterator[Fact]:
         yield _fact("record.whole", sentence=sentence, narrow=narrow, **whole)
     if record.brier is not None and record.brier[0] >= record.brier[1]:
         yield _fact("record.no_gain", brier=record.brier[0], brier_cae=record.brier[1])
-    for trial in record.counted:
-        if trial.wrong:
-            yield _wrong("record.wrong", trial, how_left_out(trial.left_out), criteria.confidence)
+    yield from _wrong("record.wrong", record.counted, criteria.confidence)
     yield from (_fact("record.bin", **asdict(own)) for own in record.reliability if not own.holds)
 
 
@@ -302,12 +300,9 @@ def _criteria(certification: Certification) -> Iterator[Fact]:
 def support_text(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
     """What the record says of a criterion at this confidence."""
     support = record.support(criterion)
-    return (
-        support.shortfall(confidence)
-        or support.reservation(confidence)
-        or f"It supports the confidence: {counted(support.own_decided, 'verdict')}, one a test, "
-        f"{counted_wrong(support.own_wrong)}."
-    )
+    verdicts, wrong = counted(support.own_decided, "verdict"), counted_wrong(support.own_wrong)
+    supported = f"It supports the confidence: {verdicts}, one a test, {wrong}."
+    return support.shortfall(confidence) or support.reservation(confidence) or supported
 
 
 def _domain(certification: Certification) -> Iterator[Fact]:
@@ -347,9 +342,7 @@ def _since(certification: Certification) -> Iterator[Fact]:
     if n:
         of = counted(n, "metric"), counted(n_tests, "test")
         yield _fact("since.outcomes", metrics=of[0], tests=of[1], wrong=wrong, **_bounds(bounds))
-    for trial in since.trials:
-        if trial.wrong:
-            yield _wrong("since.wrong", trial, "before it was run", earlier.criteria.confidence)
+    yield from _wrong("since.wrong", since.trials, earlier.criteria.confidence)
 
 
 def outcomes(since: LaterTests) -> dict[str, WrongShare]:
@@ -357,41 +350,40 @@ def outcomes(since: LaterTests) -> dict[str, WrongShare]:
     return trial_bounds(strictest_per_metric(since.counted))
 
 
-def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
-    verdict, criterion = trial.verdict, trial.verdict.criterion
-    return _fact(
-        code,
-        trial.held_out,
-        how=how,
-        criterion=criterion.name,
-        limits=criterion.limits,
-        condition=verdict.condition,
-        said=verdict.word,
-        probability=probability_text(verdict.probability, confidence),
-        measured=measured_text(criterion, trial.measured, trial.shift),
-    )
+def _wrong(code: str, trials: Iterable[Trial], confidence: float) -> Iterator[Fact]:
+    for trial in (trial for trial in trials if trial.wrong):
+        verdict, criterion = trial.verdict, trial.verdict.criterion
+        yield _fact(
+            code,
+            trial.held_out,
+            how="before it was run" if trial.left_out == "planned" else how_left_out(trial.left_out),
+            criterion=criterion.name,
+            limits=criterion.limits,
+            condition=verdict.condition,
+            said=verdict.word,
+            probability=probability_text(verdict.probability, confidence),
+            measured=measured_text(trial),
+        )
 
 
 def _intervals(record: TrackRecord) -> Iterator[Fact]:
     (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
     missed = [
-        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured, limit.interval(v.lower, v.upper))
+        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured_text(trial), limit.interval(v.lower, v.upper))
         for trial in record.missed_intervals
         for v, limit in [(trial.verdict, trial.verdict.criterion)]
-        for measured in [measured_text(limit, trial.measured, trial.shift)]
     ]
     code = "record.too_narrow" if record.too_narrow else "record.intervals"
-    outside = {"inside_outside": inside_outside, "n_outside": n_outside or None}
     if n:
-        yield _fact(code, inside=inside, n=n, missed=missed, **outside)
+        yield _fact(code, inside=inside, n=n, missed=missed, inside_outside=inside_outside, n_outside=n_outside or None)
 
 
-def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:
-    """What a test measured and, off its condition, what that is there by the CAE model."""
+def measured_text(trial: Trial) -> Quantity | Sentence:
+    """What a test measured and, if run off its condition, what that is there by the CAE model."""
+    shown, value, shift = trial.verdict.criterion.shown, trial.measured, trial.shift
     if value is None or not shift:
-        return criterion.shown(value)
-    template = "{} ({} at its condition, by the CAE model)"
-    return Sentence(template, criterion.shown(value + shift), criterion.shown(value))
+        return shown(value)
+    return Sentence("{} ({} at its condition, by the CAE model)", shown(value + shift), shown(value))
 
 
 def new_together(certification: Certification) -> dict[str, str]:
@@ -420,8 +412,7 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
     for i, condition in items:
         if not domain.too_few_tests and (why := domain.exceeded_by(condition)):
             yield _fact("condition.outside", i, why=joined(why))
-        short = [v.criterion.name for v in certification.rows[i] if v.word == "open" and v.probability is None]
-        if short:
+        if short := [v.criterion.name for v in certification.rows[i] if v.word == "open" and v.probability is None]:
             yield _fact("condition.too_short", i, criteria=short)
     together = new_together(certification)
     for factors in dict.fromkeys(together.values()):
@@ -432,7 +423,6 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
 
 
 def _not_used(certification: Certification) -> Iterator[Fact]:
-    campaign = certification.campaign
-    unused = dict(campaign.unused)
+    campaign, unused = certification.campaign, dict(certification.campaign.unused)
     for name in dict.fromkeys(chain.from_iterable(unused_at(certification).values())):
         yield _fact("test.not_used", name, condition=unused[name], reason=campaign.reason_of(name))

@@ -29,6 +29,7 @@ _TRIAL_COLUMNS = (
     *("value", "lower", "upper", "basis", "metric", "at_least", "at_most", "unit", "counted", "shift"),
     *("bounds.verdicts", "bounds.tests", "tuned"),
 )
+_OF_LIMITS = ("metric", "window_ms", "at_least", "at_most", "unit")
 _JUDGED = ("met", "not met", "decided")
 
 
@@ -41,7 +42,8 @@ def certification_table(certification: Certification, units: UnitSystem | None =
     return _numbers_of(
         {
             **condition_columns(i, verdict.condition, factors, certification.matrix.conditions[0]),
-            **_limit_columns(verdict.criterion),
+            "criterion": verdict.criterion.name,
+            **{name: getattr(verdict.criterion, name) for name in _OF_LIMITS},
             **{name: getattr(verdict, name) for name in ("value", "lower", "upper", "probability")},
             "verdict": verdict.word,
             "reason": joined([verdict.reason, *([though_met[i]] if i in though_met else [])]).in_units(system),
@@ -103,13 +105,6 @@ def csv_as_given(table: pd.DataFrame) -> bytes:
     """A table with :func:`condition_columns` as CSV, with all digits that were given."""
     given = _AS_GIVEN.intersection(table)
     return csv_bytes(table.assign(**{name: table[name].map("{:.12g}".format) for name in given}))
-
-
-def _limit_columns(criterion: Criterion) -> dict[str, object]:
-    return {
-        "criterion": criterion.name,
-        **{name: getattr(criterion, name) for name in ("metric", "window_ms", "at_least", "at_most", "unit")},
-    }
 
 
 def _numbers_of(rows: Iterable[object], columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -212,7 +207,7 @@ def _trials(name: str, certification: Certification, trials: Sequence[Trial]) ->
             "Test": trial.held_out,
             "Left out": {"test": "alone", "planned": "before it was run"}.get(trial.left_out, trial.left_out),
             **_cells(trial.verdict),
-            "Measured": measured_text(trial.verdict.criterion, trial.measured, trial.shift),
+            "Measured": measured_text(trial),
             "The test": ("met it" if trial.met else "missed it") + ", wrong" * trial.wrong,
         }
         for trial in trials

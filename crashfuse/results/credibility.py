@@ -100,8 +100,7 @@ def _of_answers(certification: Certification) -> dict[str, object]:
     outside = sum(bool(certification.domain.outside(condition)) for condition in conditions)
     told = ["{} of {} need not be run as asked for".format(*certification.saved)]
     told += [
-        f"{own.name}: {own.saved[0]} of {own.saved[1]} ({changed_text(own) or 'no change'})"
-        for own in certification.variants
+        f"{v.name}: {v.saved[0]} of {v.saved[1]} ({changed_text(v) or 'no change'})" for v in certification.variants
     ]
     return {
         "planned": len(conditions),

@@ -18,10 +18,9 @@ _UNITS: dict[str, AccelerationUnit] = {"g": "g", "m/s²": "m/s²", "m/s2": "m/s�
 
 
 class DisplayOptions(TypedDict, total=False):
-    """How a figure is drawn, option by option, as in :class:`Display`; ``unit`` may be ``m/s2``, too.
+    """Options of a figure, as in :class:`Display`; others change those of ``display``; ``unit`` may be ``m/s2``, too.
 
-    ``units``: ``mph-lb`` or ``kph-kg``, by default those that the campaign's tests are declared in; ``display``: all at
-    once, of which the others then change some.
+    ``units``: ``mph-lb`` or ``kph-kg``, by default those that the campaign's tests are declared in.
     """
 
     window_ms: float

@@ -60,9 +60,9 @@ class Numbers(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Mark:
-    """What is drawn at once: its look, its name in tables, and its numbers by what they are; none: it shows none.
+    """What is drawn at once: its look, its name in tables, and its numbers, if any.
 
-    They are ``x``, ``y``, ``lower``, ``upper``, ``x_lower``, ``x_upper`` and ``label``; those of cells go by columns.
+    These are ``x``, ``y``, ``lower``, ``upper``, ``x_lower``, ``x_upper`` and ``label``; those of cells go by columns.
     """
 
     look: Look
@@ -130,9 +130,9 @@ class Drawing:
         smooth: int = 0,
         **look: object,
     ) -> None:
-        """Shade between two curves, or draw their edges, with a gap where either is unknown; its numbers are all.
+        """Shade between two curves, or draw their edges, with a gap where either is unknown.
 
-        It is drawn with edges ``smooth`` over so many samples to either side, nowhere narrower.
+        It is drawn with edges smoothed over so many samples to either side, nowhere narrower; its numbers are not.
         """
         lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)  # deceleration turns them over
         is_finite = np.isfinite(lower) & np.isfinite(upper)
@@ -277,9 +277,9 @@ _Curve = tuple[str, Numbers, pd.DataFrame]
 def figure_table(figure: go.Figure) -> pd.DataFrame:
     """The numbers of any figure of this library, but for traces that are not visible.
 
-    One row a position on its x axis; units are in the names of the columns. Curves over the same positions stand side
-    by side, a band in two columns. Where positions differ, or points carry names, the table is long: the first column
-    names the curve, the next its plot, of several. A heat map is a table of its cells.
+    One row a position on its x axis, units in the names of columns. Curves over the same positions stand side by side,
+    a band in two columns. Otherwise, or with named points, the table is long: the first column names the curve, the
+    next its plot, of several. A heat map is a table of its cells.
     """
     drawing = drawing_of(figure)
     hidden = [place for place, trace in enumerate(figure.data) if trace.visible not in (None, True)]

@@ -56,7 +56,6 @@ class OtherPrediction(Protocol):
 Further = str | OtherPrediction
 """What a figure shows beside its curves: a test or CAE run by its id, or another prediction."""
 
-
 LEFT_OUT = {"test": "left out alone", "speed group": "all at its speed left out"}
 WITH_GROUP = "left out with its speed group"
 

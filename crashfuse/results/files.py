@@ -59,10 +59,9 @@ def write_files(result: Result, folder: Path, display: Display | None = None) ->
 
 @contextmanager
 def replaced(kind: str, folder: Path) -> Iterator[Path]:
-    """A folder to write a result into, whose files then take the place of all files of an older one of this kind.
+    """A folder to write a result into, whose files then replace those of an older one of this kind; others stay.
 
     The record goes first and comes last: wherever the machine stops, no record stands beside files of another result.
-    Files that are not named as this program names its results stay.
     """
     *others, record = RESULT_FILES[kind]
     of_pulses = tuple(f"{name}_" for name in CLASSES.declared)

@@ -46,8 +46,6 @@ _FIT = (
     Column("Known to a factor of", "number", form=".2f", source="spread"),
     Column("At its bound", source="touched"),
 )
-
-
 _LENGTHS = (  # of the bias model, by part: of what, in which unit, and in which readers have it
     ("by speed", "v0", "m/s", "mph"),
     ("by weight", "front weight", "kg", "lb"),
@@ -72,16 +70,17 @@ def fit_table(approach: str, state: Mapping[str, Any]) -> Table:
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     """Sentences on an approach's fit and the reliability of its band; empty without a fit."""
-    check = state.get("band_check")
+    check = state.get("band_check") or {}
     values = {name: state.get(name) for name in ("points", "bias_rms_g", "factors", "members", "weights", "penalty")}
     values["verdict"] = _VERDICTS[state["dead"]] if "hyperparameters" in state else None
     values["misfit"] = state.get("left_out_delta_v_misfit")
     if len(densities := state.get("left_out_log_density", {})) > 1:
-        values["densities"] = [f"{name} {_whole(value)}" for name, value in densities.items()]
+        values["densities"] = [f"{name} {Quantity((value,), '', '.0f')}" for name, value in densities.items()]
         values["factors"] = state["factors"] or "none"
     if equal := state.get("weights_at_equal_bands"):
         values["equal"] = [f"{name} {weight:.2f}" for name, weight in equal.items()]
-    told = [statements(_OF_FIT, values), *([_band_sentence(check)] if check else [])]
+    band = check | {"short": "too little" if check and not check["holds"] else None}
+    told = [statements(_OF_FIT, values), statements(_BAND, band)]
     return [sentence for sentence in told if sentence]
 
 
@@ -98,6 +97,7 @@ _BAND = (
     "{velocity_inside:.0%} of the time up to TTZV; crush in {crush_inside} tests, peak in {peak_inside}.",
     "After TTZV it is scaled by {late_widening:g}.",
     "After TTZV it holds a(t) {rebound_inside:.0%} of the time.",
+    "That is {short} for a 95 % band.",
 )
 
 
@@ -112,15 +112,6 @@ def whole_sentence(counts: Mapping[str, tuple[int, int]]) -> str:
     """How many left-out tests lie inside bands of whole pulses, by band or way left out."""
     shown = ", ".join(f"{key} {inside} of {n}" for key, (inside, n) in counts.items())
     return f"Left-out tests inside as a whole (0–60 ms; nine of ten are meant to be): {shown}."
-
-
-def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
-    """Each note once, with the labels of the approaches it applies to."""
-    makers: dict[str, list[str]] = {}
-    for estimate in estimates:
-        for note in estimate.notes:
-            makers.setdefault(note, []).append(LABELS[estimate.approach])
-    return makers
 
 
 def metric_remarks(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[list[str], list[str]]:
@@ -139,15 +130,6 @@ def _averaged(who: str, metrics: Sequence[Metric]) -> str:
     return f"{who}: values are those of a single test; the averaged pulse has {', '.join(texts)}." if texts else ""
 
 
-def _band_sentence(check: Mapping[str, Any]) -> str:
-    verdict = "" if check["holds"] else "That is too little for a 95 % band."
-    return joined([statements(_BAND, check), *filter(None, [verdict])])
-
-
-def _whole(value: float) -> Quantity:
-    return Quantity((value,), "", ".0f")
-
-
 MEASURED = "Measured"  # heading of what was measured, beside the approaches
 
 
@@ -160,8 +142,11 @@ def estimates_result(
     of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
     metrics, more_metrics = metrics_shown(columns, campaign, f"Pulse metric{of_test}", MEASURED)
     missing, more_missing = metric_remarks(columns)
-    makers = notes_by_makers(estimates).items()
-    remarks = (joined([", ".join(who), note], ": ") for note, who in makers if note not in known)
+    makers: dict[str, list[str]] = {}
+    for estimate in estimates:
+        for note in estimate.notes:
+            makers.setdefault(note, []).append(LABELS[estimate.approach])
+    remarks = (joined([", ".join(who), note], ": ") for note, who in makers.items() if note not in known)
     fits = {estimate: tuple(fit_sentences(estimate.state)) for estimate in estimates}
     return Result(
         kind="estimates",

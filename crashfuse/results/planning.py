@@ -141,7 +141,7 @@ def next_tests_table(ranking: NextTests) -> Table:
     return Table("next tests", frame, columns)
 
 
-MEANING = "From parts of the tests, even over speed and at random, all others are predicted and rated."
+CURVE_MEANING = "From parts of the tests, even over speed and at random, all others are predicted and rated."
 ONE_MORE_MEANING = "One more test: rating = limit − a / n (least squares); the interval covers exponents from 0.5 to 2."
 
 
@@ -170,7 +170,7 @@ def learning_curve_result(curve: LearningCurve, cost: Cost | str | None = None) 
         held_out=curve.campaign.test_ids,
         answer=answer,
         shown=() if steps.empty else ("gains",),
-        sentences={"meaning": (MEANING,), "law": (ONE_MORE_MEANING,)},
+        sentences={"meaning": (CURVE_MEANING,), "law": (ONE_MORE_MEANING,)},
         tables={"gains": steps, "means": curve_table(curve)},
         figures={"curve": Figure("Rating over the number of tests", partial(over_number_of_tests, curve))},
         parts={"data": (campaign_result(curve.campaign),)},

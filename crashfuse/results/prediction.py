@@ -174,16 +174,8 @@ def side_by_side(predictions: Sequence[PredictedPulse], base: int = 0) -> Table:
     shown.insert(0, shown.pop(base))
     table, _ = metrics_shown(shown, predictions[0].campaign)
     label, first, *others = table.columns
-    minus = [
-        replace(
-            own,
-            title=Sentence("{} − {}", own.title, first.title),
-            kind="difference",
-            source=own.title,
-            further=(first.title,),
-        )
-        for own in others
-    ]
+    minus = [replace(own, kind="difference", source=own.title, further=(first.title,)) for own in others]
+    minus = [replace(own, title=Sentence("{} − {}", own.title, first.title)) for own in minus]
     return replace(table, columns=(label, first, *chain.from_iterable(zip(others, minus, strict=True))))
 
 

@@ -97,7 +97,6 @@ MEAN = "Mean"
 TTZV_COLUMN = "0–TTZV"  # the column of ratings up to each test's time of zero velocity
 REPEAT = "A repeat"  # what a repeat of the test would rate: the last row of each test, where it is known
 
-
 _FURTHER = {
     "sg_magnitude": "Sprague–Geers magnitude",
     "sg_phase": "phase",
@@ -118,8 +117,7 @@ def further_table(study: Study, fold: Fold, window_ms: float) -> Table:
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
     """Overall ratings as in the paper's tables, unrounded: :data:`TABLE_3` or :data:`TABLE_5`, as far as in the study.
 
-    Indexed by test and approach, one column a window. Under the approaches stands what a repeat of the test would rate,
-    if it is known; in the last rows the mean over several tests.
+    Indexed by test and approach, one column a window; what a repeat would rate follows the approaches, means come last.
     """
     windows = study.config.windows_ms
     labels = {name: label for name, label in rows.items() if name in study.config.approaches}

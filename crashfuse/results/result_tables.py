@@ -21,6 +21,7 @@ from crashfuse.study.study import Study
 from crashfuse.units import KN, MS, G, Quantity, Sentence
 
 _FOLDS = ("others", "apart")  # in names of columns: as most tests at about the speed fold, and as one that stands apart
+_CURVES = ("acceleration", "lower", "upper", "whole_lower", "whole_upper", *_FOLDS)
 _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
 
 
@@ -86,19 +87,10 @@ def _pulses(rows: Iterable[tuple[str, str, Prediction]]) -> pd.DataFrame:
     parts = []
     for held_out, approach, prediction in rows:
         none = (np.full(prediction.time_s.size, np.nan),) * 2
-        (lower, upper), (whole_lower, whole_upper) = prediction.band() or none, prediction.whole_band() or none
-        columns = {
-            "held_out": held_out,
-            "approach": approach,
-            "time_ms": (prediction.time_s / MS).round(6),
-            "acceleration_g": prediction.accel_mps2 / G,
-            "lower_g": lower / G,
-            "upper_g": upper / G,
-            "whole_lower_g": whole_lower / G,
-            "whole_upper_g": whole_upper / G,
-            **{f"{way}_g": accel / G for way, accel in zip(_FOLDS, prediction.folds_mps2, strict=False)},
-        }
-        parts.append(pd.DataFrame(columns))
+        curves = prediction.accel_mps2, *(prediction.band() or none), *(prediction.whole_band() or none)
+        of_time = {f"{name}_g": own / G for name, own in zip(_CURVES, (*curves, *prediction.folds_mps2), strict=False)}
+        columns = {"held_out": held_out, "approach": approach, "time_ms": (prediction.time_s / MS).round(6)}
+        parts.append(pd.DataFrame(columns | of_time))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -127,8 +119,7 @@ def metrics_shown(
 ) -> tuple[Table, Table]:
     """Metrics as rows, the main ones and the others; a column for each whose they are.
 
-    The last whose tests fold in two ways has columns of both. Marked is an interval that does not hold what the column
-    of the ``test`` shows.
+    The last that folds in two ways has columns of both. Intervals that miss what the ``test`` shows are marked.
     """
     shown = dict(columns)
     for who in [who for who, metrics in shown.items() if any(m.folds for m in metrics)][-1:]:

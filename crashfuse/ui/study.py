@@ -13,7 +13,7 @@ from crashfuse.certification.verdict import with_decided
 from crashfuse.errors import DataError
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import coverage_table
-from crashfuse.results.planning import MEANING, ONE_MORE_MEANING, learning_curve_result
+from crashfuse.results.planning import CURVE_MEANING, ONE_MORE_MEANING, learning_curve_result
 from crashfuse.results.study import means_table, quality_table, study_files, study_result
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import CURVE_CONFIG
@@ -190,7 +190,7 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     st.info("  \n".join(map(plain, result.answer)), icon=":material/science:")
     alt = "Mean rating, width of the band, decided verdicts over the number of tests"
     show_figure(whole.draw(display=view.display), alt, name="learning curve")
-    st.caption(f"{MEANING} Points: means ± standard error; shaded: 80 %. {campaign.rating_basis}.")
+    st.caption(f"{CURVE_MEANING} Points: means ± standard error; shaded: 80 %. {campaign.rating_basis}.")
     if result.shown:
         with st.expander("What further tests gained", icon=":material/table:"):
             show_table(result.tables["gains"], "gains")

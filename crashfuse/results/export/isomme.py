@@ -51,11 +51,8 @@ def _channel_header(channel: Channel) -> list[tuple[str, str]]:
         ("Data status", channel.status or ("ok" if whole else "questionable data")),
         ("Number of samples", str(channel.values.size)),
     ]
-    if channel.interval_s is not None:
-        header.append(("Sampling interval", repr(channel.interval_s)))
-    if channel.start_s is not None:
-        header.append(("Time of first sample", repr(channel.start_s)))
-    return header
+    times = {"Sampling interval": channel.interval_s, "Time of first sample": channel.start_s}
+    return [*header, *((name, repr(time_s)) for name, time_s in times.items() if time_s is not None)]
 
 
 def _lines(descriptors: Pairs) -> Iterator[str]:

@@ -71,11 +71,9 @@ class PulseExport:
             require_a(SolverCurve, self.curve, 'crashfuse.SolverCurve("mm-ms-kg")')
         elif set(self.formats) & set(SOLVERS):
             raise UsageError("A curve for a solver needs the unit system of its model.")
-        letters = {*str(self.location)}
-        if not (isinstance(self.location, str) and len(self.location) == len(LOCATION) and letters <= _OF_LOCATIONS):
-            raise UsageError(
-                f"An ISO-MME location has 12 digits and capitals, such as {LOCATION}, not {self.location!r}."
-            )
+        location = self.location
+        if not (isinstance(location, str) and len(location) == len(LOCATION) and {*location} <= _OF_LOCATIONS):
+            raise UsageError(f"An ISO-MME location has 12 digits and capitals, such as {LOCATION}, not {location!r}.")
         for what, number in (("The number of draws", self.draws), ("The seed of draws", self.seed)):
             if not (isinstance(number, Integral) and number >= 0):
                 raise UsageError(f"{what} is 0 or more, not {number!r}.")
@@ -87,9 +85,9 @@ class PulseExport:
         remarks: Sequence[str] = (),
         units: UnitSystem | None = None,
     ) -> PulseFiles:
-        """The files of each format, which state these remarks, too; a UsageError if there are too few draws.
+        """The files of each format, which state these remarks, too, in these units, by default the campaign's.
 
-        What is for reading in them is in these units, by default the campaign's.
+        A UsageError if there are too few draws.
         """
         units = campaign.units if units is None else units
         written: dict[PulseFormat, dict[str, bytes]] = {name: {} for name in self.formats}

@@ -109,8 +109,7 @@ def draw_cells(
 ) -> None:
     """Draw a heat map with names above that stays where it is.
 
-    Cells can't be clicked: invisible marks on them, row by row, carry what is ``clicked``, and what is told; the mark
-    of a cell is the nearest anywhere in it. Without marks the cells tell it.
+    Cells can't be clicked: invisible marks on them, row by row, carry what is ``clicked`` and told, else the cells.
     """
     over = Look(hoverinfo="skip") if clicked else telling(told)
     drawing.add(Look(type="heatmap", x=columns, y=rows, showscale=False, xgap=2, ygap=2) | over | look, numbers)

@@ -16,16 +16,8 @@ from crashfuse.results.certification_tables import ANSWER, answer_texts, planned
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.drawing import Drawing, Look, Sheer
 from crashfuse.results.figures import WITH_GROUP, how_left_out
-from crashfuse.results.plots.canvas import (
-    PROMISED,
-    draw_cells,
-    drawing_of_points,
-    marker,
-    marks_of_runs,
-    stack,
-    telling,
-    tick_name,
-)
+from crashfuse.results.plots import canvas
+from crashfuse.results.plots.canvas import drawing_of_points, marker, telling, tick_name
 from crashfuse.results.plots.palette import CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import probability_text, unbroken
@@ -79,7 +71,7 @@ def verdict_matrix(
         clicked = [f"{i} | {verdict.criterion.name}" for i, row in zip(ids, rows, strict=True) for verdict in row]
     else:
         look["ygap"] = 0
-    draw_cells(drawing, names, labels, look, table, hover, clicked=clicked, marker_size=20, yaxis="y2")
+    canvas.draw_cells(drawing, names, labels, look, table, hover, clicked=clicked, marker_size=20, yaxis="y2")
     told = [verdict.word for row in rows for verdict in row]
     for word in WORDS:
         look = marker(VERDICT_COLOURS[word], "square", 13, 1)
@@ -155,12 +147,9 @@ def _draw_scale(
         drawn = np.clip(values, low, high)
         sides = ["middle right" if value < (low + high) / 2 else "middle left" for value in drawn]
         look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip", textfont_size=11)
-        look |= Look(
-            text=[f" {replace(criterion.shown(v / factor), values=(v,), unit='')} " for v in values], textposition=sides
-        )
-        name = {"name": f"{criterion.title}: measured"}
-        found = {"label": [ids[row] for row in places], "x": values}
-        drawing.add(look | Look(x=drawn, y=places, **name, **at), found)
+        texts = [f" {replace(criterion.shown(v / factor), values=(v,), unit='')} " for v in values]
+        look |= Look(text=texts, textposition=sides, name=f"{criterion.title}: measured")
+        drawing.add(look | Look(x=drawn, y=places, **at), {"label": [ids[row] for row in places], "x": values})
     cells = Look(x=[(low + high) / 2] * len(ids), y=[*range(len(ids))], marker_opacity=0, marker_size=_ROW_PX - 8)
     told = [_hover(i, verdict, display) for i, verdict in zip(ids, verdicts, strict=True)]
     drawing.add(cells | Look(customdata=[f"{i} | {criterion.name}" for i in ids], **at) | telling(told))
@@ -191,11 +180,8 @@ def _cell(verdict: Verdict, confidence: float, between: str) -> str:
 
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
-    lines = [
-        f"<b>{condition_id}, {verdict.criterion.title}: {verdict.word}</b>",
-        display.condition(verdict.condition),
-        *wrap(display.words(verdict.reason), 78),
-    ]
+    head = f"<b>{condition_id}, {verdict.criterion.title}: {verdict.word}</b>"
+    lines = [head, display.condition(verdict.condition), *wrap(display.words(verdict.reason), 78)]
     if verdict.word == "outside":  # else the reason has the numbers
         lines.append(display.words(verdict.expected))
     return "<br>".join(lines)
@@ -216,7 +202,7 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
     runs = campaign.cae.vectors[:: -(-len(campaign.cae) // _MAX_RUNS)]
     speeds, weights = display.speeds(runs[:, 0]), display.weights(runs[:, 1:].sum(axis=1))
     name = f"{len(campaign.cae):,} CAE runs"
-    drawing.points(speeds, weights, name=name, hoverinfo="skip", marker=marks_of_runs(len(runs)))
+    drawing.points(speeds, weights, name=name, hoverinfo="skip", marker=canvas.marks_of_runs(len(runs)))
 
     def draw(name: str, some: Sequence[tuple[str, Condition, str]], look: Look) -> None:
         speeds = [display.speeds(condition.speed_mps) for _, condition, _ in some]
@@ -255,7 +241,7 @@ def reliability(record: TrackRecord) -> Drawing:
         for name in "xy":
             drawing.axis(name, visible=False)
         return drawing
-    drawing.points([0, 1], [0, 1], **PROMISED)
+    drawing.points([0, 1], [0, 1], **canvas.PROMISED)
     for name, colour, symbol, holds in (
         ("Within its bounds", _AGREES, "circle", True),
         ("Outside its bounds", _DISAGREES, "circle-open", False),
@@ -286,7 +272,7 @@ def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: D
     tests = list(dict.fromkeys(trial.held_out for trial in trials))
     places = Look(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=[*map(tick_name, tests)])
     drawing = drawing_of_points(max(120 + 210 * len(criteria), 330), **places)
-    stack(drawing, len(criteria), 0.24 / (len(criteria) + 0.6))
+    canvas.stack(drawing, len(criteria), 0.24 / (len(criteria) + 0.6))
     for row, criterion in enumerate(criteria, start=1):
         own = [trial for trial in trials if trial.verdict.criterion == criterion]
         number = "" if row == 1 else f"{row}"
@@ -341,11 +327,10 @@ def _told(trial: Trial, display: Display) -> str:
     verdict, criterion = trial.verdict, trial.verdict.criterion
     value, measured = (display.words(criterion.shown(value)) for value in (verdict.value, trial.measured))
     interval = display.words(criterion.interval(verdict.lower, verdict.upper))
-    return "<br>".join(
-        [
-            f"<b>{trial.held_out}</b>, {how_left_out(trial.left_out)}",
-            f"predicted {value}, 95 % of tests {interval}",
-            f"measured {measured}: {'met' if trial.met else 'not met'}",
-            f"verdict: {verdict.word}{', wrong' * trial.wrong}",
-        ]
+    lines = (
+        f"<b>{trial.held_out}</b>, {how_left_out(trial.left_out)}",
+        f"predicted {value}, 95 % of tests {interval}",
+        f"measured {measured}: {'met' if trial.met else 'not met'}",
+        f"verdict: {verdict.word}{', wrong' * trial.wrong}",
     )
+    return "<br>".join(lines)

@@ -56,14 +56,11 @@ def draw_curves(
 ) -> None:
     """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else; the last is on top.
 
-    Filled are one band, by default the preferred approach's, and that of a single curve beside the approaches; of the
-    others the edges are drawn.
+    One band is filled, by default the preferred approach's, and that of a single further curve; others are edges.
     """
     lines, labels = curve_lines(curves), {name: f"{label(name)}{curve.remark}" for name, curve in curves.items()}
     filled = with_filled_band(curves, filled)
-    beside = [
-        name for name, curve in curves.items() if curve.band is not None and name != filled and name not in COLOURS
-    ]
+    beside = [name for name, own in curves.items() if own.band is not None and name not in (filled, *COLOURS)]
     alike = (filled, *beside) if len(beside) == 1 else (filled,)
     for name, curve in curves.items():
         colour: str = lines[name]["color"]

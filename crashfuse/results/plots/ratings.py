@@ -217,6 +217,5 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
     if largest < _SMALL:
         drawing.axis("y", range=[-_SMALL, _SMALL])
     if largest < _NONE:
-        words = "Every test is rated the same in both studies."
-        drawing.note(words, 0.25, 0.88)
+        drawing.note("Every test is rated the same in both studies.", 0.25, 0.88)
     return drawing

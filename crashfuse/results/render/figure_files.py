@@ -17,10 +17,10 @@ from markupsafe import Markup
 from crashfuse.errors import CrashfuseError, DataError, UsageError, refusal
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import Drawing, drawing_table
+from crashfuse.results.drawing import drawing_table
 from crashfuse.results.plots.canvas import without_links
 from crashfuse.results.render.text import against_lines
-from crashfuse.results.result import Result
+from crashfuse.results.result import Figure, Result
 
 FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
@@ -46,10 +46,11 @@ class ReportFigure(NamedTuple):
     is_answer: bool = False
 
     @classmethod
-    def of(cls, title: str, drawing: Drawing, *, is_answer: bool = False) -> Self:
-        """A drawing under its heading."""
+    def of(cls, figure: Figure, display: Display) -> Self:
+        """A figure of a result, drawn."""
+        drawing = figure.draw(display)
         drawn = json.loads(without_links(drawing.figure().to_json()))
-        return cls(title, drawn, csv_bytes(drawing_table(drawing)).decode(), is_answer)
+        return cls(display.words(figure.title), drawn, csv_bytes(drawing_table(drawing)).decode(), figure.is_answer)
 
 
 class FiguresOfReport(NamedTuple):
@@ -77,10 +78,7 @@ class Report(str):
 
 def contents_of(result: Result, display: Display) -> FiguresOfReport:
     """What a report and its slides have in common."""
-    figures = [
-        ReportFigure.of(display.words(figure.title), figure.draw(display), is_answer=figure.is_answer)
-        for figure in result.all_figures()
-    ]
+    figures = [ReportFigure.of(figure, display) for figure in result.all_figures()]
     notices, answers = (tuple(map(display.words, texts)) for texts in (result.notices, result.answer))
     rows = result.tables[result.shown[0]].texts(display) if result.shown else pd.DataFrame()
     left = [("…",) * rows.shape[1]] if len(rows) > _SLIDE_ROWS else []
@@ -198,10 +196,7 @@ def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str
 
     async def drawn() -> dict[str, list[bytes]]:
         async with Kaleido(n=1, page_generator=Page(mathjax=False), proxy_server=_NO_NETWORK) as browser:
-            return {
-                kind: [await browser.calc_fig(figure, opts=options(figure, kind)) for figure in figures]
-                for kind in kinds
-            }
+            return {kind: [await browser.calc_fig(own, opts=options(own, kind)) for own in figures] for kind in kinds}
 
     try:
         with ThreadPoolExecutor(1) as pool:  # there may be a loop of events in this thread

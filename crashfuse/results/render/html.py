@@ -18,7 +18,7 @@ from crashfuse.results.plots.palette import VERDICT_COLOURS
 from crashfuse.results.provenance import provenance
 from crashfuse.results.render.figure_files import HEIGHT_PX, FiguresOfReport, Report, contents_of, embedded, file_name
 from crashfuse.results.render.text import spreadsheet_text
-from crashfuse.results.result import Figure, Result
+from crashfuse.results.result import Result
 from crashfuse.results.table import Table
 
 
@@ -49,17 +49,13 @@ def report(result: Result, display: Display | None = None) -> Report:
     """The report of a result as one file, by default in the units of its campaign."""
     display = result.usual_display if display is None else display
     contents, draws = contents_of(result, display), [figure.draw for figure in result.all_figures()]
-
-    def place(figure: Figure) -> Markup:
-        """Ids are numbered: equal results give equal files."""
-        return Markup().join(_place(draws.index(draw) + 1, contents) for draw in figure.drawn)
-
     values: dict[str, object] = {
         "result": result,
         "title": contents.title,
         "notices": contents.notices,
         "answers": contents.answers,
-        "figure": place,
+        # numbered, so that equal results give equal files
+        "figure": lambda figure: Markup().join(_place(draws.index(draw) + 1, contents) for draw in figure.drawn),
         "data_of_report": partial(embedded, contents),
         "verdict_colours": VERDICT_COLOURS,
         "plotly": Markup(get_plotlyjs()),  # noqa: S704 - a library's script

@@ -9,14 +9,12 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from crashfuse.campaign import Campaign
 from crashfuse.files.csv_text import neutral
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.result import Result
 from crashfuse.results.table import PARTS, Cell, Column, Table
-from crashfuse.study.facts import campaign_facts
 
-_MOST_ROWS = 40  # of a table in a terminal
+_MOST_ROWS, _MOST_OF_CARD = 40, 30  # of a table in a terminal; in a notebook
 
 
 def lines(result: Result, display: Display) -> list[str]:
@@ -69,15 +67,12 @@ def _text_cell(text: str) -> str:
     return neutral(_number_cell(" ".join(text.split())))
 
 
-_MOST_ROWS = 30
-
-
 def card(title: str, table: Table, notes: Sequence[str] = (), display: Display = DEFAULT) -> str:
     """HTML of a small table with title and sentences; everything in it is text."""
-    if len(table) > _MOST_ROWS:
-        notes = (f"The first {_MOST_ROWS} of {len(table)} rows.", *notes)
+    if len(table) > _MOST_OF_CARD:
+        notes = (f"The first {_MOST_OF_CARD} of {len(table)} rows.", *notes)
     below = "".join(f"<div>{escape(note)}</div>" for note in notes if note)
-    columns = [_column(heading, *own) for heading, own in table.head(_MOST_ROWS).cells(display).items()]
+    columns = [_column(heading, *own) for heading, own in table.head(_MOST_OF_CARD).cells(display).items()]
     head, *rows = (f"<tr>{''.join(cells)}</tr>" for cells in zip(*columns, strict=True))
     return f"<div><b>{escape(title)}</b><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>{below}</div>"
 
@@ -98,8 +93,3 @@ def _column(heading: str, column: Column, cells: Sequence[Cell]) -> list[str]:
         f'<th style="text-align: {side}">{escape(heading)}</th>',
         *(f'<td style="text-align: {side}; white-space: nowrap">{escape(cell.text)}</td>' for cell in cells),
     ]
-
-
-def facts_words(campaign: Campaign, display: Display) -> tuple[str, ...]:
-    """What has to be known of a campaign, in the reader's units."""
-    return tuple(display.words(fact.sentence) for fact in campaign_facts(campaign))
