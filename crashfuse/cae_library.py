@@ -17,11 +17,7 @@ from crashfuse.units import LB, Sentence, number, speed, weight
 if TYPE_CHECKING:
     import pandas as pd
 
-QUALITIES: Mapping[str, str] = {
-    "energy_change": "energy change",
-    "hourglass_share": "hourglass energy",
-    "added_mass_share": "added mass",
-}
+QUALITIES = {"energy_change": "energy change", "hourglass_share": "hourglass energy", "added_mass_share": "added mass"}
 """Columns of ``cae.csv`` and what each is called."""
 
 

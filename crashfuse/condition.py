@@ -144,18 +144,14 @@ class Condition:
         return joined([speed(self.speed_mps), *self.besides_speed.values()], ", ")
 
     def __str__(self) -> str:
-        return (
-            f"{self.speed_mps / MPH:.1f} mph ({self.speed_mps / KPH:.1f} km/h), "
-            f"front {self.front_weight_kg / LB:.0f} lb, rear {self.rear_weight_kg / LB:.0f} lb"
-        )
+        weights = f"front {self.front_weight_kg / LB:.0f} lb, rear {self.rear_weight_kg / LB:.0f} lb"
+        return f"{self.speed_mps / MPH:.1f} mph ({self.speed_mps / KPH:.1f} km/h), {weights}"
 
     @property
     def columns(self) -> dict[str, float]:
         """Speed and weights as they were given, by the names of their columns: ``{"speed_kph": 56.0, …}``."""
-        return {
-            f"{name}_{unit}": round(value / units[unit], 9)
-            for (name, units), unit, value in zip(QUANTITIES.items(), self.units, self.vector.tolist(), strict=True)
-        }
+        rows = zip(QUANTITIES.items(), self.units, self.vector.tolist(), strict=True)
+        return {f"{name}_{unit}": round(value / units[unit], 9) for (name, units), unit, value in rows}
 
     @property
     def speed_name(self) -> str:
@@ -190,9 +186,8 @@ class Condition:
     def parse(cls, text: str) -> Self:
         """Read a condition from its :attr:`text`, to nine digits; a UsageError if it is none."""
         parts = text.split()
-        (speed_mps, v0), (front_kg, front), (rear_kg, rear) = (
-            _read(part, units) for part, units in zip([*parts, "", "", ""], (SPEED, MASS, MASS), strict=False)
-        )
+        quantities = zip([*parts, "", "", ""], (SPEED, MASS, MASS), strict=False)
+        (speed_mps, v0), (front_kg, front), (rear_kg, rear) = (_read(part, units) for part, units in quantities)
         pairs = [part.partition("=") for part in parts[3:]]
         if not (speed_mps and front_kg and rear_kg) or not all(name and found for name, found, _ in pairs):
             found = printable(text, 60)
@@ -213,13 +208,11 @@ def _shortest(value: float, units: Mapping[str, float]) -> str:
 
 
 def _read(text: str, units: Mapping[str, float]) -> tuple[float, str]:
-    """A value in SI, 0 if it is none, and the unit that it was given in."""
     found = _QUANTITY.fullmatch(text)
     return (float(found["number"]) * units.get(found["unit"], 0.0), found["unit"]) if found else (0.0, "")
 
 
 def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float | str | None]) -> tuple[float, str]:
-    """The one quantity of this name in SI, and the unit that its name ends in."""
     words, names = name.replace("_", " "), [f"{name}_{unit}" for unit in units]
     found = [key for key in given if key == name or key.startswith(f"{name}_")]
     unknown = [key for key in found if key not in names]

@@ -33,7 +33,6 @@ class CrashfuseError(Exception):
     """Base of every error that crashfuse raises on purpose; its text is a sentence for the user."""
 
     def _render_traceback_(self) -> list[str]:
-        """What a notebook shows."""
         return [f"{type(self).__name__}: {self}"]
 
 

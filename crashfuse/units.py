@@ -20,16 +20,11 @@ TIME: Mapping[str, float] = {"ms": MS, "s": 1.0}
 ACCELERATION: Mapping[str, float] = {"g": G, "mps2": 1.0}
 """Factors to SI by the ending of a column name (``speed_mph``: ``SPEED["mph"]``)."""
 
-
 AccelerationUnit = Literal["g", "m/s²"]
 SpeedUnit = Literal["mph", "km/h"]
 WeightUnit = Literal["lb", "kg"]
 
-_DIMENSIONS = {
-    "acceleration": {"g": G, "m/s²": 1.0},
-    "speed": {"mph": MPH, "km/h": KPH},
-    "weight": {"lb": LB, "kg": 1.0},
-}
+_DIMENSIONS = {"acceleration": {"g": G, "m/s²": 1.0}, "speed": {"mph": MPH, "km/h": KPH}, "weight": MASS}
 _DIMENSION_OF = {unit: dimension for dimension, own in _DIMENSIONS.items() for unit in own}
 IN_SI = {unit: factor for own in _DIMENSIONS.values() for unit, factor in own.items()}
 """Factors to SI of every unit that a reader can choose."""
@@ -112,7 +107,6 @@ def probability_text(probability: float | None, confidence: float) -> str:
 
 
 def _sides(probability: float, confidence: float) -> tuple[bool, bool]:
-    """Whether a probability reaches a confidence, and its complement from above, whatever the last digits are."""
     return probability >= confidence - 1e-12, probability <= 1 - confidence + 1e-12
 
 
@@ -212,9 +206,7 @@ def _stated(name: str, value: object, form: str) -> object:
 
 def statements(templates: Iterable[str], values: Mapping[str, object]) -> Sentence:
     """The sentences of these templates whose values are all known: neither missing nor empty."""
-    missing = {
-        name for name, value in values.items() if value is None or (isinstance(value, Sized) and len(value) == 0)
-    }
+    missing = {name for name, value in values.items() if value is None or (isinstance(value, Sized) and not len(value))}
     places = {template: {name for _, name, _, _ in Formatter().parse(template) if name} for template in templates}
     known = [template for template, names in places.items() if names <= values.keys() - missing]
     return joined([Sentence.of(template, values) for template in known])

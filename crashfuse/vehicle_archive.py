@@ -114,13 +114,9 @@ class VehicleArchive:
         """The content of its file."""
         priors = [self.whole, *self.without]
         arrays = {f"{n} {name}": array for n, prior in enumerate(priors) for name, array in prior.arrays.items()}
-        record = {
-            "vehicles": [astuple(vehicle) for vehicle in self.vehicles],
-            "helps": [prior.helps for prior in priors],
-            "record": self.record.to_dict("split", index=False),
-            "seed": self.seed,
-        }
-        return tensor_bytes(record, arrays)
+        vehicles, helps = [astuple(vehicle) for vehicle in self.vehicles], [prior.helps for prior in priors]
+        record = self.record.to_dict("split", index=False)
+        return tensor_bytes({"vehicles": vehicles, "helps": helps, "record": record, "seed": self.seed}, arrays)
 
 
 def record_sentence(record: pd.DataFrame) -> str:

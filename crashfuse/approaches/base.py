@@ -266,13 +266,8 @@ class Approach(ABC):
     @property
     def identity(self) -> dict[str, object]:
         """All that determines its numbers besides the data: kept fits are those of the same approach and settings."""
-        return {
-            "code": Code(type(self).__module__),
-            "approach": self.name,
-            "config": getattr(self, "config", None),
-            "seed": getattr(self, "seed", 0),
-            "device": self.device,
-        }
+        settings = {"config": getattr(self, "config", None), "seed": getattr(self, "seed", 0), "device": self.device}
+        return {"code": Code(type(self).__module__), "approach": self.name, **settings}
 
     def fitted(self, campaign: Campaign, run: Run) -> tuple[Self, float]:
         """:meth:`fit`, or :meth:`restore` what the cache has of the same fit; and how long that took, in s."""

@@ -57,11 +57,9 @@ class LeftOut:
     def of(cls, pulses_mps2: Mapping[int, FloatArray]) -> "LeftOut":
         """Thin out pulses by test number, shape (1 + m, 1250 / k), k divides 10: the expected pulse, then draws."""
         thin = [pulses[: 1 + _DRAWS, :: STRIDE * pulses.shape[1] // N_SAMPLES] for pulses in pulses_mps2.values()]
-        return cls(
-            np.array(list(pulses_mps2), dtype=np.int64),
-            np.array([pulses[0] for pulses in thin], dtype=np.float64),
-            np.array([pulses[1:] for pulses in thin], dtype=np.float32),
-        )
+        mean = np.array([pulses[0] for pulses in thin], dtype=np.float64)
+        draws = np.array([pulses[1:] for pulses in thin], dtype=np.float32)
+        return cls(np.array(list(pulses_mps2), dtype=np.int64), mean, draws)
 
     def widened(self, factors: Mapping[int, float]) -> "LeftOut":
         """With each test's deviations of draws times the factor under its number."""
@@ -116,12 +114,11 @@ class Coverage:
         measured = kinematics(accel, speed, dt_s)
         loading = ~(measured.t0_s < time)
         accel_inside = _inside(draws_mps2, accel)
-        crush = _inside(displacement.max(axis=1), measured.displacement_m.max())
         return cls(
             accel=float(accel_inside[loading].mean()),
             velocity=float(_inside(velocity[:, loading], measured.velocity_mps[loading]).mean()),
             rebound=float(accel_inside[~loading].mean()) if not loading.all() else float("nan"),
-            crush=bool(crush),
+            crush=bool(_inside(displacement.max(axis=1), measured.displacement_m.max())),
             peak=bool(_inside(np.min(draws_mps2, axis=1), accel.min())),
             whole=whole and holds_whole(whole_interval(draws_mps2), test.pulse.accel_mps2),
         )
@@ -136,7 +133,6 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
 
 
 def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
-    """Whether values lie inside the central interval of draws, shape (n_draws, ...)."""
     lower, upper = central_interval(draws, LEVEL)
     return np.asarray((lower <= true) & (true <= upper))
 

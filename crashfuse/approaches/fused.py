@@ -35,8 +35,7 @@ class Fused(AboutFused):
     """
 
     def __init__(self, *, seed: int = 0, device: Device = "auto") -> None:
-        self.seed = seed
-        self._wanted = device
+        self.seed, self._wanted = seed, device
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
@@ -82,11 +81,10 @@ class Fused(AboutFused):
         apart = self._tests.held_out([part.left_out_groups_ for part in self._learning], groups)
         learned_from = alone + [left_out for left_out in apart if len(groups[left_out.number]) > 1]
         measured = self._tests.measured_mps2
-        scores = [
-            Scores.of(measured[number, ::STRIDE][JUDGED], [part.draws[:, JUDGED] for part in components])
-            for number, components, _ in learned_from
+        rated = [
+            (measured[n, ::STRIDE][JUDGED], [part.draws[:, JUDGED] for part in parts]) for n, parts, _ in learned_from
         ]
-        self.pool_.fit(scores)
+        self.pool_.fit([Scores.of(*pulses) for pulses in rated])
         mixtures = [(campaign.tests[left_out.number], self._mixed(left_out.components)) for left_out in alone]
 
         def check(widening: float) -> list[Coverage]:

@@ -168,10 +168,8 @@ def metric_errors(
     accel = np.array([test.pulse.accel_mps2 for test in tests])
     measured = metric_values(accel, speeds, occupant=campaign.occupant)
     drawn = _drawn_together(list(left_out.values()), campaign.occupant)
-    found = {
-        name: [standardised_error(draws[name], v, name) for draws, v in zip(drawn, values, strict=True)]
-        for name, values in measured.items()
-    }
+    pairs = {name: zip(drawn, values, strict=True) for name, values in measured.items()}
+    found = {name: [standardised_error(draws[name], v, name) for draws, v in rows] for name, rows in pairs.items()}
     return {name: np.concatenate([taught[name], errors]) for name, errors in found.items()}
 
 
@@ -212,10 +210,8 @@ def calibrated_metrics(
         return metrics
     distributions = metric_distributions(drawn, errors)
     folds = {} if prediction.apart is None else {"most": ~prediction.apart, prediction.apart_as: prediction.apart}
-    by_fold = {
-        fold: metric_distributions({name: values[draws] for name, values in drawn.items()}, errors)
-        for fold, draws in folds.items()
-    }
+    parts = {fold: {name: values[draws] for name, values in drawn.items()} for fold, draws in folds.items()}
+    by_fold = {fold: metric_distributions(values, errors) for fold, values in parts.items()}
 
     def expected(metric: Metric) -> Metric:
         unknown = replace(metric, value=None, of_pulse=None)
@@ -256,7 +252,6 @@ def representative_pulses(
     gain = np.linalg.lstsq(values - values.mean(axis=0), draws - draws.mean(axis=0))[0]
 
     def matched(pulses: FloatArray, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The pulses changed until their metrics are these quantiles, and by what share any of them is still off."""
         rows = [[d.quantile(share) for d, share in zip(distributions, row, strict=True)] for row in shares]
         wanted = np.array(rows, dtype=np.float64).reshape(shares.shape)
         nearest, least = pulses, np.full(len(pulses), np.inf)
@@ -298,5 +293,4 @@ def _spread(values: FloatArray, metric: str) -> tuple[float, float] | None:
 
 
 def _share(values: FloatArray, end: float) -> float:
-    """Share of draws at an infinite end; NaN, neither small nor large, counts at both."""
     return float(((values == end) | np.isnan(values)).mean())

@@ -35,10 +35,8 @@ _SLOPES: FloatArray = np.array([-0.6, -0.6, -0.6, -1.0])  # of each by the log r
 
 PRIOR: FloatArray = np.column_stack([_EQUAL, np.diag(_SLOPES)])
 """Prior mean of logits and slopes, shape (4, 5)."""
-
 SPREAD: FloatArray = np.array([1.0, 0.4, 0.4, 0.4, 0.2])
 """Prior standard deviations of the logits and of their slopes: a handful of tests says little about a slope."""
-
 STRENGTH = 10.0
 """Weight of the data against the prior."""
 
@@ -107,10 +105,8 @@ class Tests:
             rows = [np.flatnonzero(part.numbers == number) for part in parts]
             if not all(row.size for row in rows):
                 continue
-            components = [
-                Component(part.mean_mps2[row], part.draws_mps2[row].astype(np.float64))
-                for part, (row,) in zip(parts, rows, strict=True)
-            ]
+            pairs = zip(parts, rows, strict=True)
+            components = [Component(part.mean_mps2[n], part.draws_mps2[n].astype(np.float64)) for part, (n,) in pairs]
             speed = float(self.speeds_mps[number])
             raw = self.raw(self.cae_mps2[number], speed, out)
             components.append(Component(raw.mean[::STRIDE], raw.draws[:, ::STRIDE]))
@@ -122,10 +118,8 @@ def mixed(components: Sequence[Component], weights: FloatArray, n_draws: int, se
     """The weighted mean, and draws from each component in proportion to its weight."""
     rng = np.random.default_rng(seed)
     shares = np.diff(np.floor(np.cumsum(weights) * n_draws + 0.5).astype(int), prepend=0)
-    chosen = [
-        component.draws[rng.choice(len(component.draws), size=share, replace=bool(share > len(component.draws)))]
-        for component, share in zip(components, shares, strict=True)
-    ]
+    drawn = zip([component.draws for component in components], shares, strict=True)
+    chosen = [draws[rng.choice(len(draws), size=share, replace=bool(share > len(draws)))] for draws, share in drawn]
     return Component(weights @ np.array([component.mean for component in components]), np.concatenate(chosen))
 
 
@@ -159,7 +153,6 @@ class Scores:
 
 
 def _apart(draws: FloatArray) -> float:
-    """E|X - X'| of one component, averaged over time; no draw is paired with itself."""
     n = len(draws)
     return _between_all(draws) / max(n * (n - 1) / 2, 1)
 

@@ -57,12 +57,9 @@ def nearest_sentences(campaign: Campaign, condition: Condition) -> tuple[str, st
 def doubtful_tests(campaign: Campaign, condition: Condition) -> tuple[CrashTest, ...]:
     """Tests whose sensor failed and that decide a prediction."""
     doubtful = [test for test in campaign.tests if test.faults]
-    nearest = [near.id for near in nearest_tests(campaign, condition)] if doubtful else []
-    return tuple(
-        test
-        for test in doubtful
-        if test.id in nearest or abs(test.condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS
-    )
+    decisive = {near.id for near in nearest_tests(campaign, condition)} if doubtful else set()
+    decisive |= {t.id for t in doubtful if abs(t.condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS}
+    return tuple(test for test in doubtful if test.id in decisive)
 
 
 def _order(vectors: np.ndarray, condition: Condition) -> Sequence[int]:

@@ -69,7 +69,8 @@ def unit(speeds_mps: Tensor) -> Tensor:
     return _RATE * speeds_mps
 
 
-Memory = tuple[tuple[Tensor, Tensor], ...]
+Pair = tuple[Tensor, Tensor]
+Memory = tuple[Pair, ...]
 """Keys and values of steps at each layer, which steps of other pulses attend to."""
 
 
@@ -128,10 +129,9 @@ class PretrainedNetwork(nn.Module):
         conditions: Tensor,
         known: Tensor,
         mean_kg: Tensor,
-        seen: Tensor | None = None,
-        memory: Memory = (),
+        seen: Tensor | None = None,  # pulses that each step attends to
+        memory: Memory = (),  # of other pulses
     ) -> tuple[Forecast, Memory]:
-        """``seen`` are the pulses that each step attends to; ``memory`` is of others."""
         shape, speeds = cae_mps2.shape, conditions[..., :1].clamp(min=_SLOWEST_MPS)
         weights = torch.log(conditions[..., 1:] / mean_kg) / _WEIGHT_SHARE
         at = torch.cat([speeds / _SPEED_MPS, weights], -1)[:, :, None].expand(*shape[:2], _STEPS, 3)
@@ -155,22 +155,16 @@ class PretrainedNetwork(nn.Module):
 
 
 class _Layer(nn.Module):
-    """Attention, then a perceptron for each step, both beside a shortcut."""
-
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
         self.norm = nn.LayerNorm(width)
         self.projected, self.joined = nn.Linear(width, 3 * width), nn.Linear(width, width)
-        self.perceptron = nn.Sequential(
-            nn.LayerNorm(width), nn.Linear(width, 3 * width), nn.GELU(), nn.Linear(3 * width, width)
-        )
+        linear = nn.Linear(width, 3 * width), nn.GELU(), nn.Linear(3 * width, width)
+        self.perceptron = nn.Sequential(nn.LayerNorm(width), *linear)
         self._heads = heads
 
-    def forward(
-        self, hidden: Tensor, seen: Tensor | None, others: tuple[Tensor, Tensor] | None
-    ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
-        projected = self.projected(self.norm(hidden)).unflatten(-1, (3, self._heads, -1)).permute(2, 0, 3, 1, 4)
-        query, *pair = projected
+    def forward(self, hidden: Tensor, seen: Tensor | None, others: Pair | None) -> tuple[Tensor, Pair]:
+        query, *pair = self.projected(self.norm(hidden)).unflatten(-1, (3, self._heads, -1)).permute(2, 0, 3, 1, 4)
         key, value = pair if others is None else (torch.cat(both, -2) for both in zip(others, pair, strict=True))
         attended = functional.scaled_dot_product_attention(query, key, value, attn_mask=seen)
         hidden = hidden + self.joined(attended.transpose(1, 2).flatten(2))
@@ -250,7 +244,6 @@ class Pretrained(BandedApproach):
         return campaign
 
     def _choose(self, prior: Prior | None) -> Prior | None:
-        """What past vehicles teach, if left-out tests come out no worse by it."""
         self.archive_ = ""
         if prior is None or len(self._vectors) < bands.LEAST_CHECKED:
             return prior
@@ -260,7 +253,6 @@ class Pretrained(BandedApproach):
         return None
 
     def _left_out_error(self, prior: Prior | None) -> float:
-        """Mean error of left-out tests over the rated time, in impact speeds per second."""
         self.prior_ = prior
         means = np.array([self._without(number, [number])(1.0)[0] for number in range(len(self._vectors))])
         off = np.abs(means - self._measured) / self._vectors[:, :1]
@@ -276,9 +268,8 @@ class Pretrained(BandedApproach):
 
     def _read(self, tests: npt.NDArray[np.intp] | slice = slice(None)) -> KnownTests:
         with single_thread(), torch.inference_mode():
-            return _network(self.prior_).read(
-                *map(_batch, (self._measured[tests], self._cae[tests], self._vectors[tests]))
-            )
+            rows = self._measured[tests], self._cae[tests], self._vectors[tests]
+            return _network(self.prior_).read(*map(_batch, rows))
 
     def _forecast(self, tests: KnownTests, vector: FloatArray, cae: FloatArray) -> list[FloatArray]:
         with single_thread(), torch.inference_mode():
@@ -293,8 +284,7 @@ class Pretrained(BandedApproach):
         near = nearness(condition.speed_mps, self._vectors[:, 0])
         widening = self.calibration_.widening * self.calibration_.further(near)
         forecast = self._forecast(self._all_tests, condition.vector, cae[:: bands.STRIDE])
-        pulses = _drawn(forecast, condition.vector, [self.seed])
-        pulses = in_full(_widened(pulses, widening), bands.STRIDE)
+        pulses = in_full(_widened(_drawn(forecast, condition.vector, [self.seed]), widening), bands.STRIDE)
         notes = (self.archive_, *self._thinning, *self.model_.notes(condition))
         return Prediction(condition, pulses[0], pulses[1:], tuple(filter(None, notes)))
 

@@ -249,7 +249,5 @@ def cae_pulses(cae: CaeLibrary, conditions: Sequence[Condition], run: Run = UNKE
     runs, model = [cae.paired_run(condition) for condition in conditions], CaeModel()
     if None in runs:
         model.fit(cae, run)
-    return [
-        model.pulse(condition).accel_mps2 if own is None else cae.accel_mps2[own].astype(np.float64)
-        for own, condition in zip(runs, conditions, strict=True)
-    ]
+    pairs = zip(runs, conditions, strict=True)
+    return [model.pulse(c).accel_mps2 if n is None else cae.accel_mps2[n].astype(np.float64) for n, c in pairs]

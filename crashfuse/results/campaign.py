@@ -22,7 +22,7 @@ _SHOWN = {"peak": "Peak", "max_crush": "Crush", "t0": "TTZV", "olc": "OLC", "sm2
 
 @remembered
 def cae_errors_table(campaign: Campaign, window_ms: float = WINDOWS_MS[-1]) -> Table:
-    """How far off the CAE model is in each test: metrics of both with their differences, and its rating."""
+    """Metrics of each test and its CAE pulse, their differences, and the pulse's rating."""
     tests, rows = campaign.tests, []
     for test, accel_mps2 in zip(
         tests, cae_pulses(campaign.cae, [test.condition for test in tests], Run.of(campaign)), strict=True

@@ -49,7 +49,7 @@ _SHEET = ["Activity", "Factor", "Question", "What the data say", "Source"]
 
 
 def certification_result(certification: Certification, notes: Sequence[Note] = ()) -> Result:
-    """A certification, with what became of an earlier one if it is beside one, and readers' notes on its tests."""
+    """A certification, what became of an earlier one, and readers' notes."""
     campaign, config, criteria = certification.campaign, certification.config, certification.criteria
     reading = partial(ForReading, usual=campaign.units)
 
@@ -123,7 +123,7 @@ def certification_figure(certification: Certification, figure: str, **display: U
 
 
 def certification_json(certification: Certification) -> bytes:
-    """The file, with what became of an earlier certification if it is beside one."""
+    """The file, with what became of an earlier certification, if any."""
     record = certification_record(certification)
     if certification.since is not None:
         record["since"] = _since(certification, certification.since)
@@ -154,7 +154,7 @@ def _since(certification: Certification, since: LaterTests) -> dict[str, object]
 
 
 def certification_record(certification: Certification) -> dict[str, object]:
-    """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
+    """Versions, settings, criteria, matrix, and counts of verdicts with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, domain, costs = certification.criteria, certification.domain, certification.criteria.costs
     counts = counts_frame(certification).set_index("criterion")

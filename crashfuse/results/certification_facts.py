@@ -92,27 +92,15 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "test.extrapolated": ("Tests outside the CAE runs", "{about}: {notes}"),
     "cae.runs_fail": ("CAE runs in doubt",),
     "tests.left_out_of_use": ("Tests left out of use",),
-    "test.not_used": (
-        "Tests that are not used",
-        "{about} was run at {condition}, but is not used ({reason}).",
-    ),
+    "test.not_used": ("Tests that are not used", "{about} was run at {condition}, but is not used ({reason})."),
     "tests.cae_tuned": ("What the CAE model has seen",),
     "campaign.archive": ("What past vehicles teach",),
-    "condition.no_factor": (
-        "Factors not given",
-        "{about}: no {factor} given, so verdicts cover every {factor}.",
-    ),
-    "condition.new_together": (
-        "Factors never tested together",
-        "{about}: no test has {factors}.",
-    ),
+    "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
+    "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
     "campaign.warning": ("Warnings",),
     "condition.outside": ("Outside the validated domain", "{about}: {why}"),
     "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
-    "criterion.occupant": (
-        "Another occupant model",
-        "{about}: by {model} (campaign.toml).",
-    ),
+    "criterion.occupant": ("Another occupant model", "{about}: by {model} (campaign.toml)."),
     "record.too_narrow": ("Intervals too narrow", *_INTERVALS),
     "record.intervals": ("", *_INTERVALS),
     "record.whole": ("", "{sentence}", "No verdict rests on this band."),
@@ -199,7 +187,7 @@ def answer(certification: Certification) -> tuple[Sentence, ...]:
 
 
 def against(certification: Certification) -> dict[str, Sentence]:
-    """The first exception of each decisive subject, and how many more it has; what is said anyway aside."""
+    """By decisive subject, its first exception that is not said anyway, and how many more."""
     said = {*answer(certification), *(fact.sentence for fact in campaign_facts(certification.campaign))}
     found = {}
     for subject, told in exceptions(certification).items():
@@ -210,7 +198,7 @@ def against(certification: Certification) -> dict[str, Sentence]:
 
 
 def exceptions(certification: Certification) -> dict[str, tuple[Sentence, ...]]:
-    """Everything that a reviewer has to know against the verdicts, by subject; subjects without any are left out."""
+    """What speaks against the verdicts, by subject that has any."""
     against = [fact for fact in facts(certification) if fact.code in SUBJECTS]
     grouped = groupby(against, lambda fact: SUBJECTS[fact.code])
     return {subject: tuple(fact.sentence for fact in group) for subject, group in grouped}
@@ -399,7 +387,7 @@ def _intervals(record: TrackRecord) -> Iterator[Fact]:
 
 
 def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:
-    """What a test measured where it was run and, if that was off its condition, there by the CAE model."""
+    """What a test measured and, off its condition, what that is there by the CAE model."""
     if value is None or not shift:
         return criterion.shown(value)
     template = "{} ({} at its condition, by the CAE model)"
@@ -419,7 +407,7 @@ def new_together(certification: Certification) -> dict[str, str]:
 
 
 def unused_at(certification: Certification) -> dict[str, list[str]]:
-    """Tests that were run at a condition and are not used, by its id."""
+    """Tests run at a condition and not used, by its id."""
     matrix = certification.matrix
     unused = matrix.run(certification.campaign.unused)
     return {i: list(tests) for i, tests in zip(matrix.ids, unused, strict=True) if tests}

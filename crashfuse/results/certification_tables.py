@@ -33,10 +33,7 @@ _JUDGED = ("met", "not met", "decided")
 
 
 def certification_table(certification: Certification, units: UnitSystem | None = None) -> pd.DataFrame:
-    """All verdicts, one row a condition and criterion; with the tests that were run there, if any was.
-
-    Reasons are in these units, by default the campaign's.
-    """
+    """All verdicts, one row a condition and criterion, with the tests run there; reasons in these units."""
     system = certification.campaign.units if units is None else units
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
     answers, at_once = certification.answers, {i: all_met(row) for i, row in certification.rows.items()}
@@ -60,7 +57,7 @@ def certification_table(certification: Certification, units: UnitSystem | None =
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion."""
+    """Verdicts on tests left out or not yet run, one row a test, way and criterion."""
     basis, record = _bases(certification.campaign), certification.record
     bounds = [share.at_most for share in record.bounds().values()]
     tuned = {test.id: test.cae_tuned for test in certification.campaign.tests}  # None where nobody says
@@ -91,7 +88,7 @@ def factors_of(matrix: Matrix) -> tuple[str, ...]:
 def condition_columns(
     condition_id: str, condition: Condition, factors: Sequence[str], like: Condition
 ) -> dict[str, object]:
-    """A condition in the columns of ``matrix.csv``, in the units that another one was given in."""
+    """A condition in the columns of ``matrix.csv``, in the units of another one."""
     return {
         "id": condition_id,
         **replace(condition, units=like.units).columns,
@@ -103,7 +100,7 @@ _AS_GIVEN = {f"speed_{unit}" for unit in SPEED} | {f"{end}_weight_{unit}" for en
 
 
 def csv_as_given(table: pd.DataFrame) -> bytes:
-    """A table with :func:`condition_columns` as CSV: speeds and weights with all digits that were given."""
+    """A table with :func:`condition_columns` as CSV, with all digits that were given."""
     given = _AS_GIVEN.intersection(table)
     return csv_bytes(table.assign(**{name: table[name].map("{:.12g}".format) for name in given}))
 
@@ -125,7 +122,7 @@ def _bases(campaign: Campaign) -> dict[str, str]:
 
 
 def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, float | None]]:
-    """Left-out verdicts of each kind, wrong ones and the 95 % bound of their share; *decided* is both."""
+    """Left-out verdicts of each kind, wrong ones and their 95 % bound; *decided* is both."""
     counts = {word: WrongShare(wrong, n) for word, (n, wrong) in record.counts(criterion).items()}
     counts["decided"] = record.bounds(criterion)["verdicts"]
     return {word: share_columns(share) if word in _JUDGED else {"n": share.n} for word, share in counts.items()}
@@ -146,7 +143,7 @@ def counts_frame(certification: Certification) -> pd.DataFrame:
 
 
 def answer_texts(certification: Certification) -> dict[str, str]:
-    """The answer at each condition, shortly, with the tests there, the condition it counts as, and what is apart."""
+    """The answer at each condition in short: tests there, what it counts as, what is apart."""
     run, same, texts = certification.run, certification.counted_once, {}
     for i, condition in certification.matrix.items:
         tests = run.get(i, ())
@@ -180,7 +177,7 @@ def turned_texts(usual: Certification, other: Certification) -> list[Sentence]:
 
 
 def at_once_text(certification: Certification, condition: str) -> str:
-    """The probability that all criteria are met at once, and whether a test is needed nevertheless."""
+    """The probability that all criteria are met at once, and whether skipping pays."""
     only, but = ("", ", but skipping does not pay") if condition in certification.sure else ("only ", "")
     but *= condition in certification.uncertain
     probability = all_met(certification.rows[condition]).probability
@@ -268,7 +265,7 @@ def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Tab
 
 
 class Planned(NamedTuple):
-    """A planned test: the answer, what decides it, and what else is to be known."""
+    """A planned test: the answer, what decides it, and what else matters."""
 
     id: str
     condition: Condition
@@ -325,7 +322,6 @@ def _why(certification: Certification, i: str) -> Sentence:
 
 
 def _tests_there(certification: Certification, row: Sequence[Verdict]) -> Sentence:
-    """What the tests at a condition missed, if anything."""
     tests = []
     for test_id in row[0].run:
         known = [(own.criterion, value) for own in row if (value := own.run[test_id]) is not None]

@@ -26,20 +26,20 @@ _IN_TWO_WAYS = {
 
 
 def history_table(results: Iterable[PastResult | Earlier]) -> Table:
-    """One row per result: what was asked, with which settings, and what came of it, over the longest window."""
+    """Results, one row each: what was asked, settings, and the outcome over the longest window."""
     table = Table.of("history", map(_row, results))
     return table if table.empty or table.frame["Note"].any() else table.without("Note")
 
 
 def described(result: PastResult | Earlier) -> Sentence:
-    """A result in a few words, to choose it by: date, what, settings, campaign, note."""
+    """A result in a few words, to choose it by."""
     row = _row(result)
     named = (row[name] for name in ("Date (UTC)", "What", "Settings", "Campaign", "Note"))
     return joined([text for text in named if text], " · ")
 
 
 def comparison_result(compared: StudyComparison, window_ms: float | None = None) -> Result:
-    """Which of two studies rates higher, in which tests, by how much; a part for each way of leaving out."""
+    """Which study rates higher, in which tests, by how much; a part a way of leaving out."""
     first, second = compared.first, compared.second
     window = compared.longest_ms if window_ms is None else compared.window(window_ms)
     ways = tuple(_way_result(compared, window, way) for way in compared.ways)
@@ -148,7 +148,7 @@ def _row(result: PastResult | Earlier) -> dict[str, str]:
 
 
 def read_study(folder: Path) -> PastResult:
-    """Read what studies are compared by; a UsageError if the folder holds no finished one, a DataError if damaged."""
+    """What studies are compared by; a UsageError if there is no finished one, a DataError if damaged."""
     path = folder / "study.json"
     if not path.is_file():
         raise UsageError(f"There is no study in {folder}: it has no study.json.")

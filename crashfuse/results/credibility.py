@@ -38,7 +38,7 @@ def credibility_table(certification: Certification, units: UnitSystem | None = N
 
 
 def credibility_rows(certification: Certification) -> pd.DataFrame:
-    """One row a factor: what is asked, what the data say, and which table or file says it; no level, no compliance."""
+    """One row a factor: what is asked, what the data say, and their source; no level, no compliance."""
     known: dict[str, dict[str, None]] = {}
     for own in (*campaign_facts(certification.campaign), *facts(certification)):
         known.setdefault(own.code, {})[own.sentence] = None

@@ -93,7 +93,7 @@ class Display:
         return "Deceleration" if self.deceleration else "Acceleration", self.unit
 
     def axis(self, label: str, unit: str) -> tuple[str, str]:
-        """Quantity and unit of an axis for a quantity in this unit: the reader's."""
+        """Label and the reader's unit, for an axis."""
         return label, self.units.unit(unit)
 
     def speeds(self, values_mps: Number) -> Number:
@@ -122,7 +122,7 @@ class Display:
         return condition.in_units(self.system)
 
     def title(self, label: str, unit: str) -> str:
-        """A label with the reader's unit for quantities in this unit, if any: an axis, a column or a field."""
+        """A label with the reader's unit, if any: an axis, a column or a field."""
         return f"{label} ({self.units.unit(unit)})" if unit else label
 
     def metric(self, metric: Metric) -> Metric:
@@ -133,7 +133,7 @@ class Display:
         return replace(metric, value=value, lower=lower, upper=upper, unit=unit, of_pulse=of_pulse)
 
     def words(self, text: object) -> str:
-        """A sentence, a condition or a quantity in the reader's units; any other text as it is."""
+        """A sentence, condition or quantity in the reader's units; any other text as it is."""
         return said(text, self.units)
 
 

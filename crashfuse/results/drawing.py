@@ -36,7 +36,7 @@ class Sheer(NamedTuple):
 
 @dataclass(eq=False, slots=True)
 class Axis:
-    """What an axis shows, the heading of its plot where there are several, and its look."""
+    """What an axis shows, the heading of its plot (of several), and its look."""
 
     look: Look
     quantity: str = ""
@@ -44,7 +44,7 @@ class Axis:
     plot: str = ""
 
     def heading(self, end: str = "") -> str:
-        """Quantity and unit, as a title or the heading of a column."""
+        """Quantity and unit as a heading."""
         return f"{self.quantity}{end}" + (f" ({self.unit})" if self.unit else "")
 
 
@@ -74,7 +74,7 @@ class Drawing:
     """Marks over axes, as they are drawn and as they are read."""
 
     def __init__(self, layout: Look, axes: Mapping[str, Look]) -> None:
-        """An empty one; ``axes`` has the look of every horizontal axis, ``x``, and of every vertical one, ``y``."""
+        """An empty one; ``axes`` has the look of horizontal axes, ``x``, and of vertical ones, ``y``."""
         self.layout = _merged({}, layout)
         self.marks: list[Mark] = []
         self.axes: dict[str, Axis] = {}
@@ -85,7 +85,7 @@ class Drawing:
     def axis(
         self, name: str, quantity: str | None = None, unit: str = "", *, title: str | None = None, **look: object
     ) -> None:
-        """Say what an axis, ``y2`` say, shows, and how; its title is that, unless another or none ("") is given."""
+        """Say what an axis, ``y2`` say, shows, and how; its title is that, or another, or none ("")."""
         axis = self.axes.setdefault(name, Axis(_merged({}, self._looks[name[0]])))
         if quantity is not None:
             axis.quantity, axis.unit = quantity, unit
@@ -98,7 +98,7 @@ class Drawing:
         _merged(self.layout, layout)
 
     def line(self, x: Values, y: Values, **look: object) -> None:
-        """Draw one curve, see :meth:`points`; a lower one of stacked plots is selected by its ``yaxis``."""
+        """Draw one curve, see :meth:`points`; ``yaxis`` selects one of stacked plots."""
         # a template's own format, not yhoverformat, would write negative numbers with a hyphen
         usual = Look(mode="lines", hovertemplate="%{y}", yhoverformat=".1f")
         self.points(x, y, **usual | look)
@@ -169,7 +169,7 @@ class Drawing:
         self._put("shapes", Look(type="rect", layer="below", line_width=0) | place | look)
 
     def note(self, text: str, x: float, y: float, yref: str = "paper", **look: object) -> None:
-        """Write words at a place: ``x`` on its axis, or of the width of the figure, if ``y`` is of its height."""
+        """Write words at ``x`` on its axis, or of the figure's width if ``y`` is of its height."""
         place = Look(x=x, y=y, xref="paper" if yref == "paper" else "x", yref=yref)
         self._put("annotations", Look(text=text, showarrow=False) | place | look)
 
@@ -200,13 +200,13 @@ class Drawing:
         return Numbers(mark.name, columns, kind, mark.look.get("yaxis", "y"), y.plot)
 
     def parts(self, *, dark: bool = False) -> tuple[list[Look], Look]:
-        """Traces and layout for Plotly, in the colours of a light or a dark page."""
+        """Traces and layout for Plotly, in colours of a light or dark page."""
         colours = in_the_dark() if dark else {}
         axes = {f"{name[0]}axis{name[1:]}": axis.look for name, axis in self.axes.items()}
         return [_coloured(mark.look, colours) for mark in self.marks], _coloured(self.layout | axes, colours)
 
     def figure(self, *, dark: bool = False) -> "DrawnFigure":
-        """The drawing as a Plotly figure, which holds it; its curves have single precision, its numbers double."""
+        """A Plotly figure that holds the drawing; its curves have single precision, its numbers double."""
         data, layout = self.parts(dark=dark)
         for trace in data:
             doubles = [way for way in "xy" if getattr(trace.get(way), "dtype", None) == np.float64]
@@ -235,12 +235,12 @@ def drawing_of(figure: go.Figure) -> Drawing:
 
 
 def darkened(figure: go.Figure) -> go.Figure:
-    """The same figure in the colours of a dark page, or notebook; a report, which is meant for print, stays light."""
+    """The same figure in colours of a dark page or notebook; reports, meant for print, stay light."""
     return drawing_of(figure).figure(dark=True)
 
 
 def _smoothed(edge: FloatArray, n: int) -> FloatArray:
-    """The mean over n samples to either side of the largest of as many, which is nowhere below the edge."""
+    """Mean over n samples to either side of the largest of as many: nowhere below the edge."""
 
     def around(values: FloatArray) -> FloatArray:
         return np.lib.stride_tricks.sliding_window_view(np.pad(values, n, mode="edge"), 2 * n + 1)
@@ -249,7 +249,6 @@ def _smoothed(edge: FloatArray, n: int) -> FloatArray:
 
 
 def _merged(look: Look, changes: Mapping[str, Any]) -> Look:
-    """A look, after these changes of it."""
     for name, change in changes.items():
         whole = next((own for own in _WITH_UNDERSCORE if name.startswith(own)), name.partition("_")[0])
         if rest := name[len(whole) + 1 :]:
@@ -305,7 +304,7 @@ def _frame(numbers: Numbers) -> pd.DataFrame:
 
 
 def _named_apart(curves: Iterable[_Curve]) -> list[_Curve]:
-    """Curves as they first appear, each before its band; where several in a plot have one name, they are numbered."""
+    """Curves as they first appear, each before its band; equal names in a plot are numbered."""
     taken: set[tuple[str, ...]] = set()
     order: dict[tuple[str, str], list[_Curve]] = {}
     for first, own, frame in curves:
@@ -321,7 +320,7 @@ def _named_apart(curves: Iterable[_Curve]) -> list[_Curve]:
 
 
 def _side_by_side(curves: Sequence[_Curve]) -> pd.DataFrame | None:
-    """None unless all are of one plot, and all positions numbers that rise, among those of the longest curve."""
+    """None unless all are of one plot, with rising numbers as positions, among the longest curve's."""
     positions = [frame.iloc[:, 0] for _, _, frame in curves]
     if not curves or any(own.kind == "points" or own.plot for _, own, _ in curves):
         return None

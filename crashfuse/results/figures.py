@@ -47,7 +47,7 @@ class OtherPrediction(Protocol):
 
     @property
     def text(self) -> str:
-        """In what it differs, in the shortest words: equal for equal ones of a figure."""
+        """How it differs, in few words: equal for equal ones."""
 
     def curve(self, display: Display) -> tuple[str, Estimate]:
         """Its name in a legend, and itself."""
@@ -63,7 +63,7 @@ WITH_GROUP = "left out with its speed group"
 
 @dataclass(frozen=True, eq=False)
 class EarlierPrediction:
-    """What an approach estimated with some settings, to be put beside those with others."""
+    """An approach's estimate with some settings, beside those with others."""
 
     estimate: Estimate
     config: StudyConfig
@@ -85,7 +85,7 @@ def how_left_out(way: str) -> str:
 
 
 def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
-    """In what some settings differ from others, in words: ``paper settings, seed 1, left out alone``."""
+    """In what settings differ from others: ``paper settings, seed 1, left out alone``."""
     left_out = LEFT_OUT.get(config.leave_out, config.leave_out)
     words = {"preset": f"{config.preset} settings", "seed": f"seed {config.seed}", "leave_out": left_out}
     return ", ".join(text for name, text in words.items() if getattr(config, name) != getattr(shown, name))
@@ -94,7 +94,7 @@ def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
 def pulse_figures(
     test: CrashTest | None, shown: Mapping[str, Prediction], band: str | None, display: Display
 ) -> dict[str, Draw]:
-    """What draws each figure of pulses: of a test, if any, of estimates by approach, and of whatever is beside."""
+    """What draws each figure of pulses, of a test and of predictions by name."""
     return {
         "motion": lambda: pulses.motion(test, shown, display, filled=band),
         "acceleration": lambda: pulses.overlay(test, shown, display, filled=band),
@@ -278,7 +278,7 @@ def _losses(curve: dict[str, list[float]], value: str, step: str) -> Drawing:
 
 
 def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str | None = None) -> dict[str, T]:
-    """What is known by approach, of those asked for, by default all; a UsageError for one that did not predict."""
+    """What is known by approach, of those asked for, by default all; a UsageError for others."""
     if band is not None:
         one_of("prediction by", band, known)
     names = known if approaches is None else several(approaches)
@@ -286,12 +286,12 @@ def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str |
 
 
 def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Prediction]:
-    """Further pulses by their names in the legend; a UsageError if there is no such test or CAE run."""
+    """Further pulses by legend name; a UsageError if there is no such test or CAE run."""
     return dict(_further(campaign, asked, display) for asked in several(also))
 
 
 def single_tests(estimate: Estimate) -> dict[str, Prediction]:
-    """Pulses that look like tests by an approach, in either way that tests fold, by their names in the legend."""
+    """An approach's pulses that look like tests, in either way that tests fold, by legend name."""
     line, label = curve_line(estimate.approach), LABELS[estimate.approach]
     lines = line, {**line, "dash": _FOLDED}
     return {
@@ -301,7 +301,7 @@ def single_tests(estimate: Estimate) -> dict[str, Prediction]:
 
 
 def other_fold(estimates: Mapping[str, Estimate], band: str | None) -> dict[str, Prediction]:
-    """The pulse by the approach whose band is filled, if a test folds as one that stands apart near it, by its name."""
+    """The pulse by the approach whose band is filled if a test folds as one apart, by name."""
     approach = next(iter([band] if band in estimates else by_preference(estimates)), None) or ""
     prediction = estimates[approach] if approach else None
     if prediction is None or not prediction.folds_mps2:
@@ -342,6 +342,6 @@ def _further(campaign: Campaign, asked: Further, display: Display) -> tuple[str,
 
 
 def _speeds(campaign: Campaign) -> dict[str, float]:
-    """Speeds of all tests, those left out of use among them: what is taken out changes no colour of the others."""
+    """Speeds of all tests; those left out of use must not change the others' colours."""
     unused = {test: condition.speed_mps for test, condition in campaign.unused}
     return unused | {test.id: test.condition.speed_mps for test in campaign.tests}

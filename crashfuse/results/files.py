@@ -28,7 +28,7 @@ def begin_study(folder: Path, plan: StudyPlan) -> None:
 
 
 def read_begun(folder: Path) -> tuple[str, tuple[str, ...], StudyConfig]:
-    """Fingerprint, held-out tests and settings of the study that was begun here; raises if none is, or no longer."""
+    """Fingerprint, held-out tests and settings of a study begun here; raises if none is."""
     path = folder / "study.json"
     if not path.is_file():
         raise UsageError(f"There is no study to resume in {folder}: it has no study.json. Leave out --resume.")
@@ -83,7 +83,7 @@ def replaced(kind: str, folder: Path) -> Iterator[Path]:
 def write_pulses(
     campaign: Campaign, folder: Path, export: PulseExport, system: UnitSystem, estimates: Sequence[Estimate]
 ) -> None:
-    """Write the pulses at one speed of a sweep for an occupant model, into a folder by format and speed."""
+    """Write the pulses at one speed of a sweep, into a folder by format and speed."""
     speed = estimates[0].condition.speed_name
     for name, files in export.files(campaign, estimates, units=system).items():
         for path, content in files.items():

@@ -71,7 +71,7 @@ def fit_table(approach: str, state: Mapping[str, Any]) -> Table:
 
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:
-    """Sentences on the quality of an approach's fit and the reliability of its band; empty without a fit."""
+    """Sentences on an approach's fit and the reliability of its band; empty without a fit."""
     check = state.get("band_check")
     values = {name: state.get(name) for name in ("points", "bias_rms_g", "factors", "members", "weights", "penalty")}
     values["verdict"] = _VERDICTS[state["dead"]] if "hyperparameters" in state else None
@@ -102,14 +102,14 @@ _BAND = (
 
 
 def whole_sentences(estimates: Iterable[Estimate]) -> list[str]:
-    """How many left-out tests lie inside the band of whole pulses of each approach, if any has one: a sentence."""
+    """How many left-out tests lie inside each approach's band of whole pulses, if any: a sentence."""
     states: dict[str, Any] = {LABELS[own.approach]: own.state.get("band_check") for own in estimates}
     counts = {who: (check["whole_inside"], check["left_out_tests"]) for who, check in states.items() if check}
     return [whole_sentence(counts)] if counts else []
 
 
 def whole_sentence(counts: Mapping[str, tuple[int, int]]) -> str:
-    """How many left-out tests lie inside bands of whole pulses, and of how many, by whose band or how left out."""
+    """How many left-out tests lie inside bands of whole pulses, by band or way left out."""
     shown = ", ".join(f"{key} {inside} of {n}" for key, (inside, n) in counts.items())
     return f"Left-out tests inside as a whole (0–60 ms; nine of ten are meant to be): {shown}."
 
@@ -124,7 +124,7 @@ def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
 
 
 def metric_remarks(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[list[str], list[str]]:
-    """Sentences on metrics that are missing or not those of the averaged pulse: on the main ones, and on the others."""
+    """Sentences on metrics that are missing or not the averaged pulse's: main ones, others."""
 
     def of(is_main: bool) -> list[str]:
         shown = [(who, [metric for metric in own if (metric.name in MAIN_METRICS) is is_main]) for who, own in columns]
@@ -154,7 +154,7 @@ MEASURED = "Measured"  # heading of what was measured, beside the approaches
 def estimates_result(
     campaign: Campaign, estimates: Sequence[Estimate], test: CrashTest | None = None, known: Sequence[str] = ()
 ) -> Result:
-    """Metrics by approach (and of the test), notes that are not ``known`` yet, and how the fits went."""
+    """Metrics by approach (and of the test), notes not yet ``known``, and fits."""
     columns = [] if test is None else [(MEASURED, campaign.metrics_of(test))]
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
@@ -196,7 +196,7 @@ _SUPERLATIVES = {"fast": "fastest", "slow": "slowest", "heavy": "heaviest", "lig
 
 
 def bias_result(campaign: Campaign, window_ms: float | None = None) -> Result:
-    """What the CAE model gets wrong; with a window, what to mend first to be rated higher over it."""
+    """What the CAE model gets wrong; with a window, what to mend first."""
     figures = {"bias": Figure("Bias over displacement", lambda display: campaign.draw("bias", display=display))}
     sentences, tables = dict[str, tuple[str, ...]](), dict[str, Table]()
     if window_ms is not None:

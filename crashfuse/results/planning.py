@@ -28,7 +28,7 @@ _TOLD = ("max_crush", "peak", "olc")
 
 
 def sweep_result(sweep: SpeedSweep) -> Result:
-    """A sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
+    """A sweep over speed, with a figure for each main metric."""
     campaign = sweep.campaign
     return Result(
         kind="sweep",
@@ -47,7 +47,6 @@ def sweep_result(sweep: SpeedSweep) -> Result:
 
 
 def _ends(sweep: SpeedSweep) -> Iterator[Sentence]:
-    """The metrics that criteria are mostly about, at both ends."""
     approach, told = [*sweep.metrics][-1], []
     for name in _TOLD:
         first, *_, last = sweep.over_speed(approach, name)
@@ -71,10 +70,7 @@ def next_tests_result(ranking: NextTests) -> Result:
         campaign=ranking.campaign,
         config=ranking.config,
         command=partial(next_test_command, over.low, over.high, ranking.config),
-        answer=(
-            *ranking.repeats,
-            Sentence(gains, ranking.conditions[0], over.low, over.high, now, then),
-        ),
+        answer=(*ranking.repeats, Sentence(gains, ranking.conditions[0], over.low, over.high, now, then)),
         shown=("best",),
         sentences={"meaning": (MEANING,)},
         tables={"best": best.head(BEST), "more": best.head(_MOST)},
@@ -98,7 +94,7 @@ def sweep_table(sweep: SpeedSweep) -> pd.DataFrame:
 
 
 def speeds_table(sweep: SpeedSweep) -> Table:
-    """The main metrics by the last approach of a sweep, with its intervals, one row a speed."""
+    """The main metrics by a sweep's last approach, with intervals, one row a speed."""
     shown, headings = [*sweep.metrics][-1], sweep.campaign.metric_headings
     values = {
         f"{headings[name]}{end}": [metric.interval[place] for metric in sweep.over_speed(shown, name)]

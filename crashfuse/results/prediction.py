@@ -92,7 +92,6 @@ def _of_format(pulses: Callable[..., PulseFiles], name: PulseFormat, units: Unit
 
 
 def _beside_others(predictions: Sequence[PredictedPulse]) -> Result:
-    """The first by its best approach beside the others by the same, in the colours of the page."""
     approach = predictions[0].recommendation.approach
     first, *others = by_one(approach, predictions)
     groups = [others[start : start + _ABREAST] for start in range(0, len(others), _ABREAST)]
@@ -161,7 +160,7 @@ def _as_single_test(shown: Prediction) -> Prediction:
 
 
 def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:
-    """What stands in a figure of a prediction; another one at the same condition is named by its settings."""
+    """Another prediction at this condition is named by its settings."""
     if not isinstance(other, PredictedPulse) or other.condition != shown.condition:
         return other
     is_other = figures.otherwise(other.config, shown.config)
@@ -196,7 +195,7 @@ def column_names(predictions: Sequence[PredictedPulse]) -> list[Sentence]:
 
 
 def told_apart(conditions: Sequence[Condition]) -> list[Sentence]:
-    """Conditions in as few words as tell them apart: their speeds, and what not all of them share."""
+    """Conditions in as few words as tell them apart."""
     besides = [{(name, str(value)): value for name, value in one.besides_speed.items()} for one in conditions]
     shared = besides[0].keys() & set.intersection(*map(set, besides))
     return [

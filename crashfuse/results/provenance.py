@@ -79,12 +79,12 @@ def sweep_command(
 
 
 def next_test_command(low: Condition, high: Condition, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
-    """The command line that reproduces a ranking of next tests over a range, on the usual grid."""
+    """The command line that reproduces a ranking of next tests."""
     return _command("next-test", [*_axes(units, low, high), *_factors(low), "--seed", str(config.seed)], units)
 
 
 def certification_settings(campaign: Campaign, config: StudyConfig, confidence: float) -> dict[str, str]:
-    """What decides the verdicts of a certification besides tests, criteria and matrix, by names that readers know."""
+    """What decides a certification's verdicts besides tests, criteria and matrix."""
     approach = config.approaches[0]
     return {
         "campaign": campaign.name,
@@ -123,7 +123,6 @@ _AXES = {"speed": "speed_mps", "front-weight": "front_weight_kg", "rear-weight":
 
 
 def _command(name: str, options: Sequence[str], units: UnitSystem) -> str:
-    """A command line to be pasted into a shell, which takes every word of it as it is."""
     system = next(name for name, own in SYSTEMS.items() if own == units)
     return shlex.join(["crashfuse", name, "CAMPAIGN", "--out", "DIR", *options, "--units", system])
 

@@ -34,7 +34,7 @@ _EXCURSIONS = (
 
 
 def humps_table(explanation: RatingExplanation) -> Table:
-    """One row a hump of the test: its time, that in the prediction, and its share in what the scores lost."""
+    """One row a hump: its times in test and prediction, and its share in what the scores lost."""
     require_a(RatingExplanation, explanation, "crashfuse.explain_rating(reference, comparison)")
     numbers = range(1, len(explanation.humps) + 1)
     there = [np.nan if hump.counterpart_s is None else hump.counterpart_s / MS for hump in explanation.humps]
@@ -43,7 +43,7 @@ def humps_table(explanation: RatingExplanation) -> Table:
 
 
 def excursions_table(explanation: RatingExplanation) -> Table:
-    """One row a stretch of time outside the inner corridor, in order of time, with what it costs of the rating."""
+    """One row a stretch outside the inner corridor, in order of time, with its cost."""
     require_a(RatingExplanation, explanation, "crashfuse.explain_rating(reference, comparison)")
     return Table("excursions", pd.DataFrame(_excursions(explanation)), _EXCURSIONS)
 
@@ -164,7 +164,7 @@ def ratings_shown(ratings: pd.DataFrame, kind: Literal["grade", "number"] = "gra
 
 
 def best(table: pd.DataFrame) -> pd.DataFrame:
-    """Mask of the best approach of each test and window, compared as shown, to three digits. Same shape, bool."""
+    """Mask of the best approach of each test and window, to three digits. Same shape, bool."""
     shown = table.round(3)
     shown.loc[table.index.get_level_values(-1) == REPEAT] = np.nan
     by_test = shown.groupby(level=0, sort=False).transform("max") if table.index.nlevels > 1 else shown.max()

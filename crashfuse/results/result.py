@@ -138,7 +138,7 @@ class Result:
         return {**self.files, **reading}
 
     def all_figures(self) -> Iterator[Figure]:
-        """Its figures, sheet by sheet, and those of its parts, these under the titles of both."""
+        """Figures, sheet by sheet, and those of parts, under the titles of both."""
         for figure in self.figures.values():
             yield from (figure._replace(draw=draw, sheets=()) for draw in figure.drawn)
         for part in (part for parts in self.parts.values() for part in parts):

@@ -25,7 +25,7 @@ _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
 
 
 def scores_table(study: Study) -> pd.DataFrame:
-    """One row per held-out test, approach and window: overall rating, its four parts, its grade, what it rests on."""
+    """Ratings with their parts, grade and basis, one row a held-out test, approach and window."""
     basis, to_ttzv = study.campaign.rating_basis, study.config.to_ttzv
     return pd.DataFrame(
         {"held_out": fold.held_out, "approach": approach, "window_ms": window, **asdict(rating), "basis": basis}
@@ -50,12 +50,12 @@ _ARCHIVE = (
 
 
 def archive_table(record: pd.DataFrame) -> Table:
-    """The record of an archive as read: its vehicles, each left out and predicted with the others and without."""
+    """The record of an archive: each vehicle left out and predicted with the others and without."""
     return Table("archive", record, _ARCHIVE)
 
 
 def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
-    """One row per study, way of leaving tests out, approach and window: mean and lowest overall rating of its tests."""
+    """Mean and lowest rating, one row a study, way of leaving tests out, approach and window."""
     parts = []
     for name, study in studies:
         for one in filter(None, (study, study.speed_groups)):
@@ -74,7 +74,7 @@ def pulses_table(estimates: Iterable[Estimate]) -> pd.DataFrame:
 
 
 def study_pulses(study: Study) -> pd.DataFrame:
-    """The pulse of every held-out test as measured (``test``) and as predicted, as :func:`pulses_table` has them."""
+    """Pulses of every held-out test, measured (``test``) and predicted, see :func:`pulses_table`."""
     rows = []
     for fold in study.folds:
         rows.append((fold.held_out, "test", Prediction(fold.test.condition, fold.test.pulse.accel_mps2)))
@@ -165,7 +165,7 @@ def study_metrics(study: Study) -> pd.DataFrame:
 
 
 def repeat_scores(study: Study) -> pd.DataFrame:
-    """What a repeat of each held-out test would rate over each window, with its interval and the actual repeats."""
+    """What a repeat of each held-out test would rate over each window, with its interval."""
     return pd.DataFrame(
         [
             (fold.held_out, window, repeat.value, repeat.lower, repeat.upper, " ".join(repeat.repeats))

@@ -14,12 +14,7 @@ from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.campaign import campaign_result
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.drawing import Drawing
-from crashfuse.results.fit_explanations import (
-    bias_result,
-    coverage_table,
-    estimates_result,
-    events_window_ms,
-)
+from crashfuse.results.fit_explanations import bias_result, coverage_table, estimates_result, events_window_ms
 from crashfuse.results.provenance import fit_record, provenance, recommendation_record, study_command
 from crashfuse.results.rating_tables import (
     TABLE_3,
@@ -53,12 +48,12 @@ _WAYS = {"test": "left out alone", "speed group": "left out with all tests at ab
 
 
 def study_report(study: Study, display: Display = DEFAULT, options: ReportOptions = ReportOptions()) -> Report:
-    """HTML report of a study, means over all its tests; a UsageError if one to be shown was not left out."""
+    """HTML report of a study; a UsageError if a test to be shown was not left out."""
     return report(study_result(study, options, display.window_ms), display)
 
 
 def study_result(study: Study, options: ReportOptions = ReportOptions(), window_ms: float | None = None) -> Result:
-    """A study, rated over a window (by default the longest), with the tests that its report is to show as parts."""
+    """A study over a window (by default the longest), its report's tests as parts."""
     require_a(Study, study, "crashfuse.run_study(campaign)")
     require_a(ReportOptions, options, "crashfuse.ReportOptions('short')")
     campaign, config, held_out = study.campaign, study.config, tuple(fold.held_out for fold in study.folds)
@@ -116,7 +111,7 @@ def means_table(study: Study) -> Table:
 
 
 def quality_table(study: Study, window_ms: float) -> Table:
-    """How good predictions are: a test left out, a speed left out, a repeat, each in the mean and in the worst test."""
+    """How good predictions are, in the mean and worst test: a test left out, a speed, a repeat."""
     lines = []
     for view in filter(None, (study, study.speed_groups)):
         approach = recommend(view).approach
@@ -135,7 +130,7 @@ def quality_table(study: Study, window_ms: float) -> Table:
 
 
 def quality_of(account: Account, repeat: Repeatability | None) -> dict[Sentence, Sentence]:
-    """How good a prediction of a left-out test is, by what was left out, and what a repeat of it would rate."""
+    """How good a prediction is, by what was left out, and what a repeat would rate."""
     test, expected, rated = account.test, account.expected, graded(account.rating)
     at_its_speed = Sentence("All at {} left out", speed(test.condition.speed_mps))
     if expected is not None:
@@ -184,7 +179,6 @@ def _drawn(window: float, draw: Callable[..., Drawing]) -> Callable[[Display], D
 
 
 def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Result:
-    """A test that was left out: what was recommended without it, how it came out, and why."""
     test, several = fold.test, len(study.folds) > 1
     notes = [note for note in options.notes if note.test == test.id]
     advice, repeat = recommend_without(study, fold, window), study.repeats(window).get(test.id)

@@ -43,7 +43,7 @@ class Cell(NamedTuple):
 
     @property
     def unbroken(self) -> str:
-        """All of it, in which no line ends within the detail or between a number and its unit."""
+        """All of it; no line ends within the detail or between number and unit."""
         return unbroken(self.text) if not self.detail else self.text.replace(" ", "\N{NO-BREAK SPACE}")
 
 
@@ -72,7 +72,7 @@ class Column:
 
     @property
     def is_numeric(self) -> bool:
-        """Whether its cells are numbers, to stand at the right; a rating with its grade stays in line."""
+        """Whether cells are numbers, to stand at the right; ratings with grades are not."""
         return self.kind not in ("text", "grade")
 
     def heading(self, display: Display) -> str:
@@ -140,7 +140,7 @@ def of_condition(condition: Condition) -> dict[str, object]:
 
 
 def frame_of(rows: Iterable[Mapping[str, object]]) -> pd.DataFrame:
-    """Rows as a frame, whose sentences can still be said in other units: pandas would make plain strings of them."""
+    """Rows as a frame; sentences keep their units: pandas would make plain strings of them."""
     frame = pd.DataFrame(rows, dtype=object)
     types = {name: set(map(type, frame[name])) for name in frame}
     floats, others = {float, np.float64}, {int, type(None)}
@@ -161,7 +161,7 @@ class Table:
 
     @classmethod
     def of(cls, name: str, rows: pd.DataFrame | Iterable[Mapping[str, object]], *columns: Column) -> Self:
-        """A table of rows as they stand; what has no column among these is words, headed by its name."""
+        """A table of rows; what has no column among these is words, headed by its name."""
         frame = rows if isinstance(rows, pd.DataFrame) else frame_of(rows)
         known = {column.source or column.title: column for column in columns}
         ends = {f"{name} {end}" for name in known for end in ("lower", "upper")}

@@ -69,7 +69,6 @@ class Metric:
 
 
 def _sm25(motion: Kinematics) -> FloatArray:
-    """The largest loss of velocity within 25 ms of the record, over 25 ms."""
     steps = round(_WINDOW_S / motion.dt_s, 6)
     whole, share = int(steps), steps % 1
     velocity = motion.velocity_mps
@@ -82,10 +81,17 @@ def _sm25(motion: Kinematics) -> FloatArray:
 
 
 def _olc(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
-    """Counts as smaller if the record ends before it, and before the vehicle moves freely."""
     free = pulse_shape.moves_freely(motion)
     olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant, free)
     return np.where(np.isnan(olc), -np.inf, olc)
+
+
+def _vpi(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
+    return vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant)
+
+
+def _mean(motion: Kinematics) -> FloatArray:
+    return np.nan_to_num(motion.velocity_mps[..., 0] / motion.t0_s, nan=-np.inf)
 
 
 class _Reading(NamedTuple):
@@ -105,6 +111,8 @@ class _Reading(NamedTuple):
 
 
 _STOP, _LEFT = "zero velocity", "the vehicle has left the barrier"
+_RESTRAINED = "the OLC's restraint is over, or the vehicle moves freely"
+_PEAKED = "the occupant's deceleration has peaked"
 _READINGS: Mapping[str, _Reading] = {
     "peak": _Reading("Peak deceleration", lambda m: -m.accel_mps2.min(axis=-1), "g", G),
     "peak_time": _Reading("Time of peak", lambda m: m.accel_mps2.argmin(axis=-1) * m.dt_s, "ms", MS),
@@ -114,30 +122,10 @@ _READINGS: Mapping[str, _Reading] = {
     # infinite beyond the record; the later the stop, the smaller the mean
     "t0": _Reading("Time of zero velocity (TTZV)", lambda m: np.nan_to_num(m.t0_s, nan=np.inf), "ms", MS, _STOP),
     "max_crush": _Reading("Maximum dynamic crush", lambda m: np.nan_to_num(m.crush_m, nan=np.inf), "mm", 1e-3, _STOP),
-    "mean": _Reading(
-        "Mean deceleration until TTZV",
-        lambda m: np.nan_to_num(m.velocity_mps[..., 0] / m.t0_s, nan=-np.inf),
-        "g",
-        G,
-        _STOP,
-    ),
+    "mean": _Reading("Mean deceleration until TTZV", _mean, "g", G, _STOP),
     "sm25": _Reading("SM25, largest mean over 25 ms", _sm25, "g", G, "25 ms are over"),
-    "olc": _Reading(
-        "OLC, occupant load criterion",
-        _olc,
-        "g",
-        G,
-        "the OLC's restraint is over, or the vehicle moves freely",
-        occupant="olc_words",
-    ),
-    "vpi": _Reading(
-        "VPI, vehicle pulse index",
-        lambda m, o: vehicle_pulse_index(m.velocity_mps, m.displacement_m, m.dt_s, o),
-        "g",
-        G,
-        "the occupant's deceleration has peaked",
-        occupant="vpi_words",
-    ),
+    "olc": _Reading("OLC, occupant load criterion", _olc, "g", G, _RESTRAINED, occupant="olc_words"),
+    "vpi": _Reading("VPI, vehicle pulse index", _vpi, "g", G, _PEAKED, occupant="vpi_words"),
     "esw": _Reading("Equivalent square wave", pulse_shape.equivalent_square_wave, "g", G, _STOP, minor=True),
     "g1": _Reading("Two-step pulse, G1", lambda m: pulse_shape.two_step(m).g1_mps2, "g", G, _STOP, minor=True),
     "g2": _Reading("Two-step pulse, G2", lambda m: pulse_shape.two_step(m).g2_mps2, "g", G, _STOP, minor=True),
@@ -153,13 +141,10 @@ _READINGS: Mapping[str, _Reading] = {
 
 METRIC_LABELS = {name: reading.label for name, reading in _READINGS.items()}
 """Labels of the metrics in tables."""
-
 METRIC_UNITS = {name: reading.unit for name, reading in _READINGS.items()}
 """Units of the metrics in tables; empty for ratios."""
-
 METRIC_NEEDS = {name: reading.needs for name, reading in _READINGS.items()}
 """What must happen within a record before it has the metric; empty if every record has it."""
-
 MAIN_METRICS = tuple(name for name, reading in _READINGS.items() if not reading.minor)
 """The metrics that tables show first; the others are shown on demand, and are in every file."""
 
@@ -270,7 +255,6 @@ def checked_metrics(
 
 
 def _interval(values: FloatArray) -> tuple[float | None, float | None]:
-    """Ends of the central 95 %; NaN counts as beyond either end."""
     last = values.size - 1
     lowest, highest = (np.sort(np.where(np.isnan(values), beyond, values)) for beyond in (-np.inf, np.inf))
     return _finite(lowest[math.floor(TAIL * last)]), _finite(highest[math.ceil((1 - TAIL) * last)])
@@ -287,9 +271,8 @@ def sprague_geers(reference: FloatArray, comparison: FloatArray) -> dict[str, fl
     The magnitude's is relative, positive where the comparison is the stronger; that of the phase is 0 to 1, as a share
     of half a period, NaN of a comparison that is zero throughout. 0 is a perfect match; neither is a grade.
     """
-    of_reference, of_comparison, of_both = (
-        float(np.trapezoid(product)) for product in (reference**2, comparison**2, reference * comparison)
-    )
+    products = reference**2, comparison**2, reference * comparison
+    of_reference, of_comparison, of_both = (float(np.trapezoid(product)) for product in products)
     magnitude, phase = float(np.sqrt(of_comparison / of_reference)) - 1, math.nan
     if of_comparison:
         phase = float(np.arccos(np.clip(of_both / np.sqrt(of_reference * of_comparison), -1, 1)) / np.pi)

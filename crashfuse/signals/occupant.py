@@ -129,7 +129,6 @@ def vehicle_pulse_index(
 
 
 def _stretched(taut: FloatArray, step: FloatArray, pull: float) -> FloatArray:
-    """How far the spring is stretched, shape (n, n_pulses), where it is taut from ``taut`` on."""
     stretch = np.zeros_like(taut)
     now, pulled = step.copy(), np.empty_like(step)
     for at, row in zip(taut[1:], stretch[1:], strict=True):

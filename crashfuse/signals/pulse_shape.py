@@ -111,7 +111,6 @@ def moves_freely(motion: Kinematics) -> npt.NDArray[np.bool_]:
 
 @lru_cache(maxsize=1)  # several metrics are parts of the result
 def _separation(motion: Kinematics) -> tuple[FloatArray, npt.NDArray[np.int_]]:
-    """Whether the vehicle leaves the barrier within the record, and the sample at which it does."""
     accel, size = motion.accel_mps2, motion.accel_mps2.shape[-1]
     length = max(round(_QUIET_S / motion.dt_s), 1)
     if size <= length:

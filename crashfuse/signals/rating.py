@@ -375,7 +375,6 @@ def _costs(reference: FloatArray, comparisons: FloatArray, band: float) -> Float
 
 
 def _path(cost: FloatArray, curve: int) -> WarpingPath:
-    """The cheapest path back from the last cell; ties go to (i−1, j), then (i, j−1), then (i−1, j−1)."""
     n_rows, width, n_curves = cost.shape
     row = width * n_curves
     flat: Any = memoryview(cost.reshape(-1))  # type: ignore[arg-type]

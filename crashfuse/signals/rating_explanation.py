@@ -4,6 +4,7 @@ Every number is one that ISO/TS 18571 uses on the way to the scores (:mod:`crash
 summed up again they give the scores. Only the humps are our own, see :func:`counterparts`.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -130,35 +131,31 @@ def explain_rating(
         compared=Compared(time_s, t, c),
         inner_mps2=iso18571.INNER_CORRIDOR * norm,
         outer_mps2=iso18571.OUTER_CORRIDOR * norm,
-        excursions=_excursions(t, c),
+        excursions=tuple(_excursions(t, c)),
         shift_s=shift * RATING_DT_S,
         at_limit=abs(shift) >= int(iso18571.MAX_SHIFT * t.size),
         shifted=Compared(time_s[at], shifted_t, shifted_c),
         warped=warped,
         slopes=slopes,
-        humps=_rated_humps(t, c, shift, warped, slopes),
+        humps=tuple(_rated_humps(t, c, shift, warped, slopes)),
     )
 
 
-def _excursions(t: FloatArray, c: FloatArray) -> tuple[Excursion, ...]:
+def _excursions(t: FloatArray, c: FloatArray) -> Iterator[Excursion]:
     values = iso18571.corridor_values(t, c)
     outside = np.flatnonzero(values < 1)
-    if not outside.size:
-        return ()
-    excursions = []
-    for stretch in np.split(outside, np.flatnonzero(np.diff(outside) > 1) + 1):
+    for stretch in np.split(outside, np.flatnonzero(np.diff(outside) > 1) + 1) if outside.size else ():
         begin_s, end_s = float(stretch[0] * RATING_DT_S), float((stretch[-1] + 1) * RATING_DT_S)
         farthest = stretch[np.abs(c - t)[stretch].argmax()]
         loss = WEIGHTS["corridor"] * float((1 - values[stretch]).sum()) / t.size
         is_beyond = bool((values[stretch] == 0).any())
-        excursions.append(Excursion(begin_s, end_s, float(c[farthest] - t[farthest]), is_beyond, loss))
-    return tuple(excursions)
+        yield Excursion(begin_s, end_s, float(c[farthest] - t[farthest]), is_beyond, loss)
 
 
-def _rated_humps(t: FloatArray, c: FloatArray, shift: int, warped: Compared, slopes: Compared) -> tuple[RatedHump, ...]:
+def _rated_humps(t: FloatArray, c: FloatArray, shift: int, warped: Compared, slopes: Compared) -> Iterator[RatedHump]:
     gain = _correlation_terms(t, c, shift) - _correlation_terms(t, c, 0)
     magnitude, slope = (np.abs(pair.comparison - pair.reference) for pair in (warped, slopes))
-    same, rated = counterparts(t, c), []
+    same = counterparts(t, c)
     for number, hump in enumerate(humps(t)):
         begin_s, peak_s, end_s = (sample * RATING_DT_S for sample in (hump.begin, hump.peak, hump.end))
         of_path, of_slopes = (
@@ -166,23 +163,19 @@ def _rated_humps(t: FloatArray, c: FloatArray, shift: int, warped: Compared, slo
             for pair in (warped, slopes)
         )
         nearer = (np.sign(t[hump.peak]) * (warped.comparison - warped.reference))[of_path]
-        rated.append(
-            RatedHump(
-                begin_s=begin_s,
-                peak_s=peak_s,
-                end_s=end_s,
-                counterpart_s=same[number].peak * RATING_DT_S if number in same else None,
-                shift_gain=float(gain[hump.begin : hump.end].sum()),
-                magnitude_share=_share(magnitude, of_path),
-                slope_share=_share(slope, of_slopes),
-                difference_mps2=float(nearer.mean()) if nearer.size else 0.0,
-            )
+        yield RatedHump(
+            begin_s=begin_s,
+            peak_s=peak_s,
+            end_s=end_s,
+            counterpart_s=same[number].peak * RATING_DT_S if number in same else None,
+            shift_gain=float(gain[hump.begin : hump.end].sum()),
+            magnitude_share=_share(magnitude, of_path),
+            slope_share=_share(slope, of_slopes),
+            difference_mps2=float(nearer.mean()) if nearer.size else 0.0,
         )
-    return tuple(rated)
 
 
 def _correlation_terms(t: FloatArray, c: FloatArray, shift: int) -> FloatArray:
-    """What each sample of the reference adds to the correlation of the overlap, shape (n,)."""
     terms, curves, begin = np.zeros_like(t), iso18571.overlap(t, c, shift), max(-shift, 0)
     if all(np.ptp(curve) > 0 for curve in curves):
         centred = [curve - curve.mean() for curve in curves]
@@ -250,10 +243,8 @@ def rating_sentences(explanation: RatingExplanation, comparison: str = "predicti
     if 1 - rating.overall >= _NOTHING:
         reason = reasons[explanation.costliest]
         overall = Sentence(f"{{}} {reason.template[0].upper()}{reason.template[1:]}.", overall, *reason.values)
-    parts = {
-        name: Sentence("{}: {}.", f"{name.capitalize()} {getattr(rating, name):.2f} (costs {losses[name]:.3f})", reason)
-        for name, reason in reasons.items()
-    }
+    heads = {n: f"{n.capitalize()} {getattr(rating, n):.2f} (costs {loss:.3f})" for n, loss in losses.items()}
+    parts = {name: Sentence("{}: {}.", heads[name], reason) for name, reason in reasons.items()}
     return {"overall": overall, **parts}
 
 
@@ -273,14 +264,12 @@ def _corridor(explanation: RatingExplanation, comparison: str) -> Sentence:
     beyond = any(excursion.beyond_outer for excursion in explanation.excursions)
     worst = max(explanation.excursions, key=lambda excursion: excursion.loss)
     side = _side(worst.difference_mps2 * float(np.sign(explanation.compared.reference.sum())))
-    return Sentence(
+    text = (
         f"the {comparison} is outside the inner corridor (± {{}}) for {_ms(outside_s)} ms of "
         f"{explanation.window_ms:g}, {'in part' if beyond else 'never'} outside the outer (± {{}}); most is lost from "
-        f"{_ms(worst.begin_s)} to {_ms(worst.end_s)} ms, where it is up to {{}} {side}",
-        inner,
-        outer,
-        acceleration(abs(worst.difference_mps2)),
+        f"{_ms(worst.begin_s)} to {_ms(worst.end_s)} ms, where it is up to {{}} {side}"
     )
+    return Sentence(text, inner, outer, acceleration(abs(worst.difference_mps2)))
 
 
 def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
@@ -320,7 +309,6 @@ def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
 
 
 def _with_worst(explanation: RatingExplanation, text: str, error: float, share: str) -> tuple[str, RatedHump | None]:
-    """A text with the hump that has the largest share of an error, where that means anything."""
     if len(explanation.humps) < _SEVERAL or error < _LEAST_SHOWN:
         return text, None
     worst = max(explanation.humps, key=lambda hump: float(getattr(hump, share)))

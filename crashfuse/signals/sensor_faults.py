@@ -95,7 +95,6 @@ class _Signal(NamedTuple):
         return max(round(lasts_s / self.step_s), 1)
 
     def above_median(self, half_s: float) -> FloatArray:
-        """What stands out from the running median of so much on both sides."""
         half = self.samples(half_s)
         windows = sliding_window_view(np.pad(self.accel, half, mode="edge"), 2 * half + 1)
         return np.asarray(self.accel - np.median(windows, axis=1))
@@ -146,20 +145,15 @@ def confirmed(
         near = np.abs(time_s - fault.start_s) <= _EDGE_S
         if fault.kind != "spike" or not (len(alike_mps2) and near.any()):
             return False
-        own, *alike = (
-            float((np.sign(fault.size_mps2) * _bumps(time_s, accel)[near]).max()) for accel in (accel_mps2, *alike_mps2)
-        )
+        sign, records = np.sign(fault.size_mps2), (accel_mps2, *alike_mps2)
+        own, *alike = (float((sign * _bumps(time_s, accel)[near]).max()) for accel in records)
         return float(np.median(alike)) > _SHARED * own
 
-    return tuple(
-        replace(fault, strength=max(fault.strength, 1.0))
-        for fault in faults
-        if not is_shared(fault) and (fault.strength >= 1 or is_odd(fault))
-    )
+    certain = [fault for fault in faults if not is_shared(fault) and (fault.strength >= 1 or is_odd(fault))]
+    return tuple(replace(fault, strength=max(fault.strength, 1.0)) for fault in certain)
 
 
 def _signal(time_s: FloatArray, accel: FloatArray, step_s: float, smooth: FloatArray) -> _Signal | None:
-    """None if nothing happens."""
     peak = float(np.abs(smooth).max())
     crash = np.flatnonzero(np.abs(smooth) > _IN_CRASH * peak)
     return _Signal(time_s, accel, step_s, int(crash[0]), int(crash[-1]), peak) if peak > G else None
@@ -289,7 +283,6 @@ def _flattest(band: _Signal, lasts_ms: Sequence[float], gap_ms: float, floor: fl
 
 
 def _flat_top(band: _Signal) -> Iterator[SensorFault]:
-    """The best flat stretch at the extreme, from which the signal falls on both sides; sound: 0.5."""
     extremes = float(band.accel.min()), float(band.accel.max())
 
     def fall(mean: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
@@ -298,21 +291,19 @@ def _flat_top(band: _Signal) -> Iterator[SensorFault]:
         high = at_top & (np.abs(mean) > 3 * _IN_CRASH * band.peak)
         return np.asarray(high * np.minimum(-sign * before, -sign * after))
 
-    best = _flattest(band, (3, 4, 6, 9, 14, 20, 30), 2, _FLOOR, fall)
+    best = _flattest(band, (3, 4, 6, 9, 14, 20, 30), 2, _FLOOR, fall)  # sound: 0.5 of the limit
     if best.score:
         level = float(band.accel[best.first : best.first + best.length + 1].mean())
         yield _saturated(band, level, best.score / _FLAT)
 
 
 def _lost(band: _Signal) -> Iterator[SensorFault]:
-    """The best flat stretch about zero, among what is far from it on one side of zero; sound: 0.5."""
-
     def fall(mean: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
         around = np.minimum(np.abs(before), np.abs(after))
         gap = (np.abs(mean) < _ZERO * around) & (before * after > 0) & (around > 0.2 * band.peak)
         return np.asarray(gap * around)
 
-    best = _flattest(band, (1.6, 2, 2.5, 3, 4), 2, 2 * _FLOOR, fall)
+    best = _flattest(band, (1.6, 2, 2.5, 3, 4), 2, 2 * _FLOOR, fall)  # sound: 0.5 of the limit
     if best.score:
         away, end = np.abs(band.accel) > abs(best.around) / 2, best.first + best.length
         start = best.first - int(np.argmax(away[best.first :: -1]))
@@ -320,13 +311,11 @@ def _lost(band: _Signal) -> Iterator[SensorFault]:
 
 
 def _held(band: _Signal) -> Iterator[SensorFault]:
-    """The best flat stretch of 3 ms that the signal leaves at once on one side; sound: 0.8."""
-
     def leap(mean: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
         size = np.maximum(np.abs(before), np.abs(after))
         return np.asarray(size * (size > _JUMP * band.peak) * (np.abs(mean) > _IN_CRASH * band.peak))
 
-    best = _flattest(band, (3,), 1.5, _HELD_FLOOR, leap)
+    best = _flattest(band, (3,), 1.5, _HELD_FLOOR, leap)  # sound: 0.8 of the limit
     if best.score:
         yield band.fault("held", best.first, best.first + best.length, best.level, best.score / _HELD)
 
@@ -373,7 +362,6 @@ def _spike(raw: _Signal, band: _Signal) -> Iterator[SensorFault]:
 
 
 def _is_impulse(signal: _Signal, off: FloatArray, top: int, lasts_s: float) -> bool:
-    """Whether a peak is as narrow as an impulse that lasts so long: at half its height, and between its inflections."""
     impulse_s, smooth_s = float(np.hypot(lasts_s / _FWHM, signal.impulse_s)), 0.0 if signal.impulse_s else _SMOOTH_S
     smooth = gaussian_filter1d(signal.accel, smooth_s / signal.step_s, mode="nearest") if smooth_s else signal.accel
     bends = -np.sign(off[top]) * np.gradient(np.gradient(smooth))
@@ -385,7 +373,6 @@ def _is_impulse(signal: _Signal, off: FloatArray, top: int, lasts_s: float) -> b
 
 
 def _run_s(where: npt.NDArray[np.bool_], at: int, step_s: float) -> float:
-    """How long it is so without a break around a sample."""
     before, after = np.argmin(np.r_[where[at::-1], False]), np.argmin(np.r_[where[at:], False])
     return float(before + after - 1) * step_s
 

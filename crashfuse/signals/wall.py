@@ -93,7 +93,6 @@ class Witness:
         return rows
 
     def _cause(self, share: float, mass_kg: float, speed_mps: float) -> str:
-        """What to check, where the change of velocity or the impulse is that of a vehicle that stops."""
         weights = f"check its weights, {self.impulse_ns / max(self.change_mps, 1e-9):.0f} kg would fit"
         sensor = f"check its sensor, which reads {1 / (share or 1e-9):.2f} of that"
         stops = {weights: self.change_mps / speed_mps, sensor: self.impulse_ns / mass_kg / speed_mps}

@@ -50,10 +50,7 @@ def sample_campaign(seed: int = 0) -> Campaign:
     """
     test_conditions = [_condition(*row) for row in TABLE_1]
     measured = zip(test_conditions, measured_pulses(test_conditions, seed), strict=True)
-    tests = [
-        CrashTest(f"T{number:02d}", condition, Pulse(GRID_S, accel))
-        for number, (condition, accel) in enumerate(measured, start=1)
-    ]
+    tests = [CrashTest(f"T{n:02d}", c, Pulse(GRID_S, accel)) for n, (c, accel) in enumerate(measured, start=1)]
     from scipy.stats import qmc  # half a second
 
     hypercube = qmc.scale(qmc.LatinHypercube(d=3, rng=seed).random(_N_RUNS), _LOW, _HIGH).round(2).tolist()
@@ -100,13 +97,9 @@ def _write_cae_pulses(library: CaeLibrary, path: Path) -> None:
     n_samples = library.accel_mps2.shape[1]
     run = pa.array(np.repeat(np.arange(len(library), dtype=np.int16), n_samples))
     accel = np.round(library.accel_mps2.ravel() / G / _STORED_G) * _STORED_G
-    table = pa.table(
-        {
-            "id": pa.DictionaryArray.from_arrays(run, list(library.ids)),
-            "time_ms": np.tile((GRID_S / MS).astype(np.float32), len(library)),
-            "acceleration_g": accel.astype(np.float32),
-        }
-    )
+    ids = pa.DictionaryArray.from_arrays(run, list(library.ids))
+    time_ms = np.tile((GRID_S / MS).astype(np.float32), len(library))
+    table = pa.table({"id": ids, "time_ms": time_ms, "acceleration_g": accel.astype(np.float32)})
     pq.write_table(table, path, compression="zstd", compression_level=12)
 
 

@@ -59,12 +59,9 @@ def show(view: View) -> None:
     stop_with_a_single_test(campaign)
     request = study_request(campaign, (test.id,), config)
     others = config.training_campaign(campaign, test.id)
-    study = result_of(
-        request,
-        invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will be fitted on the CAE runs "
-        f"and {len(others.tests)} other tests.",
-        button=f"Predict test {test.id}",
-    )
+    learned = f"Every approach will be fitted on the CAE runs and {len(others.tests)} other tests."
+    invitation = f"Test {plain(test.id)} has not been predicted yet. {learned}"
+    study = result_of(request, invitation=invitation, button=f"Predict test {test.id}")
     show_training(config, study.config.approaches)
     fold, advice = study.fold(test.id), None
     if study.config.approaches == config.approaches:
@@ -113,7 +110,6 @@ def _show_headline(comparison: _Comparison) -> None:
 
 
 def _choose_rated(comparison: _Comparison) -> None:
-    """The ratings, of which one is chosen: what is shown below is by it."""
     rated = {name: by_window[comparison.window_ms] for name, by_window in comparison.fold.ratings.items()}
     best = by_preference(rated)[0] if comparison.advice is None else comparison.advice.approach
 
@@ -132,8 +128,7 @@ def _show_pulses(comparison: _Comparison) -> None:
     test = comparison.view.held_out
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
-        look = kept("corridors", help=_CORRIDORS_HELP)
-        corridors = shown == _MOTION and st.toggle("Corridors", **look)
+        corridors = shown == _MOTION and st.toggle("Corridors", **kept("corridors", help=_CORRIDORS_HELP))
         approach, known = st.session_state["explained"], list(comparison.fold.ratings)
         curves = choose_curves(comparison.view, test.condition, approach, known, test.id)
     figure, alt, caption = _CURVES.get(shown, ("motion", "Acceleration, velocity and displacement over time: {}", ""))
@@ -196,9 +191,8 @@ def _show_ratings(comparison: _Comparison) -> None:
     window, approach = results.window_label(window_ms), st.session_state["explained"]
     st.subheader(f"Ratings; scores and single draws over {window}", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
-    to_ttzv = {}
-    if config.to_ttzv and fold.ttzv_ms is not None:
-        to_ttzv = {name: fold.overall_to_ttzv(name) for name in fold.ratings}
+    is_to_ttzv = config.to_ttzv and fold.ttzv_ms is not None
+    to_ttzv = {name: fold.overall_to_ttzv(name) for name in fold.ratings if is_to_ttzv}
     show_table(results.ratings_table(fold.ratings, window_ms, comparison.repeats, draws, to_ttzv), "ratings")
     known = () if comparison.advice is None else comparison.advice.sentences
     about = estimates_result(campaign, fold.estimates, comparison.view.held_out, known)

@@ -83,11 +83,12 @@ def show(view: View | None) -> None:
 def _show_head(view: View) -> None:
     campaign = view.campaign
     speeds = [test.condition.speed_mps for test in campaign.tests]
+    paired = sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
     with show_title(plain(campaign.name)):
         at = view.display.words(speed(*dict.fromkeys((min(speeds), max(speeds))), form=".0f"))
         st.caption(
             f"Tests at {at} · Fingerprint {campaign.fingerprint[:12]}", width="content",
-            help=f"Tests with a paired CAE run: {_paired(campaign)}. SHA-256 of all data: {campaign.fingerprint}",
+            help=f"Tests with a paired CAE run: {paired}. SHA-256 of all data: {campaign.fingerprint}",
         )  # fmt: skip
         for way, (label, icon) in _WAYS.items():
             st.button(label, icon=icon, on_click=st.session_state.update, args=({"opening": way},))
@@ -99,10 +100,6 @@ def _show_head(view: View) -> None:
     if unread := unread_files(view.folder):
         st.caption(plain(unread))
     editing.show_last_change(view)
-
-
-def _paired(campaign: Campaign) -> int:
-    return sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
 
 
 def _offer_next(view: View) -> None:
@@ -128,17 +125,14 @@ def _show_tests(view: View) -> None:
     address.default("filter", _AS_READ, options)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         editing.choose_tests_in_use(view)
-        look = kept(
-            "filter", default=_AS_READ, required=True, help="Of this figure: approaches use the pulses as read."
-        )
-        choice = str(st.segmented_control("Channel filter class (SAE J211-1)", options, **look))
+        look = kept("filter", default=_AS_READ, help="Of this figure: approaches use the pulses as read.")
+        choice = str(st.segmented_control("Channel filter class (SAE J211-1)", options, required=True, **look))
         if shown:
             all_tests, args = f"All {len(campaign.tests)} tests", ({"overlaid": list[str]()},)
             st.button(all_tests, icon=":material/stacked_line_chart:", on_click=st.session_state.update, args=args)
-    for fact in [
-        fact for fact in campaign_facts(campaign) if fact.code == "test.stands_apart" and fact.about[0] in shown
-    ]:
-        st.markdown(f":material/warning: {plain(display.words(fact.sentence))}")
+    for fact in campaign_facts(campaign):
+        if fact.code == "test.stands_apart" and fact.about[0] in shown:
+            st.markdown(f":material/warning: {plain(display.words(fact.sentence))}")
     editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
     alt = f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed"
@@ -152,8 +146,8 @@ def _show_tests(view: View) -> None:
         st.caption(f"Read {reading}. Dark: slow; bright: fast; dashes, marks: repeats. Click a name to hide its test.")
         return
     accel = test.pulse.accel_mps2
-    pulses = accel, cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
-    peaks = [abs(pulse * display.accel_scale).max() for pulse in pulses]
+    filtered = cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
+    peaks = [abs(pulse * display.accel_scale).max() for pulse in (accel, filtered)]
     became = f"The peak of {plain(test.id)} goes from {peaks[0]:.1f} to {peaks[1]:.1f} {display.unit}."
     st.caption(f"Thick: filtered to {choice}; thin: as read, {reading}. {became}")
 
@@ -163,9 +157,8 @@ def _show_conditions(view: View) -> None:
     draw = partial(campaign.draw, "conditions", held_out=view.held_out.id, display=view.display)
     alt, key = "Speed against front and rear weight of CAE runs and tests", (view.held_out.id, view.display.system)
     show_cached_figure(draw, alt, "conditions", campaign.fingerprint, key, name="conditions")
-    tests = tests_table(campaign)
     in_their_table = {about_label(name) for test in campaign.tests for name, _ in test.about}
-    show_table(tests.without(*in_their_table), "conditions")
+    show_table(tests_table(campaign).without(*in_their_table), "conditions")
     if not (about := about_table(campaign)).empty:
         st.markdown("**Where tests and CAE runs come from**")
         show_table(about, "about")
@@ -212,13 +205,11 @@ def _show_mending(view: View) -> None:
     campaign, display = view.campaign, view.display
     tip = "A line a test, dark: slow, bright: fast. By all tests: a diagnosis, no left-out prediction."
     st.markdown(f"**{_MEND}**", help=tip)
-    if (job := mending_request(campaign, display.window_ms).find()) is None or job.result is None:
-        if job is not None and job.active:
-            show_job(job)
-        elif job is not None:
-            show_end(job)
+    job = mending_request(campaign, display.window_ms).find()
+    if job is None or (events := job.result) is None:
+        if job is not None:
+            (show_job if job.active else show_end)(job)
         return
-    events = job.result
     alt = "Force that the CAE model lacks in each test over displacement, and the ranges to mend"
 
     def draw() -> Drawing:
@@ -290,15 +281,8 @@ def _pick_folder() -> None:
         is_top = here.parent == here or not campaigns.may_open(here.parent)
         st.button("Up", icon=":material/arrow_upward:", on_click=go, args=(here.parent,), disabled=is_top)
         names = campaigns.folders_in(here)
-        st.selectbox(
-            "Folders in it",
-            names,
-            index=None,
-            key=f"folders in {here}",
-            placeholder="choose one" if names else "none",
-            on_change=enter,
-            disabled=not names,
-        )
+        look: dict[str, Any] = {"placeholder": "choose one" if names else "none", "disabled": not names}
+        st.selectbox("Folders in it", names, index=None, key=f"folders in {here}", on_change=enter, **look)
         st.button("Open this folder", type="primary", on_click=_attempt, args=(partial(_campaign_or_source, here),))
 
 

@@ -43,14 +43,12 @@ _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positiv
 
 
 def _condition_of(source: Source, records: Sequence[Record]) -> tuple[PartialCondition, float | None, UnitSystem]:
-    """What replaces the condition, the front axle's share of the mass, and units of sentences, which know no m/s."""
     (left, right), usual = st.columns(2), chosen_units() if st.session_state.get("system") else KPH_KG
     v = _choose_unit(left, "Speed in", usual.speed, tuple(UNITS["speed"]), source)
     w = _choose_unit(right, "Weights in", usual.weight, ("kg", "lb"), source)
     mps, kg = UNITS["speed"][v], UNITS["mass"][w]
-    speed, share, front, rear, mass = (
-        st.session_state.get(f"{source.key} {name}") for name in ("speed", "front share", *_WEIGHTS)
-    )
+    names = "speed", "front share", *_WEIGHTS
+    speed, share, front, rear, mass = (st.session_state.get(f"{source.key} {name}") for name in names)
     given = PartialCondition(speed, mass, front, rear)
     conditions = [record.condition.overruled(replace(given, front_share=share)) for record in records]
     pairs = [(at.front_weight_kg, at.rear_weight_kg) for at in conditions]
@@ -74,14 +72,7 @@ def _choose(
     return place.selectbox(label, list(options), index=None, placeholder=grey, **kept(key, **look))
 
 
-def _ask_number(place: DeltaGenerator, label: str, grey: str, key: str, tip: str | None = None) -> float | None:
-    """Without limits: the browser would drop a number beyond them, and nothing would name it."""
-    value: float | None = place.number_input(label, value=None, placeholder=grey, help=tip, **kept(key))
-    return value
-
-
 def _choose_unit(place: DeltaGenerator, label: str, usual: str, units: Sequence[str], source: Source) -> str:
-    """The pages' unit, until another one is chosen."""
     key = f"{source.key} {label}"
     address.default(key, usual)
     return str(place.selectbox(label, units, **kept(key)))
@@ -90,7 +81,6 @@ def _choose_unit(place: DeltaGenerator, label: str, usual: str, units: Sequence[
 def _number(
     place: DeltaGenerator, key: str, label: str, in_si: Sequence[float | None], unit: float, tip: str | None = None
 ) -> None:
-    """A number that the session keeps in SI, in a field of its unit."""
     state, shown = st.session_state, f"{key} in units of {unit:g}"
     values = sorted(value / unit for value in in_si if value is not None and value > 0)
     grey = "not found"
@@ -120,9 +110,8 @@ def reading_of(source: Source) -> Reading:
     forms, names = forms_of(source), list(tables)
     with_conditions = {file for form in forms if form.proposed.kind == "conditions" for file in _files(form)}
     place = names.index(next(iter(with_conditions))) if len(with_conditions) == 1 else None
-    name = st.selectbox(
-        "Table of conditions, by id", names, place, placeholder="none", **kept(f"{source.key} conditions")
-    )
+    look = kept(f"{source.key} conditions", placeholder="none")
+    name = st.selectbox("Table of conditions, by id", names, place, **look)
     if name is None:
         return Reading(source.path, source.fmt, travel=travel)
     columns = tuple(choice for form in forms if name in _files(form) for choice in _columns(form, source.key))
@@ -155,9 +144,8 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
     more = f" and {len(form.names) - 1} more with the same columns" if len(form.names) > 1 else ""
     uses = form.proposed.uses
     needed = {"pulses": {"time", "acceleration"}, "conditions": {"id", "speed"}}.get(form.proposed.kind, {"none"})
-    is_clear = needed <= {use.role for use in uses} and all(
-        use.unit if use.role in QUANTITIES else not use.is_unknown for use in uses
-    )
+    known = (use.unit if use.role in QUANTITIES else not use.is_unknown for use in uses)
+    is_clear = needed <= {use.role for use in uses} and all(known)
     with st.expander(f"**{plain(form.names[0])}**{more}", expanded=not is_clear):
         st.dataframe(without_formulas(form.head.iloc[:, :_MOST_COLUMNS]), hide_index=True, height="content")
         kinds, look = ["pulses", "conditions", "neither"], {"required": True, "format_func": str.capitalize}
@@ -207,8 +195,8 @@ def choices_of(
     sign = _choose(right, "Sign", _SIGNS, detected_sign, f"{source.key} Sign")
     left, right = st.columns(2)
     zero = "to be found" if detected is None else f"{detected.time_zero_s / MS:.4g}"
-    tip = "First contact, in the file's own time."
-    zero_ms = _ask_number(left, "Time zero (ms)", zero, f"{source.key} time zero", tip)
+    look = kept(f"{source.key} time zero", placeholder=zero, help="First contact, in the file's own time.")
+    zero_ms = left.number_input("Time zero (ms)", value=None, **look)  # no limits: a browser would drop what is beyond
     if own_class is not None:
         right.selectbox("Filter", [f"CFC {own_class:g}, by the campaign"], disabled=True, key=f"{source.key} own class")
         cfc: float | str | None = own_class

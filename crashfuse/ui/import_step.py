@@ -49,8 +49,8 @@ def _show_add_form(source: Source, role: Role, settle: _Settle, settled: Sequenc
     with st.container(border=True, horizontal=True, vertical_alignment="bottom"):
         _ask_folder()
         if len(settled) == 1:
-            look = {"placeholder": settled[0].id, "width": _FACTOR_PX}
-            st.text_input("Id in the campaign", **kept(f"{source.key} id", **look))
+            look = kept(f"{source.key} id", placeholder=settled[0].id, width=_FACTOR_PX)
+            st.text_input("Id in the campaign", **look)
         for name, values in _factors_of_target(role).items():
             known = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
             label = plain(name) + (", of all" if len(settled) > 1 else "")
@@ -74,10 +74,8 @@ def _ask_folder() -> None:
         st.radio("Add to the campaign", list(labels), **kept(_INTO, **look))
     if open_one is None or st.session_state.get(_INTO) == "folder":
         usual = str((campaigns.roots() or [Path.home()])[0] / "my-campaign")
-        tip = "A new folder, or a campaign."
-        st.text_input(
-            "Campaign folder on this computer", placeholder=usual, help=tip, width=_FOLDER_PX, **kept(_FOLDER)
-        )
+        look = {"placeholder": usual, "help": "A new folder, or a campaign.", "width": _FOLDER_PX}
+        st.text_input("Campaign folder on this computer", **kept(_FOLDER, **look))
 
 
 def _with_factors(settled: Settled, source: Source, role: Role) -> Settled:
@@ -244,10 +242,9 @@ def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, 
 def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     if len(records) < 2:
         return records[0] if records else None
-    label, key = f"{len(records)} records; this is", f"{source.key} record {len(records)}"
     named = [f"{number}: {record.id}" for number, record in enumerate(records, start=1)]
-    number = st.selectbox(label, range(len(records)), format_func=named.__getitem__, **kept(key))
-    return records[int(number)]
+    look = kept(f"{source.key} record {len(records)}", format_func=named.__getitem__)
+    return records[int(st.selectbox(f"{len(records)} records; this is", range(len(records)), **look))]
 
 
 _RECORDS = (

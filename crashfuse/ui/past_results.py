@@ -66,8 +66,7 @@ def _listed(campaign: Campaign) -> list[PastResult | Earlier]:
         if result.fingerprint == campaign.fingerprint
         or (result.campaign == campaign.name and result.fingerprint not in hidden and not is_restricted)
     ]
-    certified = list(file_store.certifications(campaign).values())
-    results: list[PastResult | Earlier] = [*studies, *certified]
+    results: list[PastResult | Earlier] = [*studies, *file_store.certifications(campaign).values()]
     return sorted(results, key=lambda result: result.date.replace("T", " ")[:16], reverse=True)
 
 
@@ -161,10 +160,8 @@ def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in shown.answer))
     show_table(shown.tables["means"], "compared means")
     if compared.over(window, way)["held_out"].nunique() > 1:
-        draw, alt = (
-            partial(shown.figures["differences"].draw, view.display),
-            "Ratings by test, second study minus first",
-        )
+        draw = partial(shown.figures["differences"].draw, view.display)
+        alt = "Ratings by test, second study minus first"
         of = compared.first.id, compared.second.id, way, f"0-{window:g}ms"
         show_cached_figure(draw, alt, *of, name=f"studies compared {' '.join(of)}")
     with row:

@@ -31,22 +31,12 @@ from crashfuse.study.planning import BEST, ConditionRange, NextTests, rank_next_
 from crashfuse.study.prediction import PredictedPulse, by_one
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address, results
-from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pinned
+from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pin_all, pinned
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
-from crashfuse.ui.kit.curves import (
-    AVERAGE,
-    choose_curves,
-    predicted,
-    without_clicks,
-)
+from crashfuse.ui.kit.curves import AVERAGE, choose_curves, predicted, without_clicks
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
-from crashfuse.ui.kit.files import (
-    choose_form,
-    export_button,
-    offer_pulses,
-    offer_result,
-)
+from crashfuse.ui.kit.files import choose_form, export_button, offer_pulses, offer_result
 from crashfuse.ui.kit.frame import by_itself
 from crashfuse.ui.kit.progress import result_of, result_or_none, show_training
 from crashfuse.ui.kit.results import show_table
@@ -79,37 +69,32 @@ def show(view: View) -> None:
     """Ask for a condition, and show what is predicted there in the tab that the user chooses."""
     config = chosen_config()
     request = fit_request(view.campaign, config)
-    job = request.find()
-    if job is not None and job.result is not None:
-        by_itself(partial(_ask_and_answer, view, config, request))
-    else:  # the sidebar shows what runs
-        _ask_and_answer(view, config, request)
+    show_all = partial(_ask_and_answer, view, config, request)
+    if request.result is None:  # the sidebar shows what runs
+        show_all()
+    else:
+        by_itself(show_all)
 
 
 def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -> None:
     campaign, condition = view.campaign, _choose_condition(view.campaign, view.display)
-    fitted = result_of(
-        request,
-        invitation=f"Fitted once on all {len(campaign.tests)} tests, the approaches answer every condition at once.",
-        button="Predict",
-    )
+    invitation = f"Fitted once on all {len(campaign.tests)} tests, the approaches answer every condition at once."
+    fitted = result_of(request, invitation=invitation, button="Predict")
     prediction, advice = PredictedPulse(campaign, tuple(answers(condition, fitted)), config), None
     if is_whole := fitted.approaches == config.approaches:
-        window_ms = view.display.window_ms
-        advice = advised(fitted.key, condition, window_ms, prediction.estimates, campaign)
+        advice = advised(fitted.key, condition, view.display.window_ms, prediction.estimates, campaign)
     pins = [pin for text, pin in pinned().items() if is_whole and text != condition.text]
     at_pins = [found for pin in pins if (found := predicted(campaign, config, pin)) is not None]
     show_training(config, fitted.approaches)
     if advice is not None:
         here = [fact.sentence for fact in condition_facts(campaign, condition)]
-        results.show_recommendation([advice.brief], [*dict.fromkeys([*advice.sentences, *here])])
+        results.show_recommendation(advice.brief, [*dict.fromkeys([*advice.sentences, *here])])
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", ["Pulses", "Over speed", "Next test"], key="predict_tab")
         best = by_preference(fitted.approaches)[0] if advice is None else advice.approach
         address.default("predict_approach", best, fitted.approaches)
-        look = {"label_visibility": "collapsed", "width": 230, "format_func": lambda name: f"By {LABELS[name]}"}
-        args = kept("predict_approach", on_change=address.publish, **look)
-        approach = st.selectbox("Approach", fitted.approaches, **args)
+        look = kept("predict_approach", on_change=address.publish, label_visibility="collapsed", width=230)
+        approach = st.selectbox("Approach", fitted.approaches, format_func=lambda name: f"By {LABELS[name]}", **look)
         if advice is not None:
             _keep_past((fitted.key, condition), prediction)
             _show_pins(prediction)
@@ -161,7 +146,6 @@ def _show_tests(tests: Sequence[str]) -> None:
 
 
 def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs: np.ndarray) -> float:
-    """Slider over the CAE runs' range, and a field beyond it; returns SI, kept in mph or lb."""
     name, in_si, step, digits = field.key, IN_SI[field.unit], field.step, field.digits
     label, shown = display.title(field.label, field.unit), 1 / display.units.in_si(field.unit)
     state, values = st.session_state, runs * shown
@@ -205,22 +189,19 @@ def _keep_past(key: Hashable, _prediction: PredictedPulse) -> None:  # noqa: ARG
 
 
 def _show_pins(prediction: PredictedPulse) -> None:
-    pins, here = pinned(), prediction.text
-
-    def pin() -> None:
-        st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
+    pins = pinned()
 
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
 
     tip = f"Keeps up to {MOST_PINS} in figures, link and report."
-    is_full = here in pins or len(pins) >= MOST_PINS
+    pin, is_full = partial(pin_all, [prediction.condition]), prediction.text in pins or len(pins) >= MOST_PINS
     st.button("Pin this prediction", icon=":material/keep:", on_click=pin, disabled=is_full, help=tip)
     if pins:
         with st.popover(f"{len(pins)} pinned", key="pinned"):
             for text, other in pins.items():
-                label, key = plain(other.brief), f"unpin {text}"
-                st.button(f":material/close: {label}", key=key, on_click=unpin, args=(text,), type="tertiary")
+                label = f":material/close: {plain(other.brief)}"
+                st.button(label, key=f"unpin {text}", on_click=unpin, args=(text,), type="tertiary")
 
 
 def _show_pulses(
@@ -243,12 +224,10 @@ def _show_pulses(
         )  # fmt: skip
         return without_clicks(drawing)
 
-    def show() -> None:
-        show_cached_figure(draw, alt, *key, name=name)
-
     alt = f"Prediction by {curves.by} at {view.display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
     key = shown, fitted.key, fitted.approaches, condition, view.display, curves.key
+    show = partial(show_cached_figure, draw, alt, *key, name=name)
     estimates = [estimate for estimate in prediction.estimates if estimate.approach in curves.approaches]
     known = (*(advice.sentences if advice else ()), *view.campaign.cae.extrapolation(condition))
     about = estimates_result(view.campaign, estimates, known=known)
@@ -281,21 +260,17 @@ def _show_differences(shown: Sequence[PredictedPulse], display: Display) -> None
 
 
 def _show_over_speed(view: View, fitted: Fitted, condition: Condition, approach: str) -> None:
-    sweep = result_or_none(
-        sweep_over_speed(view.campaign, fitted, condition),
-        invitation="The metrics over some thirty speeds.",
-        button="Predict over speed",
-    )
+    request, invitation = sweep_over_speed(view.campaign, fitted, condition), "The metrics over some thirty speeds."
+    sweep = result_or_none(request, invitation=invitation, button="Predict over speed")
     if sweep is None:
         return
-    label = METRIC_LABELS.__getitem__
-    metric = st.selectbox("Pulse metric", list(METRIC_LABELS), format_func=label, help=TTZV, **kept("sweep_metric"))
+    look = kept("sweep_metric", format_func=METRIC_LABELS.__getitem__, help=TTZV)
+    metric = st.selectbox("Pulse metric", list(METRIC_LABELS), **look)
     shown = replace(sweep, metrics={name: own for name, own in sweep.metrics.items() if name in (approach, BASELINE)})
     alt = f"{METRIC_LABELS[metric]} over impact speed by {LABELS[approach]}, tests as points"
     name = f"{metric} over speed {condition.text.partition(' ')[2]}"
     show_figure(shown.draw(metric, display=view.display), alt, name=name)
-    st.caption(plain(weights_sentence(condition, view.campaign.tests)))
-    for sentence in shown.missing(metric):
+    for sentence in (weights_sentence(condition, view.campaign.tests), *shown.missing(metric)):
         st.caption(plain(sentence))
     offer_result(sweep_result(sweep), view.display)
 
@@ -306,8 +281,7 @@ def _show_next_test(view: View, fitted: Fitted, condition: Condition, approach: 
     if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
         st.info("Ranking next tests needs the displacement domain with the fast settings.")
         return
-    usual = ConditionRange.of(campaign.tests)
-    ends, display = [], view.display
+    usual, ends, display = ConditionRange.of(campaign.tests), [], view.display
     for place, (column, axis) in enumerate(zip(st.columns(3), _AXES, strict=True)):
         tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
         ends.append(_range(column, axis, view, campaign.cae.vectors[:, place], tests))
@@ -382,10 +356,8 @@ def _ends(text: str) -> tuple[float, float]:
 def _show_files(
     prediction: PredictedPulse, others: Sequence[PredictedPulse], advice: Recommendation | None, display: Display
 ) -> None:
-    form = choose_form(
-        "recommendation, pulses, metrics and limits",
-        "the pulse over displacement, the fits, the data, the method and its settings",
-    )
+    whole = "the pulse over displacement, the fits, the data, the method and its settings"
+    form = choose_form("recommendation, pulses, metrics and limits", whole)
     result, where = prediction_result(prediction, others, form), display.words(prediction.condition.brief)
     offer_result(result, display, f"{prediction.campaign.name} {where} {form}", with_report=advice is not None)
     if advice is not None:

@@ -161,7 +161,7 @@ async def lifespan(_: object) -> AsyncIterator[None]:
 
 
 def tell(error: Exception) -> bool:
-    """Say in a sentence what stopped a page: memory, data, the cache; what is a fault is Streamlit's to show."""
+    """Say in a sentence what stopped a page: memory, data, the cache; faults are Streamlit's to show."""
     if not (out_of_memory(error) or isinstance(error, CrashfuseError)):
         return False
     st.error(OUT_OF_MEMORY if out_of_memory(error) else plain(error), icon=":material/error:")
@@ -169,7 +169,7 @@ def tell(error: Exception) -> bool:
 
 
 def prepare() -> tuple[Middleware, ...]:
-    """Begin the log, and check the log-in, without which no server starts; returns what every request goes through."""
+    """Begin the log, check the log-in, without which no server starts; returns what requests go through."""
     try:
         begin_log()
         if check_login(st.get_option("secrets.files")):

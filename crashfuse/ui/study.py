@@ -55,11 +55,8 @@ def show(view: View) -> None:
         config = replace(config, leave_out="both")
     request = study_request(view.campaign, view.campaign.test_ids, config)
     again = "; then again with all at about its speed" if config.leave_out == "both" else ""
-    study = result_of(
-        request,
-        invitation=f"Every test is left out in turn and predicted from the others{again}.",
-        button=f"Leave out each of {n} tests",
-    )
+    invitation = f"Every test is left out in turn and predicted from the others{again}."
+    study = result_of(request, invitation=invitation, button=f"Leave out each of {n} tests")
     known = tuple((fold.held_out, *fold.ratings) for way in (study, study.speed_groups) if way for fold in way.folds)
     is_whole = len(study.folds) == n and study.config.approaches == config.approaches
     outcome = _Outcome(view, study, is_whole, (request.key, known, tuple(study.repeatability), view.display))
@@ -82,9 +79,8 @@ class _Outcome(NamedTuple):
 
 
 def _show_headline(outcome: _Outcome) -> None:
-    """How good a prediction is, over the window that is shown as all else; why, and over which, unfolds."""
     use, *reasons = (outcome.view.display.words(fact.sentence) for fact in recommend(outcome.shown).facts)
-    results.show_recommendation([use], [*reasons, f"By {outcome.view.campaign.rating_basis}: {_GRADES}", A_REPEAT])
+    results.show_recommendation(use, [*reasons, f"By {outcome.view.campaign.rating_basis}: {_GRADES}", A_REPEAT])
     window_ms = outcome.view.display.window_ms
     show_table(quality_table(outcome.study, window_ms), "quality", f"Ratings over {results.window_label(window_ms)}.")
 
@@ -103,7 +99,8 @@ def _show_ratings(outcome: _Outcome) -> None:
     if outcome.is_whole:
         worst = worst_test(study, outcome.view.display.window_ms)
         with st.expander(f"The worst test, {plain(worst.test.id)}", icon=":material/troubleshoot:"):
-            results.show_account(worst.sentences, missed=worst.disappoints)
+            first, *others = map(plain, worst.sentences)
+            st.markdown(f":material/{'warning' if worst.disappoints else 'info'}: **{first}** {' '.join(others)}")
     with st.expander("Mean over the tests, by window", icon=":material/table:"):
         show_table(means_table(study), "means")
     for test in campaign.tests:
@@ -175,12 +172,8 @@ def _show_files(outcome: _Outcome) -> None:
 def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -> None:
     campaign = view.campaign
     st.markdown("How good are predictions from fewer tests, and what would one more add?")
-    settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
-    whole = result_or_none(
-        learn_curve(campaign, settings),
-        invitation="",
-        button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
-    )
+    request = learn_curve(campaign, replace(CURVE_CONFIG, seed=config.seed, device=config.device))
+    whole = result_or_none(request, invitation="", button=f"Predict from 1 to {len(campaign.tests) - 1} tests")
     if whole is None:
         return
     criteria = view.folder / "criteria.toml"

@@ -148,11 +148,9 @@ def _show_predicted(view: View, study: Study, config: StudyConfig) -> None:
 
 
 def _show_files(view: View) -> None:
-    fitted = progress.result_or_none(
-        fit_request(view.campaign, chosen_config()),
-        invitation="These are the models of all tests, as by `crashfuse train`.",
-        button=_ON_ALL,
-    )
+    request = fit_request(view.campaign, chosen_config())
+    invitation = "These are the models of all tests, as by `crashfuse train`."
+    fitted = progress.result_or_none(request, invitation=invitation, button=_ON_ALL)
     if fitted is not None:
         offer(view.campaign.name, {"models.zip": partial(fitted.models, view.campaign)})
 
@@ -171,11 +169,8 @@ def _show_diagnostics(view: View) -> None:
         )  # fmt: skip
     others = config.training_campaign(campaign, test)
     request = study_request(campaign, (test,), config)
-    study = progress.result_of(
-        request,
-        invitation=f"Nothing was trained without {plain(test)} yet.",
-        button=f"Train without {test}",
-    )
+    invitation = f"Nothing was trained without {plain(test)} yet."
+    study = progress.result_of(request, invitation=invitation, button=f"Train without {test}")
     progress.show_training(config, study.config.approaches)
 
     def show(draw: Draw, name: str, alt: str, meaning: str) -> None:

@@ -385,7 +385,7 @@ def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: C
         assert str(escape(verdict.reason)) in text
     cells = re.findall("<td class=(met|not-met|open|outside)>", text)
     assert len(cells) == len(certification.cells) + len(certification.record.counted)
-    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # domain, record, reliability, matrix
+    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1 + 1  # domain, record, reliability, matrix, scales
     assert certification.campaign.fingerprint in text
     assert certify_command(certification) in text
     for place in ("summary", "domain", "record"):

@@ -134,7 +134,7 @@ def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) ->
     weaker = replace(estimate(study.folds[1].test), accel_mps2=0.8 * study.folds[1].test.pulse.accel_mps2)
     folds = (study.folds[0], Fold.of(study.folds[1].test, [weaker], CONFIG.windows_ms))
     both = study_report(replace(study, speed_groups=(groups := replace(study, folds=folds))))
-    alone, _, grouped = both.partition("<h3>A whole speed group left out")
+    alone, _, grouped = both.partition("<h2>A whole speed group left out")
     mean = f"<b>{groups.mean_rating('cae', 60.0):.3f}"
     assert mean in grouped.partition("</section>")[0]
     assert mean not in alone
@@ -167,10 +167,10 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
         assert kept in text
     for left in ("Data: ", "Method and settings", "by speed</h2>", "Over displacement", "How the fit went"):
         assert left not in text
-    assert text.index("Pulse metrics at") < text.index("Beside other predictions") < text.index("Limits</h2>")
+    assert text.index("<th>Pulse metric") < text.index("Beside other predictions") < text.index("Limits</h2>")
     whole = report(prediction_result(predicted(campaign, here), beside))
     assert whole.count('<table class="metrics"') == text.count('<table class="metrics"') == 2
-    assert whole.index("Pulse metrics at") < whole.index("Beside other predictions") < whole.index("Over displacement")
+    assert whole.index("<th>Pulse metric") < whole.index("Beside other predictions") < whole.index("Over displacement")
     with pytest.raises(UsageError, match="whole"):
         prediction_result(predicted(campaign, here), form="brief")  # type: ignore[arg-type]
 

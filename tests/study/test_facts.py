@@ -11,11 +11,12 @@ import pytest
 from crashfuse.cae_library import QualityLimits, RunQuality
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import certify
-from crashfuse.results.export.outgoing_pulses import PulseExport
+from crashfuse.results.export.outgoing_pulses import PulseExport, outgoing
 from crashfuse.results.provenance import provenance
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import by_importance, campaign_facts, condition_facts, distinct, window_facts
+from crashfuse.study.planning import next_test
 from crashfuse.study.prediction import predict
 from crashfuse.study.running import run_study
 from crashfuse.units import MPH, G
@@ -97,7 +98,7 @@ def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -
         each.write(folder)
         text = (folder / "report.html").read_text(encoding="utf-8")
         (record,) = (json.loads(path.read_text(encoding="utf-8")) for path in folder.glob("*.json"))
-        assert text.index(sentence) < text.index("<h2")
+        assert text[: text.index(sentence)].count("<h2") <= 1, "after the answer alone"
         known = json.loads(json.dumps(provenance(apart, (), config)["facts"]))
         assert record["facts"][: len(known)] == known
         assert sentence in each._repr_html_()
@@ -108,6 +109,12 @@ def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -
     (note,) = (note for note in folds.notes if "in two ways" in note)
     for way in ("others", "apart"):
         assert f"peak {peak[f'{way}_value']:.1f} g" in note
+    by_fold = folds.preferred.by_fold.values()  # what is drawn has the peaks of the table, and goes out
+    for way, own in zip(("others", "apart"), by_fold, strict=True):
+        assert -own.representative_pulses()[0].min() / G == pytest.approx(peak[f"{way}_value"], rel=0.02)
+    assert {"others", "apart"} < {pulse.which for pulse in outgoing(folds.estimates, 0, 0)}
+    (repeat,) = next_test(apart, config=config).repeats
+    assert repeat.startswith("Repeat S4 first (")
     drawn = folds.preferred
     of_apart = not_none(drawn.draws_mps2)[not_none(drawn.apart)].mean(axis=0)
     np.testing.assert_allclose(folds.pulses["apart_g"], of_apart / G, rtol=1e-4)

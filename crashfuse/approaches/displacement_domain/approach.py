@@ -9,6 +9,7 @@ from functools import cache, partial
 from typing import Literal, NamedTuple, Self, cast
 
 import numpy as np
+from numpy.random import Generator
 
 from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import WHOLE_S, FittedState, Prediction, Settings, StudentT
@@ -263,11 +264,12 @@ class DisplacementDomain(BandedApproach):
     def predict(self, condition: Condition) -> Prediction:
         """Eq. 29 with the mean bias, and with whole bias functions drawn."""
         self._require("bias_")
-        rng = np.random.default_rng(self.seed)
+        rng, n_draws = np.random.default_rng(self.seed), self.config.n_draws
         view, widening = CaeView.of(self.model_, condition), self.calibration_.widening
         share = nearness(condition.speed_mps, self._speeds_mps) ** self.decay_
         with one_thread():
-            bias = self._sample(view, self.bias_, self.config.n_draws, rng).widened(widening, share)
+            bias = self.bias_.sample(*self._to_predict(view), n_draws, rng)
+            bias = self._with_emulator_errors(view, bias, n_draws, rng).widened(widening, share)
             pulses = self._simulate(view, bias, self.rebound_, rng, widening)
         notes = (*filter(None, [self.archive_]), *self.model_.notes(condition), *self._thinning, *self.bias_.notes)
         if share < _NEARLY_ALL:
@@ -281,13 +283,7 @@ class DisplacementDomain(BandedApproach):
             notes += ("The band holds less of the left-out tests than it should, although it was widened.",)
         return Prediction(condition, pulses[0], pulses[1:], notes)
 
-    def _sample(
-        self, cae: CaeView, model: HierarchicalBias | Table4Bias, n_draws: int, rng: np.random.Generator
-    ) -> BiasDraws:
-        moving, stop = self._to_predict(cae)
-        return self._with_emulator_errors(cae, model.sample(moving, stop, n_draws, rng), n_draws, rng)
-
-    def _with_emulator_errors(self, cae: CaeView, bias: BiasDraws, n_draws: int, rng: np.random.Generator) -> BiasDraws:
+    def _with_emulator_errors(self, cae: CaeView, bias: BiasDraws, n_draws: int, rng: Generator) -> BiasDraws:
         if not cae.paired and self._paired:
             # The bias of tests without a paired run already includes the emulator's error, in each test's own part.
             # Only the share of tests with paired runs has to be added.
@@ -301,25 +297,14 @@ class DisplacementDomain(BandedApproach):
         return moving, CaeStop(_SHARES, cae.curve.stopping_accel(_SHARES, end_share), cae.curve.phase.crush_m)
 
     def _simulate(
-        self,
-        cae: CaeView,
-        bias: BiasDraws,
-        rebound: Rebound,
-        rng: np.random.Generator,
-        widening: float,
-        stride: int = 1,
+        self, cae: CaeView, bias: BiasDraws, rebound: Rebound, rng: Generator, widening: float, stride: int = 1
     ) -> FloatArray:
         """Shape (1 + n_draws, 1250 / stride): the expected pulse in row 0, then draws; the rebound's are widened."""
         speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
-        motion = integrate(
-            bias.over_displacement_mps2,
-            fine[FINER],
-            curve.stopping_accel(_SHARES, end_share) + bias.over_speed_mps2,
-            speed,
-            common_mps2=curve.accel_at(fine, end_share),
-            dt_s=stride * DT_S,
-            n_times=N_SAMPLES // stride,
-        )
+        stopping, common = curve.stopping_accel(_SHARES, end_share), curve.accel_at(fine, end_share)
+        functions = bias.over_displacement_mps2, fine[FINER], stopping + bias.over_speed_mps2
+        n_times = N_SAMPLES // stride
+        motion = integrate(*functions, speed, common_mps2=common, dt_s=stride * DT_S, n_times=n_times)
         return rebound.follow(motion, cae.accel_mps2, curve.phase, speed, rng, widening)
 
     def _calibrate(self, campaign: Campaign, known: _LeftOutTests, watch: Watch) -> Calibration:

@@ -35,11 +35,8 @@ class CaeForce(NamedTuple):
         """Evaluate a function of the displacement and its trend; before contact nothing is averaged."""
         farthest = float(displacement_m.max()) + _REACH * _SMOOTH_M
         grid = np.arange(0.0, farthest + _STEP_M, _STEP_M)
-        width = _SMOOTH_M / _STEP_M
-        smooth, share = (
-            gaussian_filter1d(values, width, mode="constant", truncate=_REACH)
-            for values in (accel_at(grid), np.ones_like(grid))
-        )
+        averaged = partial(gaussian_filter1d, sigma=_SMOOTH_M / _STEP_M, mode="constant", truncate=_REACH)
+        smooth, share = averaged(accel_at(grid)), averaged(np.ones_like(grid))
         return cls(accel_at(displacement_m), np.interp(displacement_m, grid, smooth / share))
 
 

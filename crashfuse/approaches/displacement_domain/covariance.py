@@ -101,7 +101,6 @@ class TrainingCovariance:
 def _term(
     factor: FloatArray, squares: Sequence[Sequence[FloatArray]], logs: FloatArray, *, slopes: bool = False
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """One part's covariance, and with ``slopes`` its derivatives by the logarithm of each length scale."""
     scaled, inverse_squares = np.exp(2 * logs[0]) * factor, iter(np.exp(-2 * logs[1:]))
     shares = [[square * next(inverse_squares) for square in group] for group in squares]
     distances = [np.sqrt(5 * reduce(np.add, group)) for group in shares]

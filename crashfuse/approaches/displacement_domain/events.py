@@ -110,9 +110,8 @@ def _events_of(domain: DisplacementDomain, tests: Sequence[CrashTest], window_ms
         gain = (alone - cae + mended - but) / 2
         share = gain / (whole - cae) if whole > cae else np.nan
         ranked.append(replace(event, rating_alone=alone, rating_but=but, gain=gain, share=share))
-    ranked.sort(key=lambda event: -event.gain)
     return CaeEvents(
-        events=tuple(ranked),
+        events=tuple(sorted(ranked, key=lambda event: -event.gain)),
         tests=tuple(tests),
         displacement_m=middles,
         force_n=force,
@@ -182,7 +181,6 @@ def _events(
 
 
 def _conditions(reached: Sequence[CrashTest], shows: npt.NDArray[np.bool_]) -> str:
-    """Which of the tests that get there show an event; empty where they contradict each other."""
     if shows.sum() < 2:  # nothing tells the CAE model's error from what a single test does
         return ""
     if shows.all():

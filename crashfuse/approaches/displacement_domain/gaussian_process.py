@@ -32,10 +32,7 @@ class GaussianProcess:
     """
 
     def __init__(self, parts: Sequence[Part], noise: LogNormal, *, restarts: int = 3, seed: int = 0) -> None:
-        self.parts = tuple(parts)
-        self.noise = noise
-        self.restarts = restarts
-        self.seed = seed
+        self.parts, self.noise, self.restarts, self.seed = tuple(parts), noise, restarts, seed
 
     def fit(self, x: FloatArray, y: FloatArray, like: "GaussianProcess | None" = None) -> Self:
         """Find the most probable hyperparameters, and condition on n rows, the last column the test's number.
@@ -73,7 +70,6 @@ class GaussianProcess:
         self._spread = np.array([prior.spread for prior in priors])
 
     def _by_part(self, theta: FloatArray) -> dict[str, FloatArray]:
-        """The logarithms of the hyperparameters by part; the noise last, without a name."""
         ends = np.cumsum([len(part.priors) for part in self.parts])
         return dict(zip([*(part.name for part in self.parts), ""], np.split(theta, ends), strict=True))
 

@@ -60,9 +60,7 @@ _TAUGHT = {"shared", "by speed", "ratio"}  # parts of it; a vehicle's humps are 
 
 def bias_parts(factor_columns: Iterable[tuple[str, int]]) -> tuple[Part, ...]:
     """All parts of the bias, with one for each of these factors, given by name and column."""
-    by_factor = (
-        Part(f"by {name}", _FACTOR_SCALE, ((_REACH,),), times=_CRUSHING, same=column) for name, column in factor_columns
-    )
+    by_factor = (Part(f"by {name}", _FACTOR_SCALE, ((_REACH,),), times=_CRUSHING, same=n) for name, n in factor_columns)
     return (*_OVER_DISPLACEMENT[:-1], *by_factor, _OVER_DISPLACEMENT[-1], *OVER_VELOCITY)
 
 
@@ -240,10 +238,8 @@ class HierarchicalBias:
         moments.append((mean + expected, np.sqrt(np.maximum(np.diag(covariance), 0.0))))
         names.append("total")
         reach = _reach(self.freedom_)
-        return tuple(
-            BiasPart(name, mean, mean - reach * std, mean + reach * std)
-            for name, (mean, std) in zip(names, moments, strict=True)
-        )
+        named = zip(names, moments, strict=True)
+        return tuple(BiasPart(name, mean, mean - reach * std, mean + reach * std) for name, (mean, std) in named)
 
     @property
     def state(self) -> dict[str, object]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.random import Generator
 
 from crashfuse.approaches.base import FittedState, StudentT, draw, root
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
@@ -66,7 +67,6 @@ class _SinceStop(NamedTuple):
 
 
 def _unloaded(pulses: Kinematics, since: _SinceStop, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
-    """As :func:`follow_unloading`, at any time step."""
     whole, at_t0 = pulses.accel_mps2.copy(), _at(pulses.accel_mps2, since.place)
     if np.isnan(cae_loading.t0_s):
         branch, end = np.zeros_like(since.after_s), 0.0
@@ -138,7 +138,7 @@ class Rebound:
         cae_mps2: FloatArray,
         cae_loading: LoadingPhase,
         speed_mps: float,
-        rng: np.random.Generator,
+        rng: Generator,
         widening: float = 1.0,
     ) -> FloatArray:
         """:func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others."""
@@ -154,9 +154,7 @@ class Rebound:
         draws = correction.draw(len(whole) - 1, rng)
         return _with(np.vstack([correction.mean, draws]), whole, since)
 
-    def repeat(
-        self, pulses: Kinematics, test_mps2: FloatArray, speed_mps: float, rng: np.random.Generator
-    ) -> FloatArray:
+    def repeat(self, pulses: Kinematics, test_mps2: FloatArray, speed_mps: float, rng: Generator) -> FloatArray:
         """Let each pulse rebound as a repeat of this test would."""
         since = _SinceStop.of(pulses)
         whole = _unloaded(pulses, since, test_mps2, loading_phase(test_mps2, speed_mps))
@@ -193,7 +191,5 @@ def _unit(accel_at_t0: FloatArray | float) -> FloatArray:
 
 def _rows(after_s: FloatArray, speed_mps: float, test: int) -> FloatArray:
     rise = 1 - np.exp(-after_s / _RISE_S)  # no step at zero velocity itself
-    n = after_s.size
-    return np.column_stack(
-        [after_s, np.full(n, speed_mps), rise * np.exp(-after_s / _FADE_S), rise, np.full(n, float(test))]
-    )
+    speed, number = np.full(after_s.size, speed_mps), np.full(after_s.size, float(test))
+    return np.column_stack([after_s, speed, rise * np.exp(-after_s / _FADE_S), rise, number])

@@ -36,8 +36,7 @@ class Table4Bias:
     end_share: ClassVar[float] = 0.0  # the paper follows a CAE pulse over displacement to its end
 
     def __init__(self, restarts: int = 10, *, seed: int = 0) -> None:
-        self.restarts = restarts
-        self.seed = seed
+        self.restarts, self.seed = restarts, seed
 
     def fit(self, tests: Sequence[BiasPoints], watch: Watch = SILENT) -> Self:
         """Fit to the bias of each test."""

@@ -130,7 +130,6 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         return KernelBlocks(lf.network_, self.config, lf.scaling_.inputs, library, run.cache)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
-        """Correlation of increments at the tests' speeds and at others, shape (n_tests, n)."""
         apart = self._vectors[:, None, 0] - vectors[:, 0]
         return np.asarray(np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2))
 

@@ -68,10 +68,8 @@ def stopping_notes(condition: Condition, pulse_mps2: FloatArray, lf_mps2: FloatA
     if not (np.isnan(motion.t0_s[0]) and np.isfinite(motion.t0_s[1])):
         return ()
     left = motion.velocity_mps[0].min() / condition.speed_mps
-    return (
-        f"The predicted pulse does not stop the vehicle within {GRID_S[-1] * 1e3:.0f} ms, as the CAE model's does: "
-        f"{left:.1%} of the impact speed is left.",
-    )
+    stop = f"does not stop the vehicle within {GRID_S[-1] * 1e3:.0f} ms, as the CAE model's does"
+    return (f"The predicted pulse {stop}: {left:.1%} of the impact speed is left.",)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -7,7 +7,7 @@ tangent kernel J(x) J(x')ᵀ (Jacot et al. 2018).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -32,15 +32,13 @@ class Posterior:
     mean: FloatArray
     covariance: FloatArray
 
-    def given(
-        self, functional: FloatArray, value: float, variance: float, where: FloatArray | None = None
-    ) -> "Posterior":
+    def given(self, functional: FloatArray, value: float, variance: float, where: FloatArray | None = None) -> Self:
         """Condition on a measurement of functional · output; where ``where`` (0 to 1) is 0, the output is known."""
         covariance = self.covariance if where is None else self.covariance * where[:, None] * where
         with_all = covariance @ functional
         gain = with_all / (functional @ with_all + variance)
         mean = self.mean + gain * (value - functional @ self.mean)
-        return Posterior(mean, covariance - np.outer(gain, with_all))
+        return replace(self, mean=mean, covariance=covariance - np.outer(gain, with_all))
 
     def smoothed(self, n_steps: float) -> "Posterior":
         """Smooth deviations over about this many steps (Gaussian, one sigma), keeping the variances."""
@@ -150,7 +148,6 @@ def _left_out(inverse: FloatArray, weights: FloatArray, out: Sequence[int]) -> t
 
 
 def _one_standard_error(squares: dict[float, FloatArray]) -> float:
-    """The first ρ whose error exceeds the least by no more than its standard error."""
     best = min(squares, key=lambda rho: float(squares[rho].mean()))
     excess = {rho: square - squares[best] for rho, square in squares.items()}
     return next(rho for rho, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(len(e)))

@@ -31,8 +31,7 @@ class TcnApproach(Approach):
 
     def __init__(self, config: TcnConfig | None = None, *, seed: int = 0, device: Device = "auto") -> None:
         self.config = TcnConfig.fast() if config is None else config
-        self.seed = seed
-        self._wanted = device
+        self.seed, self._wanted = seed, device
 
     @classmethod
     def create(cls, settings: Settings) -> Self:

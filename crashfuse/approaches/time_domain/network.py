@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Generator, Tensor, nn
 from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
@@ -28,14 +28,12 @@ _MOST_RUNS = 2000  # more would not change the typical motion
 class Tcn(nn.Module):
     """Ensemble of networks: residual blocks of two causal convolutions each, and a linear output."""
 
-    def __init__(self, config: TcnConfig, generator: torch.Generator, members: int | None = None) -> None:
+    def __init__(self, config: TcnConfig, generator: Generator, members: int | None = None) -> None:
         super().__init__()
         members = config.members if members is None else members
         widths = [config.n_inputs] + [config.channels] * (len(config.dilations) - 1)
-        self.blocks = nn.ModuleList(
-            ResidualBlock(config, members, n_in, dilation, generator)
-            for n_in, dilation in zip(widths, config.dilations, strict=True)
-        )
+        sizes = zip(widths, config.dilations, strict=True)
+        self.blocks = nn.ModuleList(ResidualBlock(config, members, n_in, apart, generator) for n_in, apart in sizes)
         self.head = CausalConv(members, config.channels, 1, 1, 1, generator)
 
     @property
@@ -46,7 +44,7 @@ class Tcn(nn.Module):
     @classmethod
     def joined(cls, networks: "Sequence[Tcn]", config: TcnConfig) -> "Tcn":
         """The members of several networks in one."""
-        states, whole = [network.state_dict() for network in networks], cls(config, torch.Generator(), 1)
+        states, whole = [network.state_dict() for network in networks], cls(config, Generator(), 1)
         for name, weight in whole.named_parameters():
             weight.data = torch.cat([state[name] for state in states])
         return whole.eval()
@@ -73,7 +71,7 @@ class Tcn(nn.Module):
 class ResidualBlock(nn.Module):
     """Fig. 4: convolution, ReLU and spatial dropout, twice, beside a shortcut that matches the channels."""
 
-    def __init__(self, config: TcnConfig, members: int, n_in: int, dilation: int, generator: torch.Generator) -> None:
+    def __init__(self, config: TcnConfig, members: int, n_in: int, dilation: int, generator: Generator) -> None:
         super().__init__()
         n_out, kernel = config.channels, config.kernel
         self.first = CausalConv(members, n_in, n_out, kernel, dilation, generator)
@@ -88,7 +86,6 @@ class ResidualBlock(nn.Module):
         return torch.relu(hidden + self.shortcut(inputs))
 
     def _drop(self, hidden: Tensor) -> Tensor:
-        """Drop whole channels of a pulse by our own generator; the caller's random state is unchanged."""
         if not (self.training and self._dropout):
             return hidden
         members, _, n_pulses, channels = hidden.shape
@@ -99,9 +96,7 @@ class ResidualBlock(nn.Module):
 class CausalConv(nn.Module):
     """Eq. 4: a dilated convolution over the present and past steps, zero-padded before the sequence."""
 
-    def __init__(
-        self, members: int, n_in: int, n_out: int, kernel: int, dilation: int, generator: torch.Generator
-    ) -> None:
+    def __init__(self, members: int, n_in: int, n_out: int, kernel: int, dilation: int, generator: Generator) -> None:
         super().__init__()
         bound = 1 / math.sqrt(n_in * kernel)
         self.weight = nn.Parameter((2 * torch.rand(members, kernel, n_in, n_out, generator=generator) - 1) * bound)
@@ -131,13 +126,7 @@ class _TapByTap(torch.autograd.Function):
     """One product per tap with views, not copies: a quarter quicker."""
 
     @staticmethod
-    def forward(  # torch declares no type for what it keeps in between
-        ctx: Any,  # noqa: ANN401
-        inputs: Tensor,
-        weight: Tensor,
-        bias: Tensor,
-        lags: tuple[int, ...],
-    ) -> Tensor:
+    def forward(ctx: Any, inputs: Tensor, weight: Tensor, bias: Tensor, lags: tuple[int, ...]) -> Tensor:  # noqa: ANN401
         members, n_times, n_pulses, _ = inputs.shape
         rows = inputs.flatten(1, 2)
         outputs = torch.baddbmm(bias[:, None], rows, weight[:, -1])
@@ -164,7 +153,6 @@ class _TapByTap(torch.autograd.Function):
 
 
 def _earlier(lags: tuple[int, ...], n_times: int, n_pulses: int) -> Iterator[tuple[int, int]]:
-    """The taps that see the past within a sequence, and the number of rows that come too early for them."""
     return ((tap, lag * n_pulses) for tap, lag in enumerate(lags[:-1]) if lag < n_times)
 
 
@@ -189,9 +177,8 @@ class TypicalMotion:
             displacements.append(motion.displacement_m[:, ::stride])
             velocities.append(motion.velocity_mps[:, ::stride])
             crush = max(crush, float(motion.displacement_m.max()))
-        displacement, velocity = (
-            np.linalg.lstsq(powers.T, np.concatenate(curves), rcond=None)[0] for curves in (displacements, velocities)
-        )
+        curves = map(np.concatenate, (displacements, velocities))
+        displacement, velocity = (np.linalg.lstsq(powers.T, rows, rcond=None)[0] for rows in curves)
         return cls(top, displacement, velocity, crush)
 
     def at(self, speed_mps: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -90,11 +90,9 @@ class _Back(NamedTuple):
     apart: int  # steps between two lags
 
     def where(self, passed: Tensor) -> "_Back":
-        """Derivatives before a ReLU that passed sequences of one condition at some steps."""
         return self._replace(by=self.by * self.before(passed))
 
     def through(self, convolution: CausalConv) -> "_Back":
-        """Derivatives by the input of a convolution."""
         members, n_lags, n_outputs, _ = self.by.shape
         lags, n_in = convolution.lags, convolution.weight.shape[2]
         apart = math.gcd(self.apart, *lags) or 1
@@ -150,14 +148,12 @@ def _products_of_first_block(network: Tcn, inputs: Tensor) -> list[tuple[Tensor,
 
 
 def _backwards(block: ResidualBlock, passed: _Passed, back: _Back) -> tuple[_Back, _Back, _Back]:
-    """Derivatives by the sum before the last ReLU, and by the outputs of the second and first convolution."""
     by_sum = back.where(passed.outputs > 0)
     by_second = by_sum.where(passed.second)
     return by_sum, by_second, by_second.through(block.second).where(passed.between > 0)
 
 
 def _by_last_block(network: Tcn, inputs: Tensor) -> tuple[tuple[Product, ...], ...]:
-    """By the weights of the head, and of the last block unless that is the first."""
     *before, last = cast(list[ResidualBlock], list(network.blocks))
     hidden = inputs
     for block in before:
@@ -187,12 +183,10 @@ def _product(back: Tensor, seen: Tensor) -> Product:
 
 
 def _seen(convolution: CausalConv, inputs: Tensor) -> Tensor:
-    """Factors of the weights and the bias of a convolution at each step."""
     return torch.cat([*(_lagged(inputs, lag) for lag in convolution.lags), torch.ones_like(inputs[..., :1])], dim=-1)
 
 
 def _lagged(sequence: Tensor, steps: int) -> Tensor:
-    """Zero before its start."""
     return functional.pad(sequence, (0, 0, 0, 0, steps, 0))[:, : sequence.shape[1]]
 
 
@@ -284,7 +278,6 @@ class KernelBlocks:
         return pairs - self._blocks.keys()
 
     def _keep(self, latest: Sequence[Vector]) -> None:
-        """If there are too many, those between the latest conditions."""
         conditions = sorted({vector for pair in self._blocks for vector in pair})
         if len(conditions) > _MOST:
             conditions = sorted(set(latest))

@@ -145,7 +145,6 @@ def _state(runs: Sequence[_Training], done: int) -> Entry:
 
 
 def _resume(runs: Sequence[_Training], checkpoint: Checkpoint, n_steps: int) -> int:
-    """Restore a checkpoint, if it is of this training; returns the number of steps done."""
     if (state := checkpoint.run.cache.get(_KIND, checkpoint.key)) is None:
         return 0
     begun = [(deepcopy(weights_of(run.network)), run.curve.clone()) for run in runs]

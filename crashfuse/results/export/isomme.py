@@ -15,7 +15,7 @@ _NAME_WIDTH, _VALUE_WIDTH = 28, 51  # with the colon, the 80 characters allowed 
 
 
 def isomme_files(test: IsommeTest) -> dict[str, bytes]:
-    """Write a test as ISO-MME files, samples at full precision: content by relative path, in folder order."""
+    """Write a test as ISO-MME files at full precision: content by relative path, in folder order."""
     folder = f"{test.name}/Channel/{test.name}"
     listed = [("Instrumentation standard", ""), ("Number of channels", str(len(test.channels)))]
     channels = {}

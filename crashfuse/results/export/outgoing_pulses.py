@@ -115,7 +115,7 @@ class PulseExport:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class OutgoingPulse:
-    """A whole pulse of a prediction, or an edge of its corridor, with its name and what has to be said about it."""
+    """A whole pulse of a prediction, or an edge of its corridor, with name and remarks."""
 
     approach: str
     which: str  # for files: ``expected``, ``representative``, ``apart``, ``draw_037`` or ``corridor_upper``, say
@@ -136,14 +136,14 @@ class OutgoingPulse:
         return f"{LABELS[self.approach]}, {self.label}, {self.condition.stated_speed}"
 
     def comments_in(self, units: UnitSystem) -> tuple[str, ...]:
-        """That it is predicted, by what, at which condition: as it was typed, and in the reader's units."""
+        """That it is predicted, by what, at which condition: as typed, and in the reader's units."""
         made, there = f"Predicted by crashfuse {__version__}, not measured: {self.title}.", self.condition
         same = "" if there.units == units.endings else f" ({there.in_units(units)})"
         return made, f"Condition: {there.stated}{same}.", *self.remarks
 
 
 def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[OutgoingPulse]:
-    """The expected pulse of each approach, a representative one, and this many draws, chosen at random by the seed."""
+    """Of each approach the expected pulse, a representative one, and draws chosen by the seed."""
     if draws and all(estimate.draws_mps2 is None for estimate in estimates):
         names = ", ".join(estimate.approach for estimate in estimates)
         raise UsageError(f"There are no draws of {names}: no band.")
@@ -155,11 +155,7 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
                 raise UsageError(f"The approach {estimate.approach} has {n} draws; ask for at most these.")
             chosen = np.sort(np.random.default_rng(seed).choice(n, draws, replace=False))
             representative, *drawn = estimate.representative_pulses(chosen.tolist())
-            pulses["representative"] = (
-                "representative pulse",
-                representative,
-                "As a middling test here shows it.",
-            )
+            pulses["representative"] = ("representative pulse", representative, "As a middling test here shows it.")
             for way, (fold, own) in zip(("others", "apart"), estimate.by_fold.items(), strict=False):
                 label = f"representative pulse if it folds as {fold}"
                 pulses[way] = label, own.representative_pulses()[0], "One of two ways in which tests here fold."
@@ -172,7 +168,7 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
 
 
 def corridors(estimates: Iterable[Estimate]) -> Iterator[OutgoingPulse]:
-    """Both edges of the band of whole pulses of each approach that has one, up to 60 ms."""
+    """Both edges of each approach's band of whole pulses, if any, up to 60 ms."""
     for estimate in estimates:
         condition, band = estimate.condition, estimate.whole_band()
         for edge, accel in zip(("lower", "upper"), band or (), strict=False):

@@ -53,7 +53,7 @@ def drawing_of_points(height: int, quantity: str = "", unit: str = "", **x_axis:
 
 
 def drawing_over_tests(height: int, ticks: Sequence[str]) -> Drawing:
-    """An empty drawing of points over held-out tests, which stand at 0, 1, 2 …, by the texts of their ticks."""
+    """An empty drawing of points over held-out tests at 0, 1, 2 …, by their ticks."""
     places = Look(tickvals=list(range(len(ticks))), ticktext=list(ticks), range=[-0.6, len(ticks) - 0.4])
     return drawing_of_points(height, "Held-out test", showgrid=False, **places)
 
@@ -66,7 +66,7 @@ def rows_of_plots(spacing: float, heights: Sequence[float]) -> list[tuple[float,
 
 
 def stack(drawing: Drawing, count: int, spacing: float) -> None:
-    """Stack plots above each other, each with axes of its number, which share what the horizontal ones show."""
+    """Stack plots above each other, with numbered axes that share what the horizontal ones show."""
     for number, domain in enumerate(rows_of_plots(spacing, [1.0] * count), start=1):
         x, y = (name if number == 1 else f"{name}{number}" for name in "xy")
         last = "x" if count == 1 else f"x{count}"
@@ -76,18 +76,18 @@ def stack(drawing: Drawing, count: int, spacing: float) -> None:
 
 
 def tick_name(name: str) -> str:
-    """A test's or condition's name at an axis: of a long one its beginning and end."""
+    """A name at an axis: of a long one its beginning and end."""
     return name if len(name) <= _TICK_NAME else f"{name[: _TICK_NAME // 2]}…{name[1 - _TICK_NAME // 2 :]}"
 
 
 def marks_of_runs(count: int) -> Look:
-    """Marks of so many CAE runs behind tests: a few are seen one by one, many as a cloud."""
+    """Marks of CAE runs behind tests: a few one by one, many as a cloud."""
     few = count <= _FEW_RUNS
     return {"color": COLOURS["cae"], "size": 6 if few else 4, "opacity": 0.7 if few else 0.35}
 
 
 def marker(colour: object, symbol: object, size: object, width: float = 0, line: str | None = None) -> Look:
-    """A mark, and the width and colour of its edge; of open ones the line is the mark."""
+    """A mark and its edge; of open marks the edge is all."""
     return {"marker": {"color": colour, "symbol": symbol, "size": size, "line": {"width": width, "color": line}}}
 
 
@@ -131,12 +131,12 @@ def height_under_names(count: int) -> int:
 
 
 def room_for_names(names: Collection[str]) -> int:
-    """Height that a figure needs beyond its usual one if the legend above it names more than the approaches."""
+    """Height beyond the usual one, if the legend names more than the approaches."""
     return 7 * max(len(names) - _USUAL_NAMES, 0)
 
 
 def room_above(drawing: Drawing) -> int:
-    """Margin in pixels for the rows of names above a figure; with less, Plotly draws it all once more."""
+    """Margin in pixels for rows of names above; with less, Plotly draws it all once more."""
     if drawing.layout.get("showlegend") is False:
         return 0
     rows, used = 1, 0.0
@@ -148,7 +148,7 @@ def room_above(drawing: Drawing) -> int:
 
 
 def without_links(text: str) -> str:
-    """Words of a figure, or all of it as JSON, in which Plotly makes no link of what a laboratory wrote."""
+    """Words of a figure, or its JSON, in which Plotly makes no link of laboratories' texts."""
     for begin, tag in product(("<", "\\u003c"), ("a", "A", "/a", "/A")):
         text = text.replace(f"{begin}{tag}", f"&lt;{tag}")
     return text

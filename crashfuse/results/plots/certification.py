@@ -279,7 +279,7 @@ def reliability(record: TrackRecord) -> Drawing:
 
 
 def record_figure(record: TrackRecord, criteria: Sequence[Criterion], display: Display = DEFAULT) -> Drawing:
-    """Draw by criterion what left-out tests were predicted to show and showed, in order of speed, and the limits."""
+    """Draw by criterion what left-out tests were predicted to show and showed, by speed, and the limits."""
     criteria = [criterion for criterion in criteria if record.of(criterion)]
     trials = [trial for trial in record.counted if trial.verdict.criterion in criteria]
     trials.sort(key=lambda trial: trial.verdict.condition.speed_mps)

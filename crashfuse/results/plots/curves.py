@@ -85,13 +85,13 @@ def draw_curves(
 
 
 def with_filled_band(curves: Mapping[str, Curve], asked: str | None = None) -> str | None:
-    """The curve whose band is filled: the one asked for if it has a band, else that of the preferred approach."""
+    """The curve whose band is filled: the one asked for if it has one, else the preferred approach's."""
     bands = [name for name, curve in curves.items() if curve.band is not None]
     return asked if asked in bands else next(iter(by_preference(bands)), None)
 
 
 def curve_line(name: str) -> dict[str, Any]:
-    """Colour, width and dash of an approach's line, of the :data:`TEST`'s, or of a name that brings its own."""
+    """Line of an approach, of the :data:`TEST`, or of a name that brings its own."""
     if isinstance(name, LegendName):
         return name.line
     if name == TEST:
@@ -100,7 +100,7 @@ def curve_line(name: str) -> dict[str, Any]:
 
 
 def curve_lines(names: Collection[str]) -> dict[str, dict[str, Any]]:
-    """Lines of several curves by name, whatever is put beside approaches and test among them."""
+    """Lines of several curves by name."""
     further = [name for name in names if name != TEST and name not in COLOURS and not isinstance(name, LegendName)]
     return {name: further_line(further.index(name)) if name in further else curve_line(name) for name in names}
 
@@ -112,7 +112,7 @@ def by_speed(
     highlight: str | None = None,
     speeds_mps: Mapping[str, float] | None = None,
 ) -> StyledTests:
-    """Tests by increasing speed, each with its name and its style among all speeds; the highlight is thick."""
+    """Tests by speed, each with its name and style; the highlight is thick."""
     lines = speed_lines(speeds_mps or {test.id: test.condition.speed_mps for test in tests})
 
     def style(test: CrashTest) -> dict[str, Any]:

@@ -192,7 +192,7 @@ def bias_parts(
     measured: BiasPoints | None = None,
     display: Display = DEFAULT,
 ) -> Drawing:
-    """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band."""
+    """Draw the expected parts of a bias and, last, their total, each with its 95 % band."""
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)
     drawing = _over_displacement(height=400 + 200 * rows)

@@ -39,7 +39,7 @@ def learning_curves(
 
 
 def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], chosen: str) -> Drawing:
-    """Draw the RMS error for each strength of fine-tuning: on tests used for it, and on tests left out in turn."""
+    """Draw the RMS error for each strength of fine-tuning, on tests learned from and left out."""
     drawing = new_drawing(height=260)
     for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):
         look = _MARKED | Look(name=name, line_color=colour, hovertemplate="%{y:.3f}")

@@ -90,7 +90,7 @@ def added_test_line(test: str, speeds_mps: Mapping[str, float]) -> dict[str, Any
 
 
 def speed_lines(speeds_mps: Mapping[str, float]) -> dict[str, dict[str, Any]]:
-    """Style of each test's curve: dark for slow, bright for fast; dashes and marks for tests at about one speed."""
+    """Style of each test's curve: dark for slow, bright for fast; dashes and marks at equal speed."""
     slow_to_fast = sorted(speeds_mps, key=speeds_mps.__getitem__)
     low, high = (speeds_mps[test] for test in (slow_to_fast[0], slow_to_fast[-1])) if speeds_mps else (0.0, 0.0)
     rounded = [round(speeds_mps[test] / MPH) for test in slow_to_fast]

@@ -39,7 +39,7 @@ _MAX_RUNS = 2000  # more runs do not change the quantiles visibly
 def overlay(
     test: CrashTest | None, predictions: Predictions, display: Display = DEFAULT, *, filled: str | None = None
 ) -> Drawing:
-    """Overlay the measured pulse, if there is one, and predictions by approach or other names, with their bands."""
+    """Overlay the measured pulse, if any, and predictions by name, with their bands."""
     drawing = canvas.new_drawing(height=460 + canvas.room_for_names(predictions))
     draw_curves(drawing, _accelerations(test, predictions, display, filled), filled=filled)
     drawing.axis("y", *display.accel_axis)
@@ -89,7 +89,7 @@ def motion(
 def residuals(
     test: CrashTest, predictions: Predictions, display: Display = DEFAULT, *, filled: str | None = None
 ) -> Drawing:
-    """Draw prediction minus test, with its 95 % band; the root mean square in the legend is over the rated window."""
+    """Draw prediction minus test with its 95 % band; the RMS is over the rated window."""
     drawing = canvas.new_drawing(height=460 + canvas.room_for_names(predictions))
     draw_curves(drawing, _accelerations(None, predictions, display, filled, minus=test.pulse), filled=filled)
     drawing.rule("y", 0, colour=CURSOR)
@@ -114,7 +114,7 @@ def add_corridors(drawing: Drawing, measured: Pulse, display: Display = DEFAULT)
 def measured_pulses(
     tests: StyledTests, display: Display = DEFAULT, *, cfc: float | None = None, further: Predictions = NONE
 ) -> Drawing:
-    """Draw tests, coloured by their speeds among all; with a filter class the curves as read are thin behind."""
+    """Draw tests, coloured by speed; with a filter class, the curves as read thin behind."""
     drawing = canvas.new_drawing(canvas.height_under_names(len(tests) + len(further)))
     for test, style in tests:
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
@@ -144,7 +144,7 @@ def wall_forces(tests: StyledTests) -> Drawing:
 def library_band(
     library: CaeLibrary, tests: StyledTests = (), display: Display = DEFAULT, *, further: Predictions = NONE
 ) -> Drawing:
-    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top."""
+    """Draw the CAE library's 5, 50 and 95 % quantiles, and on top the runs paired with tests."""
     drawing = canvas.new_drawing(canvas.height_under_names(len(tests) + len(further)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale

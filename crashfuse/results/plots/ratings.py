@@ -62,7 +62,7 @@ def rating_heatmap(
 def rating_spread(
     ratings: Mapping[str, Mapping[str, tuple[float, float, float]]], repeats: Mapping[str, Repeatability] | None = None
 ) -> Drawing:
-    """Draw each test's rating by approach, with the interval of those of single draws, before that of a repeat."""
+    """Draw each test's rating by approach, with the interval of single draws, before a repeat's."""
     tests = list(ratings)
     drawing = drawing_over_tests(420, [*map(tick_name, tests)])
     if known := [(i, repeats[test]) for i, test in enumerate(tests) if repeats and test in repeats]:
@@ -90,7 +90,7 @@ def rating_spread(
 
 
 def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -> Drawing:
-    """Draw the coverage of left-out tests by approach at each nominal level; on the diagonal a band is calibrated."""
+    """Draw the coverage of left-out tests at each nominal level, by approach; calibrated is the diagonal."""
     drawing = new_drawing(height=440)
     drawing.points([0, 100], [0, 100], **canvas.PROMISED)
     for name, shares in observed.items():

@@ -53,7 +53,7 @@ class ReportFigure(NamedTuple):
 
 
 class FiguresOfReport(NamedTuple):
-    """The figures of a report, its title, its notices and their labels, its answer, and what speaks against that."""
+    """The figures of a report with title, notices, labels, answer, and what speaks against it."""
 
     title: str
     notices: tuple[str, ...]
@@ -76,7 +76,7 @@ class Report(str):
 
 
 def contents_of(result: Result, display: Display) -> FiguresOfReport:
-    """What a report and its slides have in common: the figures of a result, its answer, what has to be known."""
+    """What a report and its slides have in common."""
     figures = [
         ReportFigure.of(display.words(figure.title), figure.draw(display), is_answer=figure.is_answer)
         for figure in result.all_figures()
@@ -96,7 +96,7 @@ def slides(result: Result, display: Display) -> bytes:
 
 
 def read_figures(path: Path) -> FiguresOfReport:
-    """The figures of a report that was written as a file; a DataError if it has none, or there is no such file."""
+    """The figures of a report's file; a DataError if there is none, or none in it."""
 
     def problem(found: str) -> DataError:
         expected, advice = "a report.html of crashfuse with figures", "name the report that a command has written"
@@ -123,13 +123,13 @@ def read_figures(path: Path) -> FiguresOfReport:
 
 
 def embedded(report: FiguresOfReport) -> Markup:
-    """The data of a report as a part of its page, which no text within them can end."""
+    """A report's data as a part of its page, which no text can end."""
     values = report._asdict() | {"figures": [figure._asdict() for figure in report.figures]}
     return Markup(_BEGIN + json.dumps(values, separators=(",", ":")).replace("<", "\\u003c") + _END)  # noqa: S704 - escaped
 
 
 def missing_for(formats: Sequence[FigureFormat]) -> str:
-    """A sentence on what these formats need and is not there, an extra or a browser; empty if nothing is missing."""
+    """A sentence on the extra or browser that these formats lack; empty if none."""
     instead = "Or save figures from the report in a browser."
     if any(importlib.util.find_spec(module) is None for form in formats for module in _NEEDS[form]):
         extra = "pptx" if "pptx" in formats else "figures"
@@ -178,7 +178,7 @@ def file_name(number: int, title: str) -> str:
 
 
 def hyphened(text: str, marks: str = "") -> str:
-    """A text as a name of files, safe on any disk, of its ASCII letters, digits and such ``marks``."""
+    """A text as a file name of its ASCII letters, digits and such ``marks``."""
     return "-".join("".join(c if c.isascii() and (c.isalnum() or c in marks) else " " for c in text).split())
 
 
@@ -212,7 +212,7 @@ def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str
 
 
 def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
-    """Slides in 16:9: the answer and what has to be known of the data, then a figure each, the answer's first."""
+    """Slides in 16:9: the answer with notices, then a figure each, the answer's first."""
     from pptx import Presentation
     from pptx.enum.text import PP_ALIGN
     from pptx.util import Emu, Inches, Pt
@@ -256,7 +256,6 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
 
 
 def _add_table(slide: Any, rows: Sequence[Sequence[str]]) -> None:  # noqa: ANN401 - python-pptx has no types
-    """Add a table between answer and notices, its columns as wide as their words ask for."""
     from pptx.util import Inches, Pt
 
     if not rows:

@@ -16,14 +16,7 @@ from crashfuse.errors import one_of, require_a, several
 from crashfuse.results.display import Display
 from crashfuse.results.plots.palette import VERDICT_COLOURS
 from crashfuse.results.provenance import provenance
-from crashfuse.results.render.figure_files import (
-    HEIGHT_PX,
-    FiguresOfReport,
-    Report,
-    contents_of,
-    embedded,
-    file_name,
-)
+from crashfuse.results.render.figure_files import HEIGHT_PX, FiguresOfReport, Report, contents_of, embedded, file_name
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result import Figure, Result
 from crashfuse.results.table import Table
@@ -45,7 +38,6 @@ def _templates(display: Display) -> Environment:
 
 
 def _shown(table: Table, display: Display) -> pd.DataFrame:
-    """A table's headings and cells: what stands out in bold, no line broken within an interval."""
     shown = {
         heading: [Markup("<b>{}</b>").format(cell.unbroken) if cell.is_marked else cell.unbroken for cell in cells]
         for heading, (_, cells) in table.cells(display).items()
@@ -59,7 +51,7 @@ def report(result: Result, display: Display | None = None) -> Report:
     contents, draws = contents_of(result, display), [figure.draw for figure in result.all_figures()]
 
     def place(figure: Figure) -> Markup:
-        """Where the page draws a figure; ids are numbered, so that equal results give equal files."""
+        """Ids are numbered: equal results give equal files."""
         return Markup().join(_place(draws.index(draw) + 1, contents) for draw in figure.drawn)
 
     values: dict[str, object] = {
@@ -84,7 +76,6 @@ def _place(number: int, contents: FiguresOfReport) -> Markup:
 
 
 def _of_campaign(result: Result, display: Display) -> dict[str, object]:
-    """What the templates of reports on a campaign take besides the result itself."""
     campaign, config = result.campaign, result.config
     if campaign is None:
         return {}

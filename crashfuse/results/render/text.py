@@ -51,7 +51,7 @@ def parquet_bytes(table: pd.DataFrame) -> bytes:
 
 
 def spreadsheet_text(table: Table, display: Display = DEFAULT) -> str:
-    """Return a table as lines with tabs, which a spreadsheet takes: intervals and grades in columns of their own."""
+    """Return a table as tabbed lines for a spreadsheet: intervals and grades in several columns."""
     columns = []
     for heading, (column, cells) in table.cells(display).items():
         cell_of = _text_cell if column.kind == "text" else _number_cell
@@ -73,7 +73,7 @@ _MOST_ROWS = 30
 
 
 def card(title: str, table: Table, notes: Sequence[str] = (), display: Display = DEFAULT) -> str:
-    """HTML of a small table under a title, with sentences below it; everything in it is text."""
+    """HTML of a small table with title and sentences; everything in it is text."""
     if len(table) > _MOST_ROWS:
         notes = (f"The first {_MOST_ROWS} of {len(table)} rows.", *notes)
     below = "".join(f"<div>{escape(note)}</div>" for note in notes if note)
@@ -92,7 +92,7 @@ def result_html(result: Result) -> str:
 
 
 def _column(heading: str, column: Column, cells: Sequence[Cell]) -> list[str]:
-    """Heading and cells, numbers at the right and text at the left: Jupyter would have all at the right."""
+    """Numbers at the right, text at the left: Jupyter would have all at the right."""
     side = "right" if column.is_numeric else "left"
     return [
         f'<th style="text-align: {side}">{escape(heading)}</th>',

@@ -20,16 +20,7 @@ from crashfuse.certification.criteria import (
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
-from crashfuse.ui.certify.entry import (
-    SEPARATOR,
-    Field,
-    edit_table,
-    parts_of,
-    require_few,
-    show_wrong,
-    upload,
-    uploaded,
-)
+from crashfuse.ui.certify.entry import SEPARATOR, Field, edit_table, parts_of, require_few, show_wrong, upload, uploaded
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import kept
 from crashfuse.ui.kit.campaigns import View
@@ -42,9 +33,8 @@ _METRICS = {**metric_headings(), RATING: f"{STANDARD} rating against a test ther
 
 
 def criteria_asked(view: View) -> Criteria | None:
-    """The criteria that are chosen, at first the campaign's; None if there are none. A DataError says what is wrong."""
-    state, path, wrong = st.session_state, view.folder / _FILE, None
-    declared: Criteria | None = None
+    """The criteria that are chosen, at first the campaign's, if any. A DataError says what is wrong."""
+    state, path, wrong, declared = st.session_state, view.folder / _FILE, None, None
     try:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
@@ -96,8 +86,8 @@ def choose_criteria(view: View) -> Criteria | None:
         for key, label in _COSTS.items():
             look = {"format": "%.10g", "width": 170, "placeholder": "optional", "help": _COSTS_HELP}
             st.number_input(label, value=None, **kept(key, **look))
-        names = tuple(APPROACHES)
-        st.selectbox("Approach that is judged", names, format_func=LABELS.__getitem__, width=210, **kept("approach"))
+        judged = kept("approach", format_func=LABELS.__getitem__, width=210)
+        st.selectbox("Approach that is judged", tuple(APPROACHES), **judged)
         kind: Literal["secondary", "primary"] = "secondary" if criteria else "primary"
         st.button("Limits of these tests", type=kind, on_click=lambda: start(limits_of_tests(view.campaign, units)))
         st.button("Good ratings", on_click=start, args=(ratings_wanted(),))
@@ -114,7 +104,7 @@ def choose_criteria(view: View) -> Criteria | None:
 
 
 def take(criteria: Criteria) -> None:
-    """Ask for these criteria; call it from a callback."""
+    """Ask for these criteria; a callback."""
     st.session_state.update(criteria=_rows_of(criteria), confidence=criteria.confidence, **_costs_of(criteria))
 
 
@@ -127,10 +117,8 @@ def _costs_of(criteria: Criteria) -> dict[str, float | None]:
 
 
 def _text(row: dict[str, Any]) -> str:
-    values = [row.get(name) for name in _FIELDS]
-    return SEPARATOR.join(
-        "" if value is None else value if isinstance(value, str) else f"{value:.12g}" for value in values
-    )
+    values = ("" if row.get(name) is None else row[name] for name in _FIELDS)
+    return SEPARATOR.join(value if isinstance(value, str) else f"{value:.12g}" for value in values)
 
 
 def _row(text: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What the page Certify is given: rows typed or pasted into a table, uploaded files, and what is wrong with either."""
+"""What the page Certify is given: rows of a table, uploaded files, and what is wrong with either."""
 
 import math
 import tempfile
@@ -33,7 +33,7 @@ class Field:
     options: Mapping[str, str] | None = None  # with their labels, of a text that is chosen
 
     def column(self, begun: Sequence[str]) -> ColumnConfig:
-        """How the browser shows it. Numbers are texts: else it would take 25,5 for 255, and drop what is none."""
+        """How the browser shows it; numbers are texts: else it would take 25,5 for 255, and drop what is none."""
         if self.options is None:
             alignment: Literal["right", "left"] = "left" if self.factor is None else "right"
             return st.column_config.TextColumn(self.label, help=self.help, alignment=alignment)
@@ -58,8 +58,7 @@ class Field:
 
 
 def _number(text: str) -> float | None:
-    """The number that a text is, if it is one, also with a decimal comma; of 1,234 nobody knows."""
-    whole, comma, decimals = text.partition(",")
+    whole, comma, decimals = text.partition(",")  # a decimal comma; of 1,234 nobody knows
     with suppress(ValueError):
         number = float(f"{whole}.{decimals}" if comma and len(decimals) != len("234") else text)
         return number if math.isfinite(number) else None
@@ -74,10 +73,10 @@ def parts_of(text: str, n: int) -> list[str]:
 def edit_table(
     key: str, fields: Mapping[int, Field], blank: Sequence[str], units: UnitSystem, deciding: int | None = None
 ) -> None:
-    """Let rows that session and address hold as texts be edited, of which a new one begins as ``blank``.
+    """Let rows, texts in session and address, be edited; a new one begins as ``blank``.
 
-    The table keeps the rows that it began with, and the browser what was edited since, until something else changes
-    rows or units, or rows are deleted. Another text in a ``deciding`` place empties the others of its row.
+    The table keeps the rows that it began with, the browser what was edited since, until something else changes rows
+    or units, or rows are deleted. Another text in a ``deciding`` place empties the rest of its row.
     """
     state, memory = st.session_state, f"{key} table"
     begun, number, before = state.get(memory, ([], 0, None))
@@ -117,7 +116,7 @@ def require_few(rows: Sequence[object], name: str) -> None:
 
 
 def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
-    """Read an uploaded file's content by a function of the library, which takes a path; messages give it this name."""
+    """Read an uploaded content by a function that takes a path; messages give it this name."""
     with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
         path = Path(folder, name)
         path.write_bytes(content)

@@ -20,17 +20,8 @@ from crashfuse.files.csv_text import without_formulas
 from crashfuse.results.certification_tables import csv_as_given, matrix_table
 from crashfuse.results.table import CONDITION, Table, of_condition
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.ui.certify.entry import (
-    SEPARATOR,
-    Field,
-    choose_kept,
-    edit_table,
-    find_kept,
-    parts_of,
-    require_few,
-    show_wrong,
-    uploaded,
-)
+from crashfuse.ui.certify import entry
+from crashfuse.ui.certify.entry import SEPARATOR, Field, choose_kept, edit_table, find_kept, parts_of, show_wrong
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.campaigns import HASHED, View
 from crashfuse.ui.kit.editing import can_be_edited, edit, show_refused
@@ -44,11 +35,11 @@ _FILE = "matrix.csv"
 _OWN, _UPLOAD, _TYPED = "The campaign’s", "Upload", "Typed in"
 _STEPS = {"mph": 5, "km/h": 10}  # between speeds to start with
 _NUMBERS = ("Speed", "Front weight", "Rear weight")
-_SYSTEM = 4  # place of the name of the units in a row, before the factors
+_SYSTEM = 4  # place in a row of the name of its units, in which numbers are kept; after it, the factors
 
 
 def matrix_asked(view: View) -> Matrix | None:
-    """The planned tests that are chosen, at first the campaign's; None if there are none. Raises as :class:`Matrix`."""
+    """The planned tests that are chosen, at first the campaign's, if any. Raises as :class:`Matrix`."""
     state, own = st.session_state, view.folder / _FILE
     address.default("matrix", _OWN if own.is_file() else _TYPED, _sources(view))
     address.default("planned", _usual(view), follow=not state.get(JUDGED))  # verdicts would go
@@ -60,7 +51,7 @@ def matrix_asked(view: View) -> Matrix | None:
 
 
 def choose_matrix(view: View) -> Matrix | None:
-    """Ask for the planned tests; None while there are none or some are wrong, which is said here."""
+    """Ask for the planned tests; None while there are none or some are wrong."""
     matrix, wrong = None, None
     try:
         matrix = matrix_asked(view)
@@ -94,7 +85,7 @@ def _sources(view: View) -> list[str]:
 
 
 def take(matrix: Matrix) -> None:
-    """Ask for these conditions, as if they were uploaded; call it from a callback. A DataError if they are too many."""
+    """Ask for these conditions, as if uploaded; a callback. A DataError if they are too many."""
     st.session_state.update(matrix=_UPLOAD, uploaded=file_store.keep(csv_as_given(matrix_table(matrix)), _FILE))
 
 
@@ -106,31 +97,27 @@ def read_own(path: Path, stamp: tuple[int, ...], campaign: Campaign) -> Matrix: 
 
 @st.cache_resource(max_entries=8, show_spinner=False, hash_funcs=HASHED)
 def _checked(content: bytes, campaign: Campaign) -> Matrix:
-    return uploaded(content, _FILE, lambda path: Matrix.read(path, campaign.factors))
+    return entry.uploaded(content, _FILE, lambda path: Matrix.read(path, campaign.factors))
 
 
 @st.cache_resource(max_entries=32, show_spinner=False, hash_funcs=HASHED)
 def _typed(texts: tuple[str, ...], campaign: Campaign) -> Matrix:
-    require_few(texts, "Planned tests")
+    entry.require_few(texts, "Planned tests")
     rows = [_parts(text, campaign) for text in texts]
     system = SYSTEMS[rows[0][_SYSTEM]]
     if mixed := [row[0] for row in rows if row[_SYSTEM] != rows[0][_SYSTEM]]:  # of a link, a page writes none
         raise DataError(Problem("Planned tests", "one system of units", f"another in {mixed[0]}", "remove that row"))
     quantities = zip(("speed", "front_weight", "rear_weight"), system.endings, strict=True)
     names = ["id", *(f"{name}_{unit}" for name, unit in quantities), *campaign.factors]
+    table = pd.DataFrame([row[:_SYSTEM] + row[_SYSTEM + 1 :] for row in rows], columns=names)
     try:
-        return Matrix.of(
-            pd.DataFrame([row[:_SYSTEM] + row[_SYSTEM + 1 :] for row in rows], columns=names), campaign.factors
-        )
+        return Matrix.of(table, campaign.factors)
     except DataError as error:  # with rows as a reader counts them
-        problems = [
-            replace(own, where="Planned tests", row=None if own.row is None else own.row + 1) for own in error.problems
-        ]
-        raise DataError(problems) from error
+        counted_anew = [(own, None if own.row is None else own.row + 1) for own in error.problems]
+        raise DataError([replace(own, where="Planned tests", row=row) for own, row in counted_anew]) from error
 
 
 def _parts(text: str, campaign: Campaign) -> list[str]:
-    """Id, speed, weights, the name of their units, and factors of a row, of whatever a link has."""
     parts = parts_of(text, _SYSTEM + 1 + len(campaign.factors))
     return parts if parts[_SYSTEM] in SYSTEMS else [*parts[:_SYSTEM], "mph-lb", *parts[_SYSTEM + 1 :]]
 
@@ -165,7 +152,6 @@ def _usual(view: View) -> list[str]:
 
 
 def _edit(view: View) -> None:
-    """Numbers are kept in the units that the test was begun in."""
     campaign, state = view.campaign, st.session_state
     rows = [_parts(text, campaign) for text in state["planned"]]
     address.put("planned", [SEPARATOR.join(row) for row in rows])

@@ -26,7 +26,7 @@ from crashfuse.ui.certify.criteria import criteria_asked
 from crashfuse.ui.certify.entry import choose_kept, find_kept, show_wrong
 from crashfuse.ui.certify.matrix import matrix_asked, question_files
 from crashfuse.ui.kit import address
-from crashfuse.ui.kit.address import chosen_config
+from crashfuse.ui.kit.address import chosen_config, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Request, said_of, usual_s
 from crashfuse.ui.kit.editing import notes_of
@@ -54,7 +54,7 @@ _RECORD = {
 
 
 def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Certification]:
-    """Judge criteria at the conditions of a matrix, by the approach and the settings that are chosen."""
+    """Judge criteria at the conditions of a matrix, by the chosen approach and settings."""
     address.default("approach", APPROACH, APPROACHES)
     approach = st.session_state["approach"]
     config = replace(chosen_config(approach), leave_out="test")
@@ -92,10 +92,8 @@ def _show_sentences(told: Sequence[str]) -> None:
 
 
 def _key(certification: Certification) -> Hashable:
-    """Equal for equal verdicts."""
-    since, config = certification.since, certification.config
-    asked = said_of(certification.campaign), certification.criteria, certification.matrix, config
-    return *asked, None if since is None else since.earlier.digest
+    digest = None if certification.since is None else certification.since.earlier.digest
+    return said_of(certification.campaign), certification.criteria, certification.matrix, certification.config, digest
 
 
 def _show_figure(view: View, certification: Certification, name: str, alt: str, file: str) -> None:
@@ -132,7 +130,7 @@ def keep_past(key: Hashable, _verdicts: Certification) -> None:  # noqa: ARG001 
 
 
 def beside_earlier(verdicts: Certification, key: Hashable) -> Certification:
-    """The verdicts beside the earlier certification that was chosen, if it can be read."""
+    """The verdicts beside the chosen earlier certification, if it can be read."""
     try:
         earlier = find_kept(FILE, _CHOICE, parse_earlier)
         return verdicts if earlier is None else _beside((key, earlier.digest), verdicts, earlier)
@@ -150,9 +148,6 @@ def _choose_earlier(certification: Certification) -> None:
     campaign, state = certification.campaign, st.session_state
     of_these = campaign.fingerprint[:8]
 
-    def read(content: bytes) -> None:
-        parse_earlier(content).require_of(campaign)
-
     def keep() -> None:
         try:
             today = file_store.keep_certification(certification_json(certification), campaign)
@@ -164,8 +159,8 @@ def _choose_earlier(certification: Certification) -> None:
     with st.container(horizontal=True, vertical_alignment="bottom"):
         place = st.container()
         with st.popover("Upload one", icon=":material/upload:"):
-            label = f"The {FILE} of an earlier certification of this vehicle"
-            choose_kept(label, FILE, _CHOICE, f"earlier file {of_these}", read)
+            label, key = f"The {FILE} of an earlier certification of this vehicle", f"earlier file {of_these}"
+            choose_kept(label, FILE, _CHOICE, key, lambda content: parse_earlier(content).require_of(campaign))
         st.button("Keep today’s verdicts", icon=":material/bookmark_add:", on_click=keep)
     if isinstance(told := state.pop(_KEPT, None), CrashfuseError):
         show_wrong(told)
@@ -296,14 +291,8 @@ def _variants(certification: Certification) -> dict[str, tuple[Campaign, Criteri
 def _show_variants(certification: Certification) -> None:
     variants, state, table, key = _variants(certification), st.session_state, [], "what_if"
     address.put(key, [name for name in state[key] if name in variants])
-    asked = st.multiselect(
-        "What if …",
-        [*variants],
-        key=key,
-        persist_state="session",
-        placeholder="another confidence, limits, a test less",
-    )
-    for name in asked:
+    usual = "another confidence, limits, a test less"
+    for name in st.multiselect("What if …", [*variants], placeholder=usual, **kept(key)):
         request = judge(*variants[name], certification.matrix)
         if request.find() is None:
             request.start()

@@ -129,12 +129,11 @@ CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_P
 
 
 def follow(page: str, wanted: Callable[[], Mapping[str, list[str]]] = dict) -> None:
-    """Take all choices from the address if a session begins, those of its page if the user goes back or forward.
+    """Take all choices from the address if a session begins, the page's if the user goes back or forward.
 
     At no other time: a click may come from a browser that has not seen the latest address yet.
     """
-    state, context = st.session_state, get_script_run_ctx()
-    asked = given()
+    state, context, asked = st.session_state, get_script_run_ctx(), given()
     began = _PAGE not in state
     state[_PAGE] = page
     if began or (context is not None and context.is_history_navigation and asked):
@@ -158,7 +157,7 @@ class Place:
         return self == here()
 
     def take(self) -> None:
-        """Choose what is chosen there; call it from a callback, and then open the page."""
+        """Choose what is chosen there; a callback, after which to open the page."""
         _take(self.page, self.parameters)
 
 
@@ -169,9 +168,8 @@ def here(page: str | None = None) -> Place:
 
 
 def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, follow: bool = True) -> None:
-    """Give a choice its default, unless another was chosen that is ``known``, or it does not ``follow`` a new one."""
-    state = st.session_state
-    defaults = state.setdefault(_DEFAULTS, {})
+    """Give a choice its default, unless a ``known`` one was chosen, or it does not ``follow`` a new default."""
+    state, defaults = st.session_state, st.session_state.setdefault(_DEFAULTS, {})
     usual = state.get(key) is None or (follow and state[key] == defaults.get(key))
     if usual or (known and state[key] not in known):
         put(key, value)
@@ -179,7 +177,7 @@ def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, 
 
 
 def want_units() -> None:
-    """Note that the units chosen now are the user's choice for every campaign."""
+    """Note that the units chosen now are the user's for every campaign."""
     st.session_state[_WANTED] = st.session_state.get("system")
 
 
@@ -196,9 +194,8 @@ def kept(key: str, **look: Any) -> dict[str, Any]:  # noqa: ANN401 - of any widg
 
 
 def leave_campaign() -> None:
-    """Let another campaign decide what nobody has chosen, and what means nothing there; call it from a callback."""
-    state = st.session_state
-    usual = state.get(_DEFAULTS, {})
+    """Let another campaign decide what nobody has chosen, and what means nothing there; a callback."""
+    state, usual = st.session_state, st.session_state.get(_DEFAULTS, {})
     if state.get("system") == state.get(_WANTED):  # the user's choice, if it is this campaign's as well
         usual.pop("system", None)
     for key, choice in CHOICES.items():
@@ -217,8 +214,7 @@ def publish() -> None:
 
 def parameters(page: str) -> dict[str, list[str]]:
     """Parameters of a link to a page that shows what this session has chosen."""
-    state = st.session_state
-    defaults = state.get(_DEFAULTS, {})
+    state, defaults = st.session_state, st.session_state.get(_DEFAULTS, {})
     return {
         key: choice.texts(value)
         for key, choice in _of(page).items()
@@ -258,12 +254,11 @@ def _in_session(value: Value) -> Value | list[str]:
 
 def page_config() -> StudyConfig:
     """The settings that act on what the open page shows."""
-    judged = st.session_state.get("approach") if here().page == "certify" else None
-    return chosen_config(judged)
+    return chosen_config(st.session_state.get("approach") if here().page == "certify" else None)
 
 
 def chosen_config(approach: str | None = None) -> StudyConfig:
-    """The settings made on Train, as far as they act on an approach or those chosen there; also for a wrong seed."""
+    """The settings made on Train that act on an approach, or on those chosen there; also for a wrong seed."""
     state, chosen = st.session_state, (approach,) if approach else st.session_state.get("approaches") or APPROACHES
     seed = int(state.get("seed", 0))
     windows = {*WINDOWS_MS, float(state.get("window", WINDOWS_MS[-1]))}
@@ -279,7 +274,7 @@ def chosen_config(approach: str | None = None) -> StudyConfig:
 
 
 def choose_campaign(name: str) -> None:
-    """Select one of the open campaigns; call it from a callback, before the sidebar is drawn."""
+    """Select one of the open campaigns; a callback."""
     if name not in (st.session_state["campaign"], st.session_state.pop(ASKED, None)):
         leave_campaign()
     st.session_state["campaign"] = name
@@ -287,20 +282,20 @@ def choose_campaign(name: str) -> None:
 
 
 def choose_held_out(test: CrashTest) -> None:
-    """Select the test to hold out; call it from a callback, before the sidebar is drawn."""
+    """Select the test to hold out; a callback."""
     st.session_state["test"] = test.id
     forget()
 
 
 def choose_condition(campaign: Campaign, condition: Condition) -> None:
-    """Choose a condition on the page Predict; call it from a callback."""
+    """Choose a condition on the page Predict; a callback."""
     given, numbers = dict(condition.factors), zip(_CONDITION.items(), condition.vector, strict=True)
     st.session_state.update({key: round(float(value) / IN_SI[unit], DECIMALS) for (key, unit), value in numbers})
     st.session_state.update({f"factor_{name}": given.get(name) or None for name in campaign.factors})
 
 
 def forget() -> None:
-    """Clear the messages about what was not found or refused: the user has chosen something else."""
+    """Clear messages about what was not found or refused."""
     st.session_state.pop(NOT_FOUND, None)
     st.session_state.pop(REFUSED, None)
 
@@ -332,7 +327,7 @@ def kept_choice(
 
 
 def pinned() -> dict[str, Condition]:
-    """The pinned conditions by their texts, in the order in which they were pinned."""
+    """The pinned conditions by their texts, the oldest first."""
     pins = {}
     for text in st.session_state["pins"]:
         with suppress(UsageError):  # the link has been cut or changed
@@ -341,6 +336,6 @@ def pinned() -> dict[str, Condition]:
 
 
 def pin_all(conditions: Sequence[Condition]) -> None:
-    """Pin conditions beside those that are; if they are too many, the oldest go."""
+    """Pin conditions; if they are too many, the oldest go."""
     new = [condition.text for condition in conditions]
     st.session_state["pins"] = [*(text for text in pinned() if text not in new), *new][-MOST_PINS:]

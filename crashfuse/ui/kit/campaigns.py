@@ -1,4 +1,4 @@
-"""Campaigns open on this server, each read once; everyone sees their own, those of the server, and those linked to."""
+"""Campaigns open on this server, each read once; visitors see their own, the server's, and those linked to."""
 
 import os
 import secrets
@@ -29,12 +29,10 @@ _FOLDERS, _MOST_RECENT = "folders", 8  # opened before, kept for the visitor
 
 @dataclass(frozen=True)
 class _Opened:
-    """A folder that is open on this server, what it is called, and whose lists it stands in."""
-
     folder: Path | None
     label: str = ""
     for_all: bool = False
-    visitors: set[str] = field(default_factory=set)
+    visitors: set[str] = field(default_factory=set)  # in whose lists it stands
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ def allowed(path: Path) -> Path:
 
 
 def unquoted(text: str) -> str:
-    """A path as it was typed in, without the quotes that file managers copy with it."""
+    """A path as typed in, without the quotes that file managers add."""
     return text.strip().strip('"')
 
 
@@ -191,7 +189,7 @@ def read(folder: Path) -> Campaign:
 
 
 def stamp(path: Path) -> tuple[int, ...]:
-    """What changes whenever a file does, even if another of equal size and time takes its place."""
+    """Changes whenever a file does, even for another of equal size and time."""
     stat = path.stat()
     return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
@@ -231,7 +229,7 @@ def _sample_folder() -> Path:
 
 
 def recent_folders() -> tuple[Path, ...]:
-    """The folders that the visitor opened, the last one first; not those that are gone, or that pages may not open."""
+    """The folders that the visitor opened, the last one first, as far as they are there and pages may open them."""
     there = []
     for folder in map(Path, kept_for_visitor().get(_FOLDERS, ())):
         with suppress(OSError, ValueError):
@@ -246,9 +244,6 @@ def remember(folder: Path) -> None:
 
 
 def folder_labels(folders: tuple[Path, ...]) -> list[str]:
-    """Their names, with the folder that holds them where two have the same."""
-    names = [folder.name for folder in folders]
-    return [
-        name if names.count(name) == 1 else f"{folder.parent.name}/{name}"
-        for folder, name in zip(folders, names, strict=True)
-    ]
+    """Their names, where two are equal with the parent's."""
+    names = [path.name for path in folders]
+    return [path.name if names.count(path.name) == 1 else f"{path.parent.name}/{path.name}" for path in folders]

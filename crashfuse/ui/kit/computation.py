@@ -1,7 +1,7 @@
 """Jobs behind the pages: what this server has computed, and how a page requests a computation."""
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -61,7 +61,7 @@ def _folds() -> WeakValueDictionary[Hashable, Fold]:
 
 
 def said_of(campaign: Campaign) -> Hashable:
-    """Equal for equal data and remarks on them, which stand in reports."""
+    """Equal for equal data and remarks on them."""
     return campaign.fingerprint, campaign.remarks, tuple(test.statements for test in campaign.tests)
 
 
@@ -81,7 +81,7 @@ class Request(Generic[T]):
         job.places[visitor()] = address.here(page)
 
     def ask(self, page: str) -> None:
-        """Start the job for the visitor, who then opens this page; what is known from earlier is read there at once."""
+        """Start the job for the visitor, who then opens this page, unless its result is known from earlier."""
         if not _is_kept(self.key, jobs().ended, self.in_cache):
             self.start(page)
 
@@ -111,17 +111,15 @@ def study_request(campaign: Campaign, held_out: tuple[str, ...], config: StudyCo
         keep(PastResult.of_study(study))
         return study
 
-    folds = [(way, test_id) for way in config.split_configs for test_id in held_out]
-
-    def is_known(fold: tuple[StudyConfig, str]) -> bool:
-        return _is_fold_known(campaign, *fold)
+    def known() -> Iterator[bool]:
+        return (_is_fold_known(campaign, way, test_id) for way in config.split_configs for test_id in held_out)
 
     return Request(
         ("study", said_of(campaign), held_out, config),
         f"{campaign.name}: predict {tests} from the others{_unlike_usual(config)}",
         work,
-        lambda: all(map(is_known, folds)),
-        lambda: usual_s(campaign, config, sum(not is_known(fold) for fold in folds)),
+        lambda: all(known()),
+        lambda: usual_s(campaign, config, sum(not is_known for is_known in known())),
     )
 
 
@@ -150,7 +148,7 @@ def _unlike_usual(config: StudyConfig) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Approaches fitted to all tests of a campaign, ready to predict any condition at once."""
+    """Approaches fitted to all tests of a campaign."""
 
     fits: tuple[Fit, ...]
     key: Hashable  # of what they learned from, and of their settings
@@ -220,7 +218,7 @@ def sweep_over_speed(campaign: Campaign, fitted: Fitted, condition: Condition) -
 
 
 def mending_request(campaign: Campaign, window_ms: float) -> Request[CaeEvents]:
-    """Find what to mend in the CAE model; it takes seconds, so that it starts at once."""
+    """Find what to mend in the CAE model: started at once, as it takes seconds."""
     return Request(
         ("what to mend", said_of(campaign), window_ms),
         f"{campaign.name}: what to mend in the CAE model",

@@ -68,9 +68,8 @@ def predicted(campaign: Campaign, config: StudyConfig, condition: Condition) -> 
 def choose_curves(view: View, condition: Condition, approach: str, known: Sequence[str], test: str = "") -> Shown:
     """Let the user choose what a figure shows beside the prediction of a held-out test, or at a condition."""
     page = "compare" if test else "predict"
-    others = [name for name in known if name != approach]
+    others, key = [name for name in known if name != approach], f"{page}_curves"
     offered = [TEST, *others] if test else [*others, AVERAGE]
-    key = f"{page}_curves"
     address.default(key, [TEST, BASELINE] if test else [] if pinned() else [BASELINE])
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
         chosen = kept_choice(
@@ -115,10 +114,8 @@ def _add(
     found = (predicted(campaign, chosen_config(), pin) for pin in wanted)
     at_pins = by_one(approach, [prediction for prediction in found if prediction is not None])
     unknown = [name for name in asked if not name.startswith(_PIN) and name not in {*campaign.test_ids, *offered}]
-    missing = []
-    if unknown:
-        names = ", ".join(name.removeprefix(figures.RUN)[:80] for name in unknown)
-        missing.append(f"Not among the tests in use and the CAE runs: {plain(names)}.")
+    names = ", ".join(name.removeprefix(figures.RUN)[:80] for name in unknown)
+    missing = [f"Not among the tests in use and the CAE runs: {plain(names)}."] if unknown else []
     if wanted and not at_pins:
         missing.append("Pinned predictions are shown once Predict has an answer with these settings.")
     elif at_pins and test:

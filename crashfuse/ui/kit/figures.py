@@ -12,7 +12,6 @@ import streamlit as st
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.drawing import Drawing, drawing_table
 from crashfuse.results.plots.canvas import room_above, without_links
-from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.files import Caption, caption, export_button
 from crashfuse.ui.kit.navigation import component
@@ -50,7 +49,9 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
 
 def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a drawing
     if isinstance(part, np.ndarray) and part.dtype.kind == "f" and part.size:
-        rounded = np.round(part.astype(np.float64), _decimals(part)).astype(object)
+        largest = np.nanmax(np.abs(part), initial=0.0)
+        decimals = _DIGITS - int(np.ceil(np.log10(largest))) if 0 < largest < np.inf else _DIGITS
+        rounded = np.round(part.astype(np.float64), decimals).astype(object)
         rounded[~np.isfinite(part)] = None
         return rounded.tolist()
     if isinstance(part, np.ndarray):
@@ -68,11 +69,6 @@ def _differences(part: Any, other: Any) -> Any:  # noqa: ANN401 - parts of drawi
     if isinstance(other, dict):
         return {name: _differences(part[name], own) for name, own in other.items() if part[name] != own}
     return other
-
-
-def _decimals(values: FloatArray) -> int:
-    largest = np.nanmax(np.abs(values), initial=0.0)
-    return _DIGITS - int(np.ceil(np.log10(largest))) if 0 < largest < np.inf else _DIGITS
 
 
 @st.fragment
@@ -109,12 +105,7 @@ def show_cached_figure(draw: Callable[[], Drawing], alt: str, *key: Hashable, na
 
 
 def show_clickable(
-    draw: Callable[[], Drawing],
-    alt: str,
-    on_click: Callable[[str], None],
-    widget: str,
-    *key: Hashable,
-    name: str = "",
+    draw: Callable[[], Drawing], alt: str, on_click: Callable[[str], None], widget: str, *key: Hashable, name: str = ""
 ) -> bool:
     """Like :func:`show_cached_figure`, and pass the value of a clicked mark to ``on_click``; True if there is one."""
 

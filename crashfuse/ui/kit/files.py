@@ -104,7 +104,7 @@ def _digest(text: str) -> str:
 
 
 def export_button(show: Callable[[], None]) -> None:
-    """Button of a dialog, in which ``show`` draws what can be downloaded; it outlasts a redrawn page."""
+    """Button of a dialog, in which ``show`` draws what can be downloaded."""
     place, state = address.here(), st.session_state
 
     def show_and_listen() -> None:
@@ -132,7 +132,7 @@ def offer(of: str, files: Mapping[str, Callable[[], pd.DataFrame | bytes | str]]
 
 
 def offer_result(result: Result, display: Display, of: str = "", form: str = "", *, with_report: bool = True) -> None:
-    """Offer the files of a result, its report and its slides, named by what they are ``of``."""
+    """Offer the files, report and slides of a result, named by what they are ``of``."""
     files: dict[str, Callable[[], Any]] = dict(result.files_in(display.system))
     if with_report:
         files[REPORT] = lambda: report(result, display)
@@ -157,7 +157,7 @@ def _slides(make: Callable[[], Any]) -> bytes:
 
 
 def choose_form(short: str, whole: str) -> ReportForm:
-    """Ask for the form of the report, and tell what it then has."""
+    """Ask for the form of the report."""
     tip = f"Short: two or three pages with {short}. Whole: {whole}, too."
     look = {"default": "whole", "required": True, "format_func": str.capitalize, "help": tip}
     form: ReportForm = st.segmented_control("Report", REPORT_FORMS, **kept("report form", **look))
@@ -167,15 +167,13 @@ def choose_form(short: str, whole: str) -> ReportForm:
 def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report, and which tests it shows one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        form = choose_form(
-            "the recommendation, all ratings and the worst test", "each test, the data, the method and its settings"
-        )
+        short = "the recommendation, all ratings and the worst test"
+        form = choose_form(short, "each test, the data, the method and its settings")
         shown: Sequence[str] = ()
         if len(tests) > 1:
             usual = "all tests" if form == "whole" else "the worst"
-            shown = st.multiselect(
-                "Tests shown one by one", tests, placeholder=usual, **kept(f"report tests of {view.name}")
-            )
+            look = kept(f"report tests of {view.name}", placeholder=usual)
+            shown = st.multiselect("Tests shown one by one", tests, **look)
     return ReportOptions(form, tuple(test for test in tests if test in shown), notes_of(view))
 
 

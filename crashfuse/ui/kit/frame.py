@@ -5,7 +5,7 @@ from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -45,9 +45,8 @@ _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 
 
 def choose_settings() -> tuple[StudyConfig, str]:
-    """Ask for the settings; second is what is wrong with them, if anything."""
-    label = LABELS.__getitem__
-    look = {"selection_mode": "multi", "format_func": label, "help": f"{LF} {TIME_DOMAIN}"}
+    """Ask for the settings; returns them, and what is wrong with them."""
+    look = {"selection_mode": "multi", "format_func": LABELS.__getitem__, "help": f"{LF} {TIME_DOMAIN}"}
     chosen = st.pills("Approaches", tuple(APPROACHES), **kept("approaches", **look))
     left, right = st.columns(2, gap="large")
     acts_on = read_out([LABELS[name] for name in filter(uses_preset, APPROACHES)])
@@ -67,17 +66,16 @@ def choose_settings() -> tuple[StudyConfig, str]:
         st.warning("The paper's settings act on none of these approaches.", icon=":material/info:")
     if config.preset == "paper":
         st.warning("The paper's settings take many hours without a GPU.", icon=":material/timer:")
-    if not chosen:
-        return config, "Choose at least one approach."
+    trouble = "" if chosen else "Choose at least one approach."
     try:
         replace(config, seed=int(st.session_state["seed"])).check()
     except UsageError as error:
-        return config, str(error)
-    return config, ""
+        trouble = trouble or str(error)
+    return config, trouble
 
 
 def choose_left_out(page: str) -> None:
-    """Ask what is left out with a test, by a widget of its own on each page: one key at two places loses its value."""
+    """Ask what is left out with a test, by one widget a page: one key at two places loses its value."""
     state, shown = st.session_state, f"leave_out on {page}"
     address.put(shown, state["leave_out"])
     names = {"test": "The test", "speed group": "All at its speed"}
@@ -126,9 +124,8 @@ def sidebar(page: str) -> View | Sequence[Problem]:
 def _choose_view(page: str, name: str, campaign: Campaign) -> View:
     state, tests = st.session_state, {test.id: test for test in campaign.tests}
     address.default("system", next(name for name, system in SYSTEMS.items() if system == campaign.units))
-    unused = dict(campaign.unused)
     if state["test"] not in (None, *tests):
-        why = "is left out of use" if state["test"] in unused else "is not among the tests"
+        why = "is left out of use" if state["test"] in dict(campaign.unused) else "is not among the tests"
         _note(f"{{}} {why}; another is held out instead.", state["test"])
         state["test"] = None
     if state["test"] is None:
@@ -196,13 +193,10 @@ def _choose_held_out(tests: Mapping[str, CrashTest], *, was_drawn: bool) -> None
         state.pop(shown, None)
     address.put(shown, state["test"])
     state[_HELD_OUT] = True
-
-    def choose() -> None:
-        choose_held_out(tests[state[shown]])
-
     named = {name: f"{name} · {said(speed(test.condition.speed_mps), units)}" for name, test in tests.items()}
+    look: dict[str, Any] = {"key": shown, "on_change": lambda: choose_held_out(tests[state[shown]])}
     tip, label = "Nothing that predicts it sees its pulse.", named.__getitem__
-    st.selectbox("Held-out test", list(tests), key=shown, on_change=choose, format_func=label, help=tip)
+    st.selectbox("Held-out test", list(tests), format_func=label, help=tip, **look)
 
 
 def _note(sentence: str, asked: str) -> None:
@@ -243,7 +237,7 @@ def route(page: Page) -> None:
 
 @st.fragment
 def by_itself(show: Callable[[], None]) -> None:
-    """Show the rest of a page, which is then redrawn without what stands around it."""
+    """Show the rest of a page, redrawn without what stands around it."""
     address.publish()
     with st.container(key="alone"):
         show()
@@ -303,7 +297,6 @@ def show_title(title: str) -> DeltaGenerator:
 
 
 def _show_answer(row: DeltaGenerator, view: View) -> None:
-    """The line above every page: what is known of the campaign."""
     from crashfuse.ui.certify.results import last_verdicts  # whose figures and reports take a while
 
     campaign, words = view.campaign, view.display.words
@@ -342,12 +335,10 @@ def _open_with(page: str, chosen: Mapping[str, object]) -> None:
 
 @st.cache_data(ttl=60, show_spinner=False)
 def _not_kept() -> str:
-    """A sentence if nothing can be kept in the cache folder; empty if it can."""
     reason = not_kept()
     return reason and f"Results are lost when the server ends: {reason}. Name another by CRASHFUSE_CACHE."
 
 
 def offer_sample() -> None:
     """Offer to load the sample."""
-    args = (campaigns.SAMPLE,)
-    st.button("Load the sample campaign", type="primary", on_click=choose_campaign, args=args)
+    st.button("Load the sample campaign", type="primary", on_click=choose_campaign, args=(campaigns.SAMPLE,))

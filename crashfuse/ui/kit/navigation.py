@@ -36,10 +36,8 @@ STYLE = _BROWSER / "style.css"  # look beyond the theme: density, tabs, focus
 
 def pages() -> dict[str, Page]:
     """The pages by the name in their address."""
-    return {
-        name: st.Page(f"pages/{name}.py", title=title, icon=icon, url_path=name)
-        for name, (title, icon) in _PAGES.items()
-    }
+    looks = _PAGES.items()
+    return {name: st.Page(f"pages/{name}.py", title=title, icon=icon, url_path=name) for name, (title, icon) in looks}
 
 
 def navigate() -> Page:

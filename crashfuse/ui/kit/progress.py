@@ -26,9 +26,8 @@ _WAITED_FOR, _ENDED = "waited for", "ended"  # session keys: jobs that run for t
 
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
-    """The result of a request, or what is known of it; until then the page shows how to get it and stops."""
-    result = result_or_none(request, invitation=invitation, button=button)
-    if result is None:
+    """The result of a request, or what is known of it; without either the page shows how to get it and ends."""
+    if (result := result_or_none(request, invitation=invitation, button=button)) is None:
         end_page()
     return result
 
@@ -44,7 +43,7 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
         return part
     if job is not None:
         show_end(job)
-    st.markdown(f"{invitation} {patience(request)}")
+    st.markdown(f"{invitation} {_patience(request)}")
     st.button(plain(button), type="primary", icon=":material/play_arrow:", on_click=request.start, key=button)
     return None
 
@@ -101,8 +100,7 @@ def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> N
         st.progress(step.progress.fraction, text=f"{plain(doing)} · {duration(job.elapsed_s)} so far{of}")
         with st.expander("Steps", icon=":material/checklist:"):
             for name, step in steps:
-                done, total = step.progress.done, step.progress.total
-                took, icon = f": {done:,} of {total:,}", "hourglass_top"
+                took, icon = f": {step.progress.done:,} of {step.progress.total:,}", "hourglass_top"
                 if step.finished:
                     took, icon = f", {duration(step.updated - step.started)}", "check"
                 st.caption(f":material/{icon}: {plain(name)}{took}")
@@ -120,8 +118,7 @@ def title_of(job: Job[Any]) -> str:
     return f"A computation of {plain(names(job.wanted_by) or 'nobody now')}"
 
 
-def patience(request: Request[Any]) -> str:
-    """What a computation will take on this machine as it is now, if that is long enough to be worth a word."""
+def _patience(request: Request[Any]) -> str:
     if (usual_s := request.usual_s()) == math.inf:
         return "The paper's settings take many hours without a GPU."
     expected = _range(*jobs().pace.range_s(usual_s, _slowness()))

@@ -48,7 +48,7 @@ def styled(table: Table, display: Display) -> Styler:
         colours = [GRADE_COLOURS["Fair"] if cell.is_marked else "" for cell in cells]
         if column.kind == "grade":
             colours = [GRADE_COLOURS.get(cell.detail, "") for cell in cells]
-        styler.apply(lambda _, css: css, css=[colour and fill(colour) for colour in colours], subset=[name])
+        styler.apply(lambda _, css: css, css=[colour and _fill(colour) for colour in colours], subset=[name])
         if column.is_numeric:
             styler.set_properties(subset=[name], **{"text-align": right})
             styler.set_table_styles([{"selector": f"th.col{place}", "props": f"text-align: {right}"}], overwrite=False)
@@ -63,8 +63,7 @@ def _markdown(column: Column, cell: Cell) -> str:
     return f"{plain(cell.value)} {detail}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
-def fill(colour: str) -> str:
-    """CSS of a cell in a colour of the palette, in the page's theme."""
+def _fill(colour: str) -> str:
     ground, ink = colour, MEASURED_COLOUR
     if st.context.theme.type == "dark":
         ground, ink = IN_THE_DARK[colour], IN_THE_DARK[MEASURED_COLOUR]
@@ -91,7 +90,7 @@ def show_problems(
     *,
     place: str = "",
 ) -> None:
-    """Show all problems in the data, and offer them as a file for whoever has to fix them."""
+    """Show all problems in the data, and offer them as a file."""
     n = len(problems)
     st.error(f"**{what}: {n} problem{'s' * (n != 1)}.** {result}", icon=":material/error:")
     key = f"problems {place} {hash((what, *problems))}"
@@ -151,10 +150,9 @@ def ratings_table(
     return Table.of("ratings", rows, *grades, *parts, Column("Single draws", "range", form=".3f"))
 
 
-def show_recommendation(headline: Sequence[str], reasons: Sequence[str] = (), icon: str = "lightbulb") -> None:
+def show_recommendation(headline: str, reasons: Sequence[str]) -> None:
     """Show the recommendation in a line; reasons unfold."""
-    use, *details = map(plain, headline)
-    show_with_reasons(f":material/{icon}: **{use}** {' '.join(details)}", reasons)
+    show_with_reasons(f":material/lightbulb: **{plain(headline)}**", reasons)
 
 
 def show_with_reasons(text: str, reasons: Sequence[str]) -> None:
@@ -166,14 +164,8 @@ def show_with_reasons(text: str, reasons: Sequence[str]) -> None:
                 st.markdown("\n\n".join(map(plain, reasons)))
 
 
-def show_account(sentences: Sequence[str], *, missed: bool) -> None:
-    """Show how a prediction came out and what sets its test apart."""
-    first, *others = map(plain, sentences)
-    st.markdown(f":material/{'warning' if missed else 'info'}: **{first}** {' '.join(others)}")
-
-
 def show_metrics(about: Result, *hidden: str, beside: bool = False) -> None:
-    """Show the main pulse metrics of the test and of approaches, but for those hidden; beside a figure in few words."""
+    """Show the main pulse metrics of test and approaches, but for those hidden; in few words beside a figure."""
     main = about.tables["metrics"].without(*hidden)
     headings = main.frame["label"]
     if beside:

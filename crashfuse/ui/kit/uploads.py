@@ -176,10 +176,7 @@ def _noted() -> Path:
 def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
     names: list[PurePath] = []
     for name, content in uploads:
-        if is_archive(name):
-            names += [member.path for member in members_of(name, content)]
-        else:
-            names.append(PurePath(name))
+        names += [member.path for member in members_of(name, content)] if is_archive(name) else [PurePath(name)]
     return {path.name for path in names}.isdisjoint(CAMPAIGN_TABLES) and bool(formats_of(names))
 
 

@@ -42,7 +42,7 @@ def visitor() -> Visitor:
 
 
 def browser() -> str:
-    """The random value by which the browser is known; one for this session alone if it keeps no cookies."""
+    """The random value by which the browser is known, or, without cookies, this session."""
     return str(st.context.cookies.to_dict().get(BROWSER) or st.session_state.setdefault(_SESSION, uuid.uuid4().hex))
 
 
@@ -79,7 +79,7 @@ def short_key() -> str:
 
 
 def require_login(page: str) -> None:
-    """On a server that asks for a log-in, show nothing else before it; a link to a page is followed after it."""
+    """Where a log-in is asked for, show nothing else before it; a link to a page is followed after it."""
     auth: dict[str, Any] = dict(st.secrets.get("auth", {})) if st.secrets.load_if_toml_exists() else {}
     if not (auth or login_insisted.is_set()):
         return

@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.calibration import Coverage
-from crashfuse.approaches.displacement_domain.approach import (
-    DisplacementConfig,
-    DisplacementDomain,
-    measured_bias,
-)
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.rebound import follow_unloading
 from crashfuse.cae_library import CaeLibrary
