@@ -232,8 +232,7 @@ def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool
 
 
 def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]:
-    seen: dict[str, str] = {}
-    sound: list[int] = []
+    seen, sound = dict[str, str](), list[int]()
     for place, (row, run_id) in enumerate(ids.items()):
         trouble, name = id_trouble(run_id), folded(run_id)
         if trouble is None and name in seen:

@@ -82,17 +82,15 @@ def sensors_of_one_crash(
     names, smooth = [*map(_without_place, ids)], dict[int, FloatArray]()
     for one, other in (pair for group in together for pair in combinations(group, 2)):
         by_name = names[one] == names[other]
-        if (by_name or is_telling) and not (about and _of_two_crashes(about[one], about[other])):
+        here, there = (dict(about[place]) if about else {} for place in (one, other))
+        alike = (there.get(key, value) == value for key, value in here.items() if key not in _OF_SENSORS)
+        if (by_name or is_telling) and all(alike):
             for place in {one, other} - smooth.keys():
                 smooth[place] = cfc_filter(accel[place], cfc=_CFC, dt_s=DT_S)
             size = max(float(np.linalg.norm(smooth[place])) for place in (one, other))
             share = float(np.linalg.norm(smooth[one] - smooth[other])) / max(size, 1e-12)
             if share < (_ONE_CRASH_BY_NAME if by_name else _ONE_CRASH):
                 yield one, other, share
-
-
-def _of_two_crashes(one: About, other: About) -> bool:
-    return any(key in dict(other) and dict(other)[key] != value for key, value in one if key not in _OF_SENSORS)
 
 
 def _without_place(name: str) -> list[str]:

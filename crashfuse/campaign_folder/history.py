@@ -189,9 +189,13 @@ def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
     for name in names:
         _require_inside(folder, folder / name)
         if (folder / name).is_file():
-            _link(folder / name, home / _BEFORE / name)
-    digests = [(name, _digest(home / _BEFORE / name), _digest(home / _AFTER / name)) for name in names]
-    files = tuple(ChangedFile(*row) for row in digests)
+            replaced = home / _BEFORE / name
+            replaced.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                os.link((folder / name).resolve(), replaced)
+            except OSError:
+                shutil.copy2(folder / name, replaced)
+    files = tuple(ChangedFile(name, _digest(home / _BEFORE / name), _digest(home / _AFTER / name)) for name in names)
     now = datetime.now(UTC).isoformat(timespec="seconds")
     author = _author.get()
     if not author:
@@ -307,14 +311,6 @@ def _digest(path: Path) -> str | None:
         return None
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def _link(path: Path, to: Path) -> None:
-    to.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        os.link(path.resolve(), to)
-    except OSError:
-        shutil.copy2(path, to)
 
 
 def _discard(home: Path) -> None:

@@ -113,11 +113,10 @@ def read_folder(folder: str | Path, archive: VehicleArchive | None = None) -> Ca
     for table in (tests, runs):
         warnings += _shortened(_wall_findings(table, walls_of[table.role]))
     ends_s, walls = tests.ends_s, walls_of["tests"]
+    rows = zip(tests.ids, tests.conditions, tests.accel_mps2, tests.tuned, tests.about, strict=True)
     crash_tests = tuple(
         CrashTest(i, at, Pulse(GRID_S, accel), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about, walls.get(i))
-        for i, at, accel, tuned, about in zip(
-            tests.ids, tests.conditions, tests.accel_mps2, tests.tuned, tests.about, strict=True
-        )
+        for i, at, accel, tuned, about in rows
     )
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
     campaign = Campaign(
@@ -186,11 +185,8 @@ def unread_files(campaign: Path) -> str:
             return unread_files(lay_out([(campaign.name, campaign.read_bytes())], Path(scratch)))
     folders = [campaign, *(campaign / role for role in ROLES if (campaign / role).is_dir())]
     inside = [path for folder in folders for path in folder.iterdir() if path not in folders]
-    names = [
-        f"{path.relative_to(campaign).as_posix()}{'/' * path.is_dir()}"
-        for path in inside
-        if path.is_dir() or not is_read(path.relative_to(campaign))
-    ]
+    others = (path for path in inside if path.is_dir() or not is_read(path.relative_to(campaign)))
+    names = [f"{path.relative_to(campaign).as_posix()}{'/' * path.is_dir()}" for path in others]
     unread = [name for name in names if not (archive.left_by_the_system(name.rstrip("/")) or _ABOUT.fullmatch(name))]
     return f"Not read, as no file of a campaign is called so: {listed(sorted(unread))}." if unread else ""
 
@@ -268,7 +264,8 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
         for path in (member.path.relative_to(root) for member in members if root in member.path.parents):
             if not (_in_a_campaign(path.with_suffix(path.suffix.lower())) or _ABOUT.fullmatch(path.name)):
                 with suppress(OSError):  # a folder of that name, say
-                    _name_alone(folder / path)
+                    (folder / path).parent.mkdir(parents=True, exist_ok=True)
+                    (folder / path).touch()
         if problems:
             every: list[Problem] = []
             with collecting(every):
@@ -334,11 +331,6 @@ def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Prob
         problems.append(Problem(member.where, "names that differ by more than capitals", "two alike", "keep one"))
         del targets[member]
     return targets
-
-
-def _name_alone(path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.touch()
 
 
 def _strange(member: Member) -> Problem | None:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from crashfuse import errors
@@ -271,8 +270,9 @@ def _sample_batches(
     with opened_table(path, where) as table:
         (time, to_s), (accel, to_mps2) = _columns(table.names, where, with_id=with_id)
         for frame, rows in table.blocks([*(["id"] if with_id else []), time, accel]):
-            if any((blank := _blank(frame)).tolist()):
-                frame, rows = frame[~blank], rows[~blank]
+            if all(isinstance(kind, pd.StringDtype) for kind in frame.dtypes):
+                filled = ~np.asarray((frame == "").all(axis=1))
+                frame, rows = frame[filled], rows[filled]
             if not len(frame):
                 continue
             empty = False
@@ -321,12 +321,6 @@ def _columns(names: Sequence[str], where: str, *, with_id: bool) -> tuple[tuple[
     if problems or time is None or accel is None:
         raise DataError(problems)
     return time, accel
-
-
-def _blank(frame: pd.DataFrame) -> npt.NDArray[np.bool_]:
-    if not all(isinstance(kind, pd.StringDtype) for kind in frame.dtypes):
-        return np.zeros(len(frame), dtype=bool)
-    return np.asarray((frame == "").all(axis=1))
 
 
 def _named(run_id: str, where: str) -> str:

@@ -214,17 +214,14 @@ def campaign_of_frames(
         (folder / "campaign.toml").write_text("".join(lines), encoding="utf-8")
         for role, table, pulses in (("tests", tests, test_pulses), ("cae", cae, cae_pulses)):
             (folder / f"{role}.csv").write_bytes(csv_bytes(table, float_format=None))
-            _write(pulses, folder / f"{role}_pulses.parquet")
+            path = folder / f"{role}_pulses.parquet"
+            try:
+                pulses.to_parquet(path, index=False)
+            except (pa.ArrowException, TypeError, ValueError) as error:  # texts and numbers in one column, say
+                expected, found = "columns that are numbers or text", " ".join(str(error).split())
+                raise refusal(path.name, expected, found, "give each column one type") from None
         campaign = read_folder(folder)
     return replace(campaign, warnings=tuple(map(_of_tables, campaign.warnings)))
-
-
-def _write(pulses: pd.DataFrame, path: Path) -> None:
-    try:
-        pulses.to_parquet(path, index=False)
-    except (pa.ArrowException, TypeError, ValueError) as error:  # texts and numbers in one column, say
-        expected, found = "columns that are numbers or text", " ".join(str(error).split())
-        raise refusal(path.name, expected, found, "give each column one type") from None
 
 
 def conditions_frame(campaign: Campaign, role: str) -> pd.DataFrame:
@@ -237,13 +234,9 @@ def pulses_frame(campaign: Campaign, role: str) -> pd.DataFrame:
     """All pulses of one kind, tidy, at full precision, see :attr:`Campaign.test_pulses_frame`."""
     ids = campaign.test_ids if role == "tests" else campaign.cae.ids
     accel = campaign.cae.accel_mps2 if role == "cae" else np.array([test.pulse.accel_mps2 for test in campaign.tests])
-    return pd.DataFrame(
-        {
-            "id": pd.Categorical.from_codes(np.repeat(np.arange(len(ids)), N_SAMPLES), list(ids)),
-            "time_ms": np.tile(GRID_S / MS, len(ids)),
-            "acceleration_g": accel.ravel() / np.float64(G),
-        }
-    )
+    names = pd.Categorical.from_codes(np.repeat(np.arange(len(ids)), N_SAMPLES), list(ids))
+    time_ms, accel_g = np.tile(GRID_S / MS, len(ids)), accel.ravel() / np.float64(G)
+    return pd.DataFrame({"id": names, "time_ms": time_ms, "acceleration_g": accel_g})
 
 
 @contextmanager

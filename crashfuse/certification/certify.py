@@ -59,7 +59,7 @@ one; a test or another design can tell, or skipping it does not pay; it was not 
 
 
 class Variant(NamedTuple):
-    """The answers if something is other, earlier verdicts aside: both of them, by condition, where they differ."""
+    """The answers if something is other, earlier verdicts aside: both, where they differ."""
 
     name: str
     saved: tuple[int, int]
@@ -169,7 +169,7 @@ class Certification:
 
     @property
     def run(self) -> dict[str, tuple[str, ...]]:
-        """The tests that were made for a condition, by its id; of conditions with any."""
+        """The tests made for a condition, by its id; of conditions with any."""
         return {i: tuple(row[0].run) for i, row in self.rows.items() if row[0].run}
 
     @cached_property
@@ -322,10 +322,8 @@ def certify_matrix(
     at_cells = forecasts.averaged(plan.cells, _JUDGE)
     seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     domain, tests_run = Domain.of(campaign), matrix.run((test.id, test.condition) for test in campaign.tests)
-    left_out, left_out_with_runs = (
-        [*left_out_tests(campaign, criteria, plan.splits, config.approaches[0], found)]
-        for found in (at_trials, at_trials | with_runs)
-    )
+    asked = campaign, criteria, plan.splits, config.approaches[0]
+    left_out, left_out_with_runs = ([*left_out_tests(*asked, own)] for own in (at_trials, at_trials | with_runs))
 
     def by(criteria: Criteria) -> Certification:
         record = TrackRecord.of_tests(criteria, left_out)
@@ -335,18 +333,8 @@ def certify_matrix(
             for cell, at, tests in zip(plan.cells, matrix.conditions, tests_run, strict=True)
         )
         verdicts = _hold(judged, campaign, criteria, record)
-        return Certification(
-            campaign=campaign,
-            criteria=criteria,
-            matrix=matrix,
-            config=config,
-            domain=domain,
-            judged=judged,
-            verdicts=verdicts,
-            record=record,
-            seconds=seconds,
-            record_with_runs=flattered,
-        )
+        found = Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
+        return replace(found, record_with_runs=flattered)
 
     found = by(criteria)
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
@@ -354,16 +342,10 @@ def certify_matrix(
 
 def without_each_test(certification: Certification, run: Run) -> Certification:
     """The certification with the variants that lack a test."""
-    campaign, matrix = certification.campaign, certification.matrix
-    others = {test: campaign.without((test,)) for test in campaign.test_ids if len(campaign.tests) > 1}
-    variants = tuple(
-        Variant.of(
-            f"without {test}",
-            certification,
-            certify_matrix(other, certification.criteria, matrix, certification.config, run),
-        )
-        for test, other in others.items()
-    )
+    campaign, asked = certification.campaign, (certification.criteria, certification.matrix, certification.config, run)
+    tests = campaign.test_ids if len(campaign.tests) > 1 else ()
+    others = ((f"without {test}", certify_matrix(campaign.without((test,)), *asked)) for test in tests)
+    variants = (Variant.of(name, certification, other) for name, other in others)
     return replace(certification, variants=(*certification.variants, *variants))
 
 
@@ -376,7 +358,6 @@ def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: 
 
 
 def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord) -> Rows:
-    """Verdicts held against the record and the tests run or apart at each condition."""
     supports = {criterion: record.support(criterion) for criterion in criteria.items}
 
     def held(verdict: Verdict, apart: Sequence[str]) -> Verdict:

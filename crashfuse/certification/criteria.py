@@ -63,7 +63,6 @@ class Criterion:
         return joined(known, " and ")
 
     def _form(self, declared: str) -> str:
-        """Format of a limit: four digits, of one without a unit two behind the point, or as many as it has."""
         if self.unit:
             return f".{max(len(declared.replace('.', '').lstrip('0')), 4)}g"
         return f".{max(len(declared.partition('.')[2]), 2)}f"
@@ -292,7 +291,6 @@ def _costs(values: object, where: str, problems: list[Problem]) -> Costs | None:
 
 
 def _at_odds(one: Criterion, other: Criterion, where: str) -> Problem | None:
-    """What is wrong with two criteria on one quantity: that no value meets both, or that they are the same."""
     if (one.metric, one.window_ms) != (other.metric, other.window_ms):
         return None
     low = max((own.at_least for own in (one, other) if own.at_least is not None), default=-math.inf)

@@ -107,7 +107,7 @@ class Domain:
 
     @property
     def too_few_tests(self) -> tuple[str, ...]:
-        """A sentence if there are too few tests to check any condition."""
+        """A sentence if tests are too few."""
         if self.n_tests >= _FEWEST_TESTS:
             return ()
         told = f"{self.n_tests} of {_FEWEST_TESTS} tests: too few to check verdicts by leaving tests out."
@@ -115,11 +115,11 @@ class Domain:
 
     @property
     def not_counted(self) -> tuple[str, ...]:
-        """A sentence on the tests that check nothing, if there are any."""
+        """A sentence on tests that check nothing, if any."""
         return (f"Not counted, as the CAE model was tuned to them: {', '.join(self.tuned)}.",) if self.tuned else ()
 
     def outside(self, condition: Condition) -> tuple[str, ...]:
-        """Sentences on why no verdict is given at a condition: too few tests, or it lies outside; empty if it is."""
+        """Sentences on why no verdict is given at a condition; empty if one is."""
         return self.too_few_tests or self.exceeded_by(condition)
 
     def unshown(self, condition: Condition) -> tuple[str, ...]:
@@ -156,7 +156,6 @@ class Domain:
 
 
 def _those_inside(campaign: Campaign, gaps: Sequence[_Gap]) -> list[_Gap]:
-    """Those whose speed lay inside what the others check, when their group was left out."""
     groups = {group for _, group, _ in gaps if len(group) < len(gaps)}
     others = {group: Domain.of(campaign.without(group), for_record=True) for group in groups}
     return [gap for gap in gaps if gap[1] in others and not others[gap[1]].exceeded_by(gap[0].condition)]

@@ -20,11 +20,10 @@ from crashfuse.execution.cache import Code, Entry, numbers
 from crashfuse.execution.run import Run, one_thread_throughout
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
-from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
-from crashfuse.signals.rating import rate_windows
+from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
-from crashfuse.study.expected_rating import RatingDistribution
+from crashfuse.study.expected_rating import RatingDistribution, overall_rating
 from crashfuse.study.running import prepare
 
 _UNKNOWN = (np.nan,) * len(fields(Distribution))
@@ -113,7 +112,7 @@ class Forecast:
     def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
         """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
         if (window := criterion.window_ms) is not None:
-            return float(np.mean([_overall(test.pulse, accel_mps2, window) for accel_mps2 in self.accel_mps2]))
+            return float(np.mean([overall_rating(test.pulse, own, window) for own in self.accel_mps2]))
         value = _metrics_of(test, occupant)[criterion.metric]
         return value if np.isfinite(value) else None
 
@@ -141,7 +140,7 @@ class Forecaster:
     def of(cls, fit: Fit, campaign: Campaign, windows_ms: Sequence[float]) -> Self:
         """Rate the left-out predictions of a fit over windows; the campaign is the one that it learned from."""
         pairs = [(campaign.test(test_id), own.accel_mps2) for test_id, own in fit.left_out.items()]
-        rated = {w: np.array([_overall(test.pulse, own, w) for test, own in pairs]) for w in windows_ms}
+        rated = {w: np.array([overall_rating(test.pulse, own, w) for test, own in pairs]) for w in windows_ms}
         return cls(fit, np.array([test.condition.speed_mps for test, _ in pairs]), rated)
 
     def at(self, condition: Condition) -> Forecast:
@@ -190,11 +189,6 @@ def _ranks(drawn: FloatArray) -> FloatArray:
     n_draws = drawn.shape[1] if drawn.shape[1] > 1 else 0  # a single one is the pulse itself
     ends = [[np.searchsorted(np.sort(row), row[:n_draws], end) for row in drawn] for end in ("left", "right")]
     return np.asarray(np.mean(ends, axis=0) / max(n_draws, 1))
-
-
-def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> float:
-    comparison = Pulse(GRID_S[: accel_mps2.size], accel_mps2)
-    return rate_windows(reference, comparison, [window_ms])[window_ms].overall
 
 
 _KIND = "forecasts"  # kind of cache entry

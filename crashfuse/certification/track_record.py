@@ -241,11 +241,7 @@ class LeftOutTest(NamedTuple):
 
 
 def left_out_tests(
-    campaign: Campaign,
-    criteria: Criteria,
-    splits: Sequence[Split],
-    approach: str,
-    forecasts: Mapping[Query, Forecast],
+    campaign: Campaign, criteria: Criteria, splits: Sequence[Split], approach: str, forecasts: Mapping[Query, Forecast]
 ) -> Iterator[LeftOutTest]:
     """The tests as they were left out, each way, with their forecasts by an approach and by the raw CAE model."""
     by_key = {(asked.held_out, asked.approach, asked.condition): own for asked, own in forecasts.items()}

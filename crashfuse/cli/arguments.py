@@ -34,7 +34,6 @@ def parser() -> argparse.ArgumentParser:
     commands = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(name: str, run: str, about: str, campaign: str | None = "campaign") -> argparse.ArgumentParser:
-        """A command, run by a function of this room: ``module.function``."""
         added = commands.add_parser(name, help=about)
         added.set_defaults(run=run)
         if campaign:
@@ -331,7 +330,6 @@ def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:
 
 
 def _one_of(*choices: str) -> Callable[[str], str]:
-
     def choice(text: str) -> str:
         if text not in choices:
             raise argparse.ArgumentTypeError(f"must be {' or '.join(choices)}, not {text!r}")

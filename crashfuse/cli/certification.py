@@ -37,12 +37,10 @@ def certify(arguments: argparse.Namespace) -> None:
     if earlier is not None:
         earlier.require_of(campaign)  # or another vehicle's would be told only once all is computed
     matrix = _matrix(arguments, campaign)
+    (approach,) = config.approaches
+    how = {name: getattr(arguments, name) for name in ("costs", "robustness", "workers", "scheduler")}
     with watching() as watch:
-        judged = certify_campaign(
-            campaign, criteria, matrix, costs=arguments.costs, robustness=arguments.robustness,
-            approach=config.approaches[0], config=config,
-            watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
-        )  # fmt: skip
+        judged = certify_campaign(campaign, criteria, matrix, approach=approach, config=config, watch=watch, **how)
     certification = judged if earlier is None else judged.beside(earlier)
     if key is not None:
         certification = replace(certification, key=seal.key_name(key.public_key()))

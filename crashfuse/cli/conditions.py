@@ -54,7 +54,7 @@ class _InUnit(argparse.Action):
 
 
 def units_of(arguments: argparse.Namespace) -> tuple[str, str, str]:
-    """The units that speed, front and rear weight were given in; of what was not, those of files."""
+    """Units that speed, front and rear weight were given in, else those of files."""
     from crashfuse.condition import FILE_UNITS
 
     given = [getattr(arguments, f"{name} unit", usual) for name, usual in zip(AXES, FILE_UNITS, strict=True)]

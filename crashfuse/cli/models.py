@@ -21,13 +21,7 @@ from crashfuse.study import archive_learning
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.history import PastResult, keep
-from crashfuse.study.planning import (
-    ConditionRange,
-    next_test,
-    speeds_between,
-    sweep_speed,
-    usual_speeds,
-)
+from crashfuse.study.planning import ConditionRange, next_test, speeds_between, sweep_speed, usual_speeds
 from crashfuse.study.prediction import predict as predict_pulse
 from crashfuse.study.saved_models import load_model, model_file, save_model
 
@@ -67,9 +61,8 @@ def predict(arguments: argparse.Namespace) -> None:
     campaign, display = output.opened(arguments, "prediction")
     condition = condition_of(arguments, campaign, arguments.speed_mps)
     prediction = predict_pulse(campaign, condition, _fits(arguments, campaign))
-    write_result(
-        result := prediction_result(prediction, (), arguments.report or "whole", export), arguments.out, display
-    )
+    result = prediction_result(prediction, (), arguments.report or "whole", export)
+    write_result(result, arguments.out, display)
     keep(PastResult.of_prediction(campaign, prediction.estimates, prediction.config))
     output.say(result, display, arguments.out)
 

@@ -22,7 +22,6 @@ from crashfuse.results.files import RESULT_FILES
 from crashfuse.results.render import figure_files
 from crashfuse.results.render.text import lines
 from crashfuse.results.result import Result
-from crashfuse.study.facts import campaign_facts
 from crashfuse.units import MS, SYSTEMS
 
 _OF_CURVES = ("unit_system", "deceleration_sign", "start_ms", "scale", "curve_id")
@@ -62,7 +61,7 @@ def require_writable(out: Path, option: str = "--out") -> None:
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Context for writing results, which reach their folder all together or not at all: what prevents it is said."""
+    """Context for writing results: what prevents it is said."""
     try:
         yield
     except OSError as error:
@@ -76,15 +75,8 @@ def say_written(out: Path, kind: str) -> None:
 
 
 def display_of(arguments: argparse.Namespace, campaign: Campaign) -> Display:
-    """How a command shows its results: in the units asked for, else the campaign's, as on the pages."""
+    """How results are shown: in the units asked for, else the campaign's."""
     return Display(system=campaign.units if arguments.units is None else SYSTEMS[arguments.units])
-
-
-def say_facts(campaign: Campaign, display: Display) -> list[str]:
-    """Print what has to be known of a campaign, before its results; returns the sentences, not to be said again."""
-    sentences: list[str] = [fact.sentence for fact in campaign_facts(campaign)]
-    print(*map(display.words, sentences), sep="\n", end="\n" * bool(sentences))
-    return sentences
 
 
 def say(result: Result, display: Display, out: Path) -> None:

@@ -92,7 +92,6 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
 
 
 def _plan(campaign: Campaign, given: Mapping[str, Any], held_out: Sequence[str], resumed: Path | None) -> StudyPlan:
-    """Plan of a study; what is not given, is taken from the one to be resumed."""
     if resumed is None:
         whole = not held_out and given.get("preset") != "paper"  # a paper-preset fit takes minutes, or a GPU
         return StudyPlan(campaign, StudyConfig(**{"leave_out": "both" if whole else "test", **given}), tuple(held_out))
@@ -163,9 +162,8 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     criteria = read_criteria(file) if arguments.criteria or file.is_file() else None
     repeats = curves.REPEATS if arguments.repeats is None else arguments.repeats
     with watching() as watch:
-        curve = curves.learning_curve(
-            campaign, config, repeats=repeats, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler
-        )
+        where = {"workers": arguments.workers, "scheduler": arguments.scheduler}
+        curve = curves.learning_curve(campaign, config, repeats=repeats, watch=watch, **where)
     if criteria is not None:
         curve = with_decided(curve, criteria)
     result = learning_curve_result(curve, cost)

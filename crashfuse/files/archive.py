@@ -30,11 +30,8 @@ _SYSTEM_NAMES = (".", "~$")  # beginnings, of hidden files and of locks of open 
 _ENCRYPTED = 0x1 | 0x40 | 0x2000  # flag bits of an entry: classic, strong, directory too
 _NO_FILE = "files", "a link or a device", "pack the files themselves"
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # other methods may demand any amount of memory
-# what damaged ones raise
-_BROKEN = (
-    *(zipfile.BadZipFile, tarfile.TarError, zlib.error, struct.error),
-    *(EOFError, RuntimeError, ValueError, OverflowError, OSError),
-)
+_UNSOUND = (zipfile.BadZipFile, tarfile.TarError, zlib.error, struct.error)
+_BROKEN = (*_UNSOUND, EOFError, RuntimeError, ValueError, OverflowError, OSError)  # what damaged ones raise
 _TAR, _NEGATIVE = ("a sound tar archive", "pack the folder anew"), "a header of negative size"
 _LONGEST_HEADER, _LONGEST_READ = 1 << 16, 1 << 21  # bytes of a tar at once
 ENDINGS = (".tar.gz", ".tgz", ".tar")  # endings of the names of tar archives
@@ -58,8 +55,7 @@ class Budget:
     """Remaining allowance for unpacking one upload of ``packed`` bytes."""
 
     def __init__(self, limits: Limits, packed: int) -> None:
-        self.limits = limits
-        self.total = 0
+        self.limits, self.total = limits, 0
         self._by_ratio = max(limits.ratio * packed, _HARMLESS)
 
     def spend(self, count: int, member_bytes: int, where: str) -> None:

@@ -95,7 +95,11 @@ class CsvTable:
 
     def __init__(self, stream: TextIO, where: str) -> None:
         self._stream, self._where = stream, where
-        self._width, self.names = self._header()
+        line = stream.readline(_LONGEST_LINE)
+        _refuse_nul(line, where)
+        self.names = _header_names(cells := _cells(line), where)
+        self._width, n = len(cells), self.names.count("id")
+        refuse_if(n > 1, where, "one column id", f"{n} of them", KEEP_ONE)
 
     @classmethod
     @contextmanager
@@ -121,13 +125,6 @@ class CsvTable:
         if rest:
             frame = self._parsed(rest, row)
             yield frame[at].set_axis(columns, axis=1), row + np.arange(len(frame))
-
-    def _header(self) -> tuple[int, list[str]]:
-        line = self._stream.readline(_LONGEST_LINE)
-        _refuse_nul(line, self._where)
-        names = _header_names(cells := _cells(line), self._where)
-        refuse_if(names.count("id") > 1, self._where, "one column id", f"{names.count('id')} of them", KEEP_ONE)
-        return len(cells), names
 
     def _parsed(self, text: str, row: int) -> pd.DataFrame:
         if text.count("\n") * (self._width - 1) > len(text) + _MOST_PADDING:

@@ -141,13 +141,11 @@ class _Header:
     """Integers of a Thrift struct's fields, and of the structs in it as ``inner``."""
 
     def __init__(self, content: bytes) -> None:
-        self._content = content
-        self.at = 0
+        self._content, self.at = content, 0
         self.inner: dict[int, dict[int, int]] = {}
 
     def struct(self, depth: int = 0) -> dict[int, int]:
-        fields: dict[int, int] = {}
-        number = 0
+        fields, number = dict[int, int](), 0
         while head := self._byte():
             kind = head & 0x0F
             number = number + (head >> 4) if head >> 4 else self._integer()

@@ -139,8 +139,7 @@ def import_source(
     one_of("kind of record", role or "tests", dict.fromkeys(get_args(Role)))
     together = record_id is not None or bool(choices.channels)
     reading = Reading(source, fmt, tuple(columns), together, conditions, record_id, travel)
-    problems: list[Problem] = []
-    labels: list[Label] = []
+    problems, labels = list[Problem](), list[Label]()
 
     def labelled() -> Iterator[Record]:
         for record in iter_records(reading, problems):
@@ -259,13 +258,6 @@ def _named(record: Record, problem: Problem) -> Problem:
 
 
 def _entry(settled: Settled) -> dict[str, str | float | Sequence[str]]:
-    cfc = settled.channel_filter_class
-    return {
-        "source": settled.source,
-        "channels": settled.channels,
-        "unit": settled.unit,
-        "deceleration_sign": settled.deceleration_sign,
-        "time_zero_ms": settled.time_zero_s / MS,
-        "channel_filter_class": "none" if cfc is None else cfc,
-        "steps": settled.steps,
-    }
+    cfc = "none" if settled.channel_filter_class is None else settled.channel_filter_class
+    entry = {name: getattr(settled, name) for name in ("source", "channels", "unit", "deceleration_sign")}
+    return entry | {"time_zero_ms": settled.time_zero_s / MS, "channel_filter_class": cfc, "steps": settled.steps}

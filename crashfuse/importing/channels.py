@@ -174,10 +174,8 @@ def _in_one_unit(channels: Channels, choices: Choices) -> Channels:
     factors = [ACCELERATION_UNITS[channel.unit] for channel in channels if channel.unit]
     if choices.unit is not None or len(factors) < len(channels):
         return channels
-    return tuple(
-        replace(channel, values=channel.values * (factor / factors[0]), unit=channels[0].unit)
-        for channel, factor in zip(channels, factors, strict=True)
-    )
+    unit, pairs = channels[0].unit, zip(channels, factors, strict=True)
+    return tuple(replace(one, values=one.values * (factor / factors[0]), unit=unit) for one, factor in pairs)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

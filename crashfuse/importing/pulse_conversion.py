@@ -137,11 +137,8 @@ def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
     sentences: list[str] = []
     refuse_if(end_s < SHORTEST_S - motion.dt_s, case.record.source, _LEAST, end, _LONGER[case.role])
     if end_s < GRID_S[-1] - motion.dt_s:
-        moves, found = (
-            first > CREEP_MPS and last > MOVING * first,
-            Sentence(f"{{}} left at its end, {end}", speed(last)),
-        )
-        refuse_if(moves, case.record.source, LONG_ENOUGH, found, _LONGER[case.role])
+        moves, found = last > MOVING * first, Sentence(f"{{}} left at its end, {end}", speed(last))
+        refuse_if(first > CREEP_MPS and moves, case.record.source, LONG_ENOUGH, found, _LONGER[case.role])
         last_g, better = number(motion.accel_mps2[-1] / G, "+.2g"), _LONGER[case.role].partition(";")[0]
         ends = f"Careful: the record ends {end} after contact at {last_g} g; it goes on with no acceleration, which"
         sentences.append(f"{ends} nobody measured. Better {better}.")
@@ -203,8 +200,7 @@ def _pulse_problems(record: Record, choices: Choices, role: Role, *, raw: bool) 
     speed_mps = record.condition.overruled(choices.condition).speed_mps
     if speed_mps is not None and _speed_problems(record, speed_mps, role):
         speed_mps = None
-    problems: list[Problem] = []
-    condition = Condition.of_vector([speed_mps or 0.0, 1.0, 1.0])
+    problems, condition = list[Problem](), Condition.of_vector([speed_mps or 0.0, 1.0, 1.0])
     with collecting(problems):
         settled_at(record, choices, condition, role, [], raw=raw, has_speed=speed_mps is not None)
     # the unit that a speed may tell is asked for along with the speed

@@ -48,8 +48,6 @@ _USUAL_REBOUND = 1.1  # change of velocity over impact speed
 _CAREFUL = "Careful: "  # begins the steps of an import that may be wrong
 _BRAKING = re.compile("decel|verz[oö]g", re.IGNORECASE)  # in the name of a quantity that is positive while braking
 _CLASSES = {"A": "CFC 1000", "B": "CFC 600", "C": "CFC 180", "D": "CFC 60", "0": "unfiltered", "P": "prefiltered"}
-
-
 _Class = float | Literal["none"] | None
 
 
@@ -304,8 +302,7 @@ def _rows(one: Channel, other: Channel, windows_ms: Sequence[float], also: Seque
 
 
 def _channels(path: Path) -> dict[tuple[str, int], Channel]:
-    count: Counter[str] = Counter()
-    numbered: dict[tuple[str, int], Channel] = {}
+    count, numbered = Counter[str](), dict[tuple[str, int], Channel]()
     for channel in read_isomme(path).channels:
         if code := channel.code.upper():
             count[code] += 1

@@ -333,9 +333,7 @@ def read_tables(
     travel: Travel | None = None,
 ) -> _TableSet:
     """Read tables by their columns; a table of conditions must be readable, chosen columns there."""
-    tables = _TableSet()
-    there: set[str] = set()
-    faults: list[Problem] = []
+    tables, there, faults = _TableSet(), set[str](), list[Problem]()
     for path in paths:
         with collecting(faults):
             for sheet in read_sheets(path):
@@ -343,8 +341,7 @@ def read_tables(
                 tables.add(sheet, path, columns, together=together, travel=travel)
     if tables.unread:
         raise DataError([*faults, *tables.unread])
-    absent = [choice.column for choice in columns if choice.column not in there]
-    if absent and not faults:
+    if (absent := [choice.column for choice in columns if choice.column not in there]) and not faults:
         raise UsageError(f"There is no column {listed(absent)}; there are {listed(sorted(there))}.")
     problems += faults
     return tables
@@ -388,17 +385,13 @@ class TableForm:
 
 def table_forms(paths: Sequence[Path]) -> tuple[TableForm, ...]:
     """Group tables by their headers; unreadable ones are skipped here, as reading them later reports why."""
-    forms: dict[tuple[object, ...], TableForm] = {}
-    names: dict[tuple[object, ...], list[str]] = {}
+    forms, names = dict[tuple[object, ...], TableForm](), dict[tuple[object, ...], list[str]]()
     for path in paths:
-        try:
-            sheets = read_sheets(path)
-        except DataError:
-            continue
-        for sheet in sheets:
-            key = (sheet.columns, sheet.units)
-            names.setdefault(key, []).append(sheet.name)
-            if key not in forms:
-                head = sheet.cells.head(_HEAD).set_axis(list(sheet.columns), axis="columns")
-                forms[key] = TableForm((), table_mapping.propose(sheet), head)
+        with suppress(DataError):
+            for sheet in read_sheets(path):
+                key = (sheet.columns, sheet.units)
+                names.setdefault(key, []).append(sheet.name)
+                if key not in forms:
+                    head = sheet.cells.head(_HEAD).set_axis(list(sheet.columns), axis="columns")
+                    forms[key] = TableForm((), table_mapping.propose(sheet), head)
     return tuple(replace(form, names=tuple(names[key])) for key, form in forms.items())

@@ -179,7 +179,13 @@ def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | Non
     with ExitStack() as opened:
 
         def stream(file: Member) -> IO[bytes]:
-            return _unzipped(file, budget) if files.zipped else opened.enter_context(file.opened())
+            if not files.zipped:
+                return opened.enter_context(file.opened())
+            content, expected = BytesIO(), f"at most {_MOST_UNZIPPED >> 20} MiB"
+            for chunk in file.chunks(budget):
+                content.write(chunk)
+                refuse_if(content.tell() > _MOST_UNZIPPED, file.where, expected, "more", "unpack the zip")
+            return content
 
         if families := [[(stream(file), file.where) for file in family] for family in files.families()]:
             run, glstat, matsum = read_binout(families, most, travel)
@@ -197,23 +203,11 @@ def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | Non
             states |= energies_text(whole.chunks(budget), whole.where)
     first = next(chain(*(members.values() for members in files.binout.values()), files.text.values()))
     refuse_if(not run.nodes, first.where, "accelerations of nodes or rigid bodies", "none", ASK)
-    began = float(run.nodes[0].time[0])
+    earliest = float(run.nodes[0].time[0]) * (1 - _ROUNDED)
     if run.is_cut:  # energies of what was before are not the crash's
-        glstat, matsum = (
-            {time: state for time, state in states.items() if time >= began * (1 - _ROUNDED)}
-            for states in (glstat, matsum)
-        )
+        glstat, matsum = ({at: of for at, of in states.items() if at >= earliest} for states in (glstat, matsum))
     last, energies = max(float(node.time[-1]) for node in run.nodes), sorted(glstat)
     if len(energies) > 2 and energies[-1] - last > 2 * max(np.diff(energies)):
         note = f"Careful: nodes end at {last:.4g}, energies at {energies[-1]:.4g}; {COPY_ALL}."
         run = replace(run, notes=(*run.notes, note))
     return run, glstat, matsum
-
-
-def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
-    content = BytesIO()
-    for chunk in file.chunks(budget):
-        expected, is_larger = f"at most {_MOST_UNZIPPED >> 20} MiB", content.tell() + len(chunk) > _MOST_UNZIPPED
-        refuse_if(is_larger, file.where, expected, "more", "unpack the zip")
-        content.write(chunk)
-    return content

@@ -38,10 +38,8 @@ _Shards = Sequence[tuple[IO[bytes], str]]  # seekable files, and their names in 
 
 _DATABASES = dict.fromkeys(("nodouthf", "nodout"), ("{}_acceleration", "{}_velocity"))
 _DATABASES |= {"rbdout": ("global_a{}", "global_v{}")}  # names of variables by axis
-_VARIABLES = {
-    name: frozenset({"time", *(form.format(axis) for form in forms for axis in AXES)})
-    for name, forms in _DATABASES.items()
-}
+_BY_AXIS = {name: {form.format(axis) for form in forms for axis in AXES} for name, forms in _DATABASES.items()}
+_VARIABLES = {name: frozenset({"time", *names}) for name, names in _BY_AXIS.items()}
 _VARIABLES |= {"glstat": GLSTAT, "matsum": MATSUM}
 _METADATA = frozenset({"ids", "legend", "legend_ids", "title", "version", "revision", "date"})
 _FORCES = frozenset({"time", *(f"{axis}_force" for axis in AXES)})
@@ -246,9 +244,8 @@ def _add_states(states: States, file: _LsdaFile, database: str) -> None:
 
 
 def _in_order(file: _LsdaFile, database: str) -> list[tuple[_Folder, dict[str, int]]]:
-    # numbered as they are written
     states = [(folder, names) for folder, names in file.folders.items() if folder[0] == database and "time" in names]
-    return sorted(states, key=lambda state: (len(state[0][-1]), state[0][-1]))
+    return sorted(states, key=lambda state: (len(state[0][-1]), state[0][-1]))  # numbered as they are written
 
 
 def _wanted(folder: _Folder) -> frozenset[str] | None:
@@ -297,8 +294,7 @@ def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
 
 def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
     """Velocities at the start, shape (3, n_nodes), and the largest speeds along each axis."""
-    first: dict[tuple[str, bytes], _Part] = {}
-    fastest = np.zeros(3)
+    first, fastest = dict[tuple[str, bytes], _Part](), np.zeros(3)
     for part in sorted(parts, key=lambda part: float(part.time[0])):
         first.setdefault((part.database, part.of.ids.tobytes()), part)
         for place in np.unique(np.linspace(0, len(part.states) - 1, _SAMPLED, dtype=int)).tolist():
@@ -323,10 +319,8 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
                 is_lost = row is None and not is_last
                 refuse_if(is_lost, part.where, f"{name} in each state", f"none in {state[1]}", COPY_AGAIN)
                 of[:, place] = np.nan if row is None else row[places]
-    return [
-        History(labels[place], part.of.titles.get(labels[place], ""), part.time, accel, velocity)
-        for place, accel, velocity in zip(places, *values, strict=True)
-    ]
+    rows = zip((labels[place] for place in places), *values, strict=True)
+    return [History(name, part.of.titles.get(name, ""), part.time, *curves) for name, *curves in rows]
 
 
 def _titles(file: _LsdaFile, database: str) -> dict[str, str]:

@@ -52,8 +52,7 @@ class Histories:
     nodes: tuple[History, ...]
     total: int  # nodes in the files
     start: FloatArray = field(default_factory=lambda: np.zeros((3, 1)))  # velocities at the first state, (3, n_nodes)
-    # the largest speeds of any node along each axis
-    fastest: FloatArray = field(default_factory=lambda: np.zeros(3))
+    fastest: FloatArray = field(default_factory=lambda: np.zeros(3))  # of any node along each axis
     notes: tuple[str, ...] = ()  # what was joined or left out
     is_cut: bool = False  # to begin where velocities are set
     about: Mapping[str, str] = field(default_factory=dict)  # version and date
@@ -164,8 +163,7 @@ class _Nodout:
     def __init__(self, where: str, most: int, travel: Travel | None) -> None:
         self._where, self._most, self._travel = where, most, travel
         self._titles: dict[str, str] = {}
-        self._in_legend = False
-        self._now = np.nan
+        self._in_legend, self._now = False, np.nan
         self._times: list[float] = []
         self._width = 0  # of the rows of this table; 0 if none is wanted of it
         self._places: list[int] = []  # of accelerations and velocities in a row
@@ -198,23 +196,18 @@ class _Nodout:
         refuse_if(wrong, self._where, "whole rows", f"damage after state {whole}", COPY_AGAIN)
 
     def histories(self, title: str) -> Histories:
-        if len(self._times) == 1:
-            self._choose()
+        self._choose()
         counts = {len(values) // 6 for values in self._series.values()}
         whole, states = min(counts, default=0), len(self._times)
         self._refuse_if(whole < states - 1 or max(counts, default=0) > states)
         expected = "velocities and accelerations (x-vel, x-accl)"
         refuse_if(not whole, self._where, expected, "none", "choose the nodout of a run")
         time, values = np.array(self._times[:whole]), np.array([of[: 6 * whole] for of in self._series.values()])
-        values = values.reshape(-1, whole, 2, 3).transpose(
-            2, 3, 0, 1
-        )  # kinds (acceleration first), axes, nodes, states
+        values = values.reshape(-1, whole, 2, 3).transpose(2, 3, 0, 1)  # acceleration first; axes, nodes, states
         fastest = np.maximum(np.abs(self._start).max(axis=1), np.abs(values[1]).max(axis=(1, 2)))
         along = values[:, axis_of_travel(self._start, self._travel, fastest)]
-        nodes = tuple(
-            History(name, self._titles.get(name, ""), time, accel, velocity)
-            for name, accel, velocity in zip(self._series, *along, strict=True)
-        )
+        rows = zip(self._series, *along, strict=True)
+        nodes = tuple(History(name, self._titles.get(name, ""), time, *curves) for name, *curves in rows)
         notes = (*self._notes, *[CUT] * (whole < states))
         run = Histories(title, nodes, len(self._first), self._start, fastest, notes)
         return run.since_departure(self._travel, lambda begin: values[1][..., int(np.searchsorted(time, begin))])
@@ -229,8 +222,7 @@ class _Nodout:
         self._unread = False
 
     def _begin_state(self, columns: list[bytes]) -> None:
-        if len(self._times) == 1:
-            self._choose()
+        self._choose()
         if self._times and self._now <= self._times[-1]:
             self._rewind()
         self._refuse_if(self._unread)
@@ -239,7 +231,7 @@ class _Nodout:
         check_count(3 * len(self._times) * max(len(self._series), 1), self._where)
 
     def _choose(self) -> None:
-        if not self._first:
+        if len(self._times) != 1 or not self._first:
             return
         self._start = np.array(list(self._first.values())).T[3:]
         kept = nodes_to_keep(list(self._first), self._titles, self._most)

@@ -45,8 +45,7 @@ def opened_members(
 
 def read_all(items: Iterable[Item], read: Callable[[Item], Result], source: str) -> tuple[Result, ...]:
     """What is read of each item; a DataError with the problems of all that cannot be read."""
-    results: list[Result] = []
-    problems: list[Problem] = []
+    results, problems = list[Result](), list[Problem]()
     for item in items:
         with collecting(problems), np.errstate(all="ignore"):  # damaged data may hold any number
             results.append(read(item))

@@ -141,10 +141,8 @@ def nhtsa_record(
     wanted = [str(sensor.number) for sensor in _at_best_place([one for one in sensors if not one.doubt])[0]]
     if {*wanted} & {*damaged} or not channels:
         refuse_all([damaged[name] for name in wanted if name in damaged] or [*damaged.values()], source)
-    notes = [
-        *notes,
-        *[f"Left out as damaged or empty: {', '.join(by_name[name].shown for name in damaged)}."] * bool(damaged),
-    ]
+    if damaged:
+        notes = [*notes, f"Left out as damaged or empty: {', '.join(by_name[name].shown for name in damaged)}."]
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
         times = {by_name[name]: channels[name].time_s for name in names}
@@ -188,12 +186,11 @@ def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read one NHTSA test: its folder, its ``.EV5`` file, or a zip."""
-    kind = "an NHTSA test (.EV5)"
 
     def wanted(file: PurePath) -> bool:
         return FORMATS["nhtsa"].has(file) or is_numbered(file)
 
-    with opened_members(path, wanted, kind, limits) as (members, budget):
+    with opened_members(path, wanted, "an NHTSA test (.EV5)", limits) as (members, budget):
         specification = _specification(members, path)
         sections = _sections(specification, budget)
         stem = specification.path.stem.lower()
@@ -232,8 +229,7 @@ def _specification(members: Sequence[Member], path: Path) -> Member:
 
 
 def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
-    sections: dict[str, list[list[str]]] = {}
-    current: list[list[str]] = []
+    sections, current = dict[str, list[list[str]]](), list[list[str]]()
     for line in _lines(member, budget, _MOST_LINES):
         if line.startswith("-----"):
             current = sections.setdefault(line.strip("- "), [])

@@ -36,10 +36,7 @@ from crashfuse.signals.pulse import FloatArray
 
 _KIND = "a Radioss time history (T01, CSV)"
 _NODES, _WALLS, _ACCELEROMETERS = 0, 102, 108
-_VARIABLES = {
-    _NODES: RADIOSS["node"],
-    _ACCELEROMETERS: RADIOSS["accelerometer"],
-}  # that are read, by the kind of a group
+_VARIABLES = {_NODES: RADIOSS["node"], _ACCELEROMETERS: RADIOSS["accelerometer"]}  # read, by the kind of a group
 _UNREAD = {101: "interfaces", 103: "rigid bodies", 104: "sections", 105: "joints"}
 _MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 100_000
 _AGAIN = f"{COPY_AGAIN}, or write it in the default form (/TFILE/4)"
@@ -238,8 +235,7 @@ def _watched_of_csv(table: FloatArray, labels: list[str], start: int, where: str
     for place, label in enumerate(labels, start):
         name, variable = _object_and_variable(label, place, where)
         objects[name][variable] = table[:, place]
-    watched: dict[str, Watched] = {}
-    unread: list[str] = []
+    watched, unread = dict[str, Watched](), list[str]()
     for label, variables in objects.items():
         forms = (*(rf"(.{{{width}}}) (\d{{1,10}})(?: (.*))?" for width in _WIDTHS), r"(.*?)\s+(\d{1,10})(?:\s+(.*))?")
         match = next(filter(None, (re.fullmatch(form, label) for form in forms)), None)

@@ -157,8 +157,7 @@ def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
     time, columns = one.time, list(one.curves.values())
     if not np.isfinite([*map(np.sum, columns), momentum.sum(), momentum[0]]).all() or not momentum[0]:
         return {}
-    # velocity of the centre of gravity of what moves
-    vehicle = np.interp(time, history.time, momentum / momentum[0] * speed)
+    vehicle = np.interp(time, history.time, momentum / momentum[0] * speed)  # the centre of gravity of what moves
     alive = [column for column in columns if np.ptp(column) > 0]
     starts = [abs(column[0] - speed) <= _SAME_VELOCITY * abs(speed) for column in alive]
     near = [np.abs(column - vehicle).max() <= _NEAR * abs(speed) for column in alive]

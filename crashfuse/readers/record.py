@@ -21,7 +21,6 @@ _UNLIKE = 0.03  # share of a force by which a sum may differ from its parts
 _LISTED = 5  # channels in a message
 _LONGEST = 190  # characters of a column on where a record comes from
 
-
 _Signal = tuple[FloatArray, FloatArray]  # time in s, and force in N
 
 

@@ -52,12 +52,8 @@ _FAST_MPS, _HARD_MPS2 = 33.0, 45 * G  # of no car into a barrier, start and mean
 _SHARE_OF = ("the energy at the start", "the largest internal energy", "the mass at the start")  # by QUALITIES
 
 # of the units of mass that may go with each, the usual one first
-_MASSES_KG: dict[str, tuple[float, ...]] = {
-    "mm/ms²": (1.0, 1e-3, 1e3),
-    "mm/s²": (1e3, 1.0, 1e-3),
-    "m/s²": (1.0, 1e3, 1e-3),
-}
-_MASSES_KG |= {"cm/s²": (1e-3, 1.0), "in/s²": (175.1268,), "ft/s²": (14.59390,)}
+_MASSES_KG: dict[str, tuple[float, ...]] = {"mm/ms²": (1.0, 1e-3, 1e3), "mm/s²": (1e3, 1.0, 1e-3)}
+_MASSES_KG |= {"m/s²": (1.0, 1e3, 1e-3), "cm/s²": (1e-3, 1.0), "in/s²": (175.1268,), "ft/s²": (14.59390,)}
 
 # of a run: its unit of time in s, the unit of acceleration (None: not known), and a sentence
 Units = tuple[float, str | None, str]
@@ -98,8 +94,7 @@ class History:
     def since(self, time: float) -> "History":
         """Its states from a time on."""
         late = self.time >= time
-        velocity = self.velocity[late]
-        return replace(self, time=self.time[late], acceleration=self.acceleration[late], velocity=velocity)
+        return replace(self, time=self.time[late], acceleration=self.acceleration[late], velocity=self.velocity[late])
 
     @property
     def lacks_acceleration(self) -> bool:

@@ -181,8 +181,7 @@ class Heading:
 
 def named_above(lines: Iterable[str]) -> tuple[str, ...]:
     """What lines above a table name its curve: values of keys such as ``Channel: Driver head X``, or few words."""
-    named = []
-    lines = [*lines]
+    named, lines = list[str](), [*lines]
     is_listing = sum(_numbered_channel(line)[0] is not None for line in lines) > 1
     for line in lines:
         key, value = vocabulary.key_and_value(line)

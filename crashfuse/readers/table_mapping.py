@@ -94,10 +94,8 @@ def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
 
 def _along(sheet: Sheet, axis: str) -> Mapping:
     sample = replace(sheet, cells=sheet.cells.head(SAMPLE))
-    uses = [
-        replace(Heading(Heading(column).along(axis), unit).use, column=column)
-        for column, unit in zip(sheet.columns, sheet.units, strict=True)
-    ]
+    cells = zip(sheet.columns, sheet.units, strict=True)
+    uses = [replace(Heading(Heading(column).along(axis), unit).use, column=column) for column, unit in cells]
     if not any(use.role in _OF_CONDITIONS for use in uses):
         for place, use in enumerate(uses):
             if (use.is_unknown or use.role == "id") and numbers_rows(sample.column(use.column)):

@@ -277,8 +277,7 @@ def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
 
 
 def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_Block]:
-    found: list[_Block] = []
-    rows: list[list[bool | None]] = []
+    found, rows = list[_Block](), list[list[bool | None]]()
     begin: int | None = None
     for number, row in enumerate([*grid, ["end"]]):
         cells = [is_number(cell, decimal) if cell.strip() else None for cell in row]
@@ -311,8 +310,7 @@ def _trimmed(row: Sequence[str]) -> list[str]:
 
 def unique(header: Sequence[str]) -> tuple[str, ...]:
     """Headers that tell their columns apart; those without one are numbered."""
-    names: list[str] = []
-    seen: set[str] = set()
+    names, seen = list[str](), set[str]()
     for number, cell in enumerate(header, start=1):
         name = original(_in_one_line(cell))[:_LONGEST_HEADER] or f"column {number}"
         while name in seen:
@@ -386,8 +384,7 @@ def _examined(member: Member, budget: Budget) -> bool:
 
 
 def _grid(rows: Iterator[tuple[object, ...]], name: str, most: int) -> list[list[str]]:
-    grid: list[list[str]] = []
-    cells = width = 0
+    grid, cells, width = list[list[str]](), 0, 0
     for row in rows:
         shown = ["" if cell is None else repr(cell) if isinstance(cell, float) else str(cell).strip() for cell in row]
         while shown and not shown[-1]:

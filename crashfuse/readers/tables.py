@@ -57,7 +57,6 @@ _DIALECTS = (",.", ";,", ";.", "\t,", "\t.", "|.", " .", " ,", ",,")  # delimite
 
 
 def _with_clock_in_seconds(sheet: Sheet) -> Sheet:
-
     def is_clock(cells: pd.Series) -> bool:
         return len(cells) >= _FEWEST_TIMES and all(all(some.str.fullmatch(_CLOCK)) for some in (cells[:SAMPLE], cells))
 
@@ -178,10 +177,8 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
 
 
 def _segments(lines: Sequence[str], delimiter: str, decimal: str) -> list[_Segment]:
-    segments: list[_Segment] = []
-    tags: dict[str, Sequence[str]] = {}
+    segments, tags, special = list[_Segment](), dict[str, Sequence[str]](), False
     segment: _Segment | None = None
-    special = False
     for row, line in enumerate(lines, start=1):
         cells = [cell.strip() for cell in line.split(delimiter)]
         if cells[0].startswith("***"):

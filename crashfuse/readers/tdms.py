@@ -69,11 +69,10 @@ def _waveform(
     # descriptors of ISO-MME, which programs that convert it keep as properties, blanks or not
     origin, status = (_text_of(properties, f"data {of}", f"data_{of}") for of in ("source", "status"))
     origin = origin or (channel.group if vocabulary.is_simulated(channel.group) else "")
-    sensor = _text_of(properties, *_SENSOR)
     code = ChannelCode.parsed(label)
     status = status if code is None else code.status(status)
     comment = max((_text_of(properties, key) for key in _COMMENTS), key=vocabulary.doubt_in)
-    told = "the file", origin, status, sensor, "", comment
+    told = "the file", origin, status, _text_of(properties, *_SENSOR), "", comment
     return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, *told)
 
 
@@ -226,8 +225,7 @@ def _laboratory_condition(properties: Properties) -> tuple[PartialCondition, lis
 
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
     """Read TDMS files (one, a folder or a zip of them), one record each."""
-    kind = ".tdms files"
-    of_the_format = FORMATS["tdms"].has
+    kind, of_the_format = ".tdms files", FORMATS["tdms"].has
     with opened_members(path, of_the_format, kind, limits) as (members, budget):
         if of_the_format(path):
             members = [member for member in members if member.path.as_posix() == path.name]

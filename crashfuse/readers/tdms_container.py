@@ -169,8 +169,7 @@ def parse_tdms(content: bytes, where: str) -> TdmsFile:
 class _Reader:
     def __init__(self, content: bytes, where: str) -> None:
         self.at, self.objects = 0, dict[str, TdmsChannel]()
-        self._content, self._where = content, where
-        self._order = "<"
+        self._content, self._where, self._order = content, where, "<"
         self._present: dict[str, TdmsChannel] = {}  # in this segment, in the order of their raw data
         self._metadata_bytes = self._visits = 0
 

@@ -74,11 +74,9 @@ Travel = Literal["x", "-x", "y", "-y", "z", "-z"]  # in the file's own axes
 TRAVELS: tuple[Travel, ...] = get_args(Travel)
 
 # factors to m/s² of the units that occur in records; mm/s² and what follows are those of solvers
-ACCELERATION_UNITS: Mapping[str, float] = {
-    **{"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3},
-    **{"cm/s²": 0.01, "in/s²": 0.0254, "ft/s²": 0.3048},
-}
-USUAL_UNITS = tuple(ACCELERATION_UNITS)[:4]  # the others are not inferred
+_USUAL = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
+ACCELERATION_UNITS: Mapping[str, float] = _USUAL | {"cm/s²": 0.01, "in/s²": 0.0254, "ft/s²": 0.3048}
+USUAL_UNITS = tuple(_USUAL)  # the others are not inferred
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time": {"s": 1.0, "ms": MS, "µs": 1e-6},
@@ -267,9 +265,8 @@ def key_and_value(line: str) -> tuple[str, str]:
 
 def statement_of_simulation(lines: Iterable[str]) -> str:
     """The first of the lines above a table that says that a program computed it."""
-    return next(
-        (line.strip() for line in lines if HEADERS["statement"].search(_plain(line)) or _says_simulated(line)), ""
-    )
+    stated = (line.strip() for line in lines if HEADERS["statement"].search(_plain(line)) or _says_simulated(line))
+    return next(stated, "")
 
 
 def _says_simulated(line: str) -> bool:

@@ -59,8 +59,6 @@ _Members = tuple[int, ...]  # numbers of vehicles of the archive
 
 @dataclass(frozen=True)
 class _Part:
-    """A few tests of a vehicle, from which all its others are predicted: one task of a worker."""
-
     campaign: Campaign
     chosen: _Chosen
     run: Run
@@ -75,18 +73,14 @@ class _Part:
         return self.campaign.without([test.id for test in self.held_out])
 
     def components(self) -> list[list[Component]]:
-        """Time and displacement domain at each left-out test, on every tenth sample; kept in the cache."""
         few = replace(self.few, prior=None)
 
         def predict() -> tuple[FloatArray, Entry]:
             settings, approaches = Settings(seed=self.seed), (TimeDomain, DisplacementDomain)
             fits = [kind.create(settings).fitted(few, self.run)[0] for kind in approaches]
             predictions = [fit.predict(test.condition) for test in self.held_out for fit in fits]
-            rows = [
-                np.vstack([prediction.accel_mps2, prediction.draws_mps2[:_DRAWS]])[:, ::STRIDE]
-                for prediction in predictions
-                if prediction.draws_mps2 is not None
-            ]
+            drawn = ((own.accel_mps2, own.draws_mps2[:_DRAWS]) for own in predictions if own.draws_mps2 is not None)
+            rows = [np.vstack(pair)[:, ::STRIDE] for pair in drawn]
             pulses = np.array(rows).reshape(len(self.held_out), len(fits), 1 + _DRAWS, -1)
             return pulses, {"pulses": pulses}
 
@@ -99,7 +93,6 @@ class _Part:
         return [bool(self.components())]
 
     def scores(self) -> list[tuple[Scores, Scores]]:
-        """Scores of the components at each left-out test: with the tuned network, and with the shipped one."""
         few = self.few, replace(self.few, prior=None)
         networks = [Pretrained(seed=self.seed).fit(campaign, self.run) for campaign in few]
         tests = Tests.of(self.few, networks[0].model_)
@@ -118,7 +111,6 @@ class _Part:
         return Fused(seed=self.seed).fit(self.few, self.run)
 
     def predictions(self) -> Iterator[tuple[CrashTest, Prediction, dict[str, FloatArray], dict[str, float]]]:
-        """The fused prediction of each left-out test, the metrics of its draws, and those measured."""
         occupant = self.campaign.occupant
         for test, components in zip(self.held_out, self.components(), strict=True):
             prediction = self.fused.predict_from(test.condition, [predicted(test, *part) for part in components])
@@ -133,7 +125,6 @@ class _Part:
         ]
 
     def judged(self) -> list[dict[str, float]]:
-        """Rating, and by metric whether the test lies in its interval, and how wide that is."""
         errors = metric_errors(self.fused.left_out(self.few), self.few, self.fused.usual_errors)
         rows = []
         for test, prediction, drawn, measured in self.predictions():
@@ -193,7 +184,6 @@ class _Computation:
         return DisplacementDomain(seed=self.seed).fitted(campaign, self.run)[0].to_teach()
 
     def prepared(self, campaign: Campaign) -> Vehicle:
-        """Predict a vehicle's tests by both approaches from a few others; its tests as the network reads them."""
         settings = Settings(seed=self.seed)
         conditions = [test.condition for test in campaign.tests]
         for approach in (TimeDomain, DisplacementDomain):
@@ -238,7 +228,6 @@ class _Learning:
         return Prior(names, self.networks[members], PRIOR, {}, carried_over(self.biases[list(members)]))
 
     def record(self, number: int, prior: Prior) -> Iterator[dict[str, object]]:
-        """How a vehicle is predicted with what the others teach, and without, by number of tests."""
         for size in SIZES:
             rows = [self._each(_Part.judged, number, taught, size) for taught in (prior, None)]
             with_archive, without = map(pd.DataFrame, rows)
@@ -287,22 +276,17 @@ def learn_archive(
     A UsageError if there are fewer, one has fewer than four tests, or two share a name, tests or CAE runs.
     """
     campaigns = [replace(campaign, prior=None) for campaign in _checked(campaigns)]
-    with running(campaigns[0], cache=cache, watch=watch, workers=workers) as run:
-        return _learned(campaigns, _Computation(seed, run))
-
-
-def _learned(campaigns: Sequence[Campaign], computation: _Computation) -> VehicleArchive:
-    seed = computation.seed
-    vehicles = [computation.prepared(campaign) for campaign in campaigns]
     everyone = tuple(range(len(campaigns)))
     without = [_less(everyone, number) for number in everyone]
     wanted = sorted({everyone, *without, *(_less(members, member) for members in without for member in members)})
-    work = partial(_tuned, vehicles=vehicles, seed=seed)
-    weights = computation.each(work, campaigns[0], wanted, "Tuning of the pre-trained network")
-    biases = np.array([computation.bias(campaign) for campaign in campaigns])
-    learning = _Learning(campaigns, biases, dict(zip(wanted, weights, strict=True)), computation)
-    whole, *priors = (learning.prior(members) for members in (everyone, *without))
-    rows = [row for number, prior in enumerate(priors) for row in learning.record(number, prior)]
+    with running(campaigns[0], cache=cache, watch=watch, workers=workers) as run:
+        computation = _Computation(seed, run)
+        work = partial(_tuned, vehicles=[computation.prepared(campaign) for campaign in campaigns], seed=seed)
+        weights = computation.each(work, campaigns[0], wanted, "Tuning of the pre-trained network")
+        biases = np.array([computation.bias(campaign) for campaign in campaigns])
+        learning = _Learning(campaigns, biases, dict(zip(wanted, weights, strict=True)), computation)
+        whole, *priors = (learning.prior(members) for members in (everyone, *without))
+        rows = [row for number, prior in enumerate(priors) for row in learning.record(number, prior)]
     return VehicleArchive(tuple(map(_past, campaigns)), whole, tuple(priors), pd.DataFrame(rows), seed)
 
 

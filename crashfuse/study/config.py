@@ -87,11 +87,11 @@ class StudyConfig:
             raise ValueError(f"no configuration of a study: {error}") from error
 
     def left_out(self, campaign: Campaign, test_id: str) -> tuple[str, ...]:
-        """The tests that may not be learned from to predict this one, itself among them."""
+        """The tests not learned from to predict this one, itself among them."""
         return campaign.speed_group(test_id) if self.leave_out == "speed group" else (test_id,)
 
     def training_campaign(self, campaign: Campaign, test_id: str) -> Campaign:
-        """The campaign that may be learned from to predict this test."""
+        """The campaign learned from to predict this test."""
         return campaign.without(self.left_out(campaign, test_id))
 
     @property
@@ -122,17 +122,17 @@ class StudyConfig:
 
     @property
     def on_this_device(self) -> "StudyConfig":
-        """The config with the device that its approaches use here: "auto" may mean another one on another machine."""
+        """The config with the device that its approaches use here in place of "auto"."""
         devices = [device for name in self.approaches if (device := self.create(name).device)] or [self.device]
         return replace(self, device=cast(Device, devices[0]))
 
     def create(self, approach: str) -> Approach:
-        """Create the unfitted approach with this name and these settings."""
+        """The unfitted approach with these settings."""
         return create(approach, settings=Settings(self.preset, self.seed, self.device))
 
 
 def require_window(window_ms: object) -> None:
-    """Raise a UsageError if nothing can be rated over [0, window_ms) of a prediction."""
+    """Raise a UsageError if nothing can be rated over [0, window_ms)."""
     if not (isinstance(window_ms, Real) and 10 <= float(window_ms) <= 100):
         asked = f"{window_ms:g}" if isinstance(window_ms, Real) else printable(str(window_ms), 40)
         raise UsageError(f"A rating window of {asked} ms is not possible; choose 10 to 100 ms.")
@@ -147,7 +147,7 @@ def require_rated(what: str, window_ms: float, known: Sequence[float]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class StudyPlan:
-    """Which tests of a campaign to leave out in turn (empty: all), and how; checked, so any plan can be run."""
+    """Which tests to leave out in turn (empty: all), and how; checked, so any plan can be run."""
 
     campaign: Campaign
     config: StudyConfig = StudyConfig()

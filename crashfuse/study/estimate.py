@@ -44,7 +44,7 @@ _LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Estimate(Prediction):
-    """An approach's prediction at one condition, with its fit results and the duration of both."""
+    """An approach's prediction at one condition, with its fit."""
 
     approach: str
     state: dict[str, object] = field(default_factory=dict)  # fit results as plain JSON values
@@ -69,10 +69,7 @@ class Estimate(Prediction):
 
     @cached_property
     def representative(self) -> dict[str, FloatArray]:
-        """A pulse that looks like a test, by what follows the approach in its name; where tests fold in two ways both.
-
-        None without draws.
-        """
+        """A pulse that looks like a test, by what follows the approach in its name; a pulse for each fold; if drawn."""
         if self.draws_mps2 is None:
             return {}
         if self.apart is None:
@@ -81,7 +78,7 @@ class Estimate(Prediction):
 
     @property
     def by_fold(self) -> dict[str, Self]:
-        """It as in either way to fold, by the names that its metrics have for these; none if there is one way."""
+        """It as in either way to fold, by name; none if there is one way."""
         if self.apart is None or self.draws_mps2 is None:
             return {}
         folds = zip(("most", self.apart_as), (~self.apart, self.apart), self.folds_mps2, strict=True)
@@ -98,7 +95,7 @@ class Estimate(Prediction):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """An approach fitted to a campaign, with the duration of the fit and its predictions of left-out tests."""
+    """An approach fitted to a campaign, and its predictions of left-out tests."""
 
     approach: Approach
     config: StudyConfig
@@ -168,7 +165,7 @@ class Fit:
 
 
 def fits_of(campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, run: Run) -> list[Fit]:
-    """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
+    """The fits of approaches to a campaign, once each; a UsageError if none is asked for."""
     for one in approaches:
         require_a(str | Fit, one, "the name of an approach, or crashfuse.Fit.of(campaign, approach)")
     asked = dict.fromkeys(approaches)
@@ -183,7 +180,7 @@ def fits_of(campaign: Campaign, approaches: Sequence[str | Fit], config: StudyCo
 
 
 def check_factors(campaign: Campaign, condition: Condition) -> None:
-    """Raise a UsageError if these are no campaign and condition, or no test has a factor of it, or its value."""
+    """Raise a UsageError if these are none, or no test has such a factor or its value."""
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     for name, value in condition.factors:
@@ -276,7 +273,7 @@ def estimate_at(
 def find_estimate(
     campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
 ) -> Estimate | None:
-    """The cached estimate for these settings and exactly this campaign, or None."""
+    """The cached estimate for these settings and this campaign, or None."""
     restore = partial(_restored, condition, approach, campaign.occupant)
     return cache.find(_KIND, _cache_key(campaign, condition, approach, config), restore)
 
@@ -315,21 +312,10 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
     )
     if not isinstance(text["state"], dict) or errors.keys() != METRIC_LABELS.keys():
         raise ValueError("no estimate")
-    return Estimate(
-        condition,
-        finite(entry, "accel_mps2", N_SAMPLES),
-        draws,
-        notes,
-        apart,
-        apart_as,
-        approach=approach,
-        state=text["state"],
-        seconds=float(text["seconds"]),
-        left_out_mps2=left_out,
-        agreements={test: float(value) for test, value in text["agreements"].items()},
-        metric_errors=errors,
-        occupant=occupant,
-    )
+    prediction = condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes, apart, apart_as
+    estimate = Estimate(*prediction, approach=approach, state=text["state"], seconds=float(text["seconds"]))
+    agreements = {test: float(value) for test, value in text["agreements"].items()}
+    return replace(estimate, left_out_mps2=left_out, agreements=agreements, metric_errors=errors, occupant=occupant)
 
 
 def _cache_key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:

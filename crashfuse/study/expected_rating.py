@@ -108,7 +108,7 @@ class ExpectedRating:
 
     @property
     def sentence(self) -> str:
-        """The expected rating, and how many tests near the condition it rests on."""
+        """The expected rating, and what it rests on."""
         n, rated = len(self.tests), rating_range(self.lowest, self.highest)
         where = f"up to {{}} {self.side}" if self.side else "within {}"
         return Sentence(
@@ -129,11 +129,11 @@ class ExpectedRating:
 
     @property
     def grades(self) -> str:
-        """Grades of both ends as they are displayed, so that 0.94 is Good beside "Excellent above 0.94"."""
+        """Grades of both ends by the digits displayed."""
         return " to ".join(dict.fromkeys(grade(round(end, 2)) for end in (self.lower, self.upper)))
 
     def surprise(self, rating: float) -> str:
-        """How a rating compares with what was expected, in words, by the digits that are displayed."""
+        """How a rating compares with what was expected, by the digits displayed."""
         lower, upper, least, most = (round(end, 2) for end in (self.lower, self.upper, self.least, self.most))
         rating = round(rating, 3)
         if lower <= rating <= upper:
@@ -167,7 +167,7 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     away = np.array([abs(test.condition.speed_mps - speed_mps) for test in tests])
     reach = max(_REACH_MPS, away[:_LEAST].max() + _ALIKE_MPS)
     near = tests[: int((away <= reach).sum())]
-    ratings = [_overall(test.pulse, left_out[test.id], window_ms) for test in tests]
+    ratings = [overall_rating(test.pulse, left_out[test.id], window_ms) for test in tests]
     agreements = np.array([estimate.agreements.get(test.id, np.nan) for test in tests])
     single = RatingDistribution.learned(np.array(ratings), away, agreements, estimate.agreement)
     median, lower, upper, least, most = map(single.quantile, _SHARES)
@@ -181,16 +181,17 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
 
 
 def mean_near(estimate: Estimate, campaign: Campaign, tests: Sequence[str], window_ms: float) -> float:
-    """Mean rating over [0, window_ms) of an approach's predictions of some tests, left out."""
+    """Mean rating over [0, window_ms) of predictions of left-out tests."""
     left_out = estimate.left_out_mps2
-    return float(np.mean([_overall(campaign.test(test).pulse, left_out[test], window_ms) for test in tests]))
+    return float(np.mean([overall_rating(campaign.test(test).pulse, left_out[test], window_ms) for test in tests]))
 
 
-def _overall(measured: Pulse, predicted_mps2: FloatArray, window_ms: float) -> float:
+def overall_rating(measured: Pulse, predicted_mps2: FloatArray, window_ms: float) -> float:
+    """Overall rating of a predicted pulse over [0, window_ms)."""
     return _cached_overall(measured, predicted_mps2.astype(np.float64).tobytes(), float(window_ms))
 
 
 @lru_cache(maxsize=512)  # at every condition the same tests are asked about; bytes, up to 10 kB, can be a key
 def _cached_overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
-    predicted = Pulse(GRID_S, np.frombuffer(predicted_mps2))
-    return rate_windows(measured, predicted, [window_ms])[window_ms].overall
+    accel_mps2 = np.frombuffer(predicted_mps2)
+    return rate_windows(measured, Pulse(GRID_S[: accel_mps2.size], accel_mps2), [window_ms])[window_ms].overall

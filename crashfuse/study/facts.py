@@ -134,7 +134,7 @@ def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
 
 
 def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:
-    """Facts of a prediction at a condition: what stands apart or is in doubt near it, what is extrapolated."""
+    """What stands apart or is in doubt near a condition, what is extrapolated."""
     apart = [departure_fact(departure) for departure in departures_near(campaign, condition, at_nearest=True)]
     doubtful = [doubt_fact(test) for test in doubtful_tests(campaign, condition)]
     return (*apart, *doubtful, *extrapolation_facts(campaign, condition))
@@ -152,7 +152,7 @@ def extrapolation_facts(campaign: Campaign, condition: Condition) -> tuple[Fact,
 
 
 def window_facts(test: CrashTest, window_ms: float) -> tuple[Fact, ...]:
-    """What the rated window of a test does not hold: its peak, its time of zero velocity."""
+    """Whether the rated window of a test lacks its peak or time of zero velocity."""
     metrics = {m.name: m for m in checked_metrics(test.pulse.accel_mps2, test.condition.speed_mps)}
     peak_g, peak_ms, ttzv_ms = (metrics[name].value for name in ("peak", "peak_time", "t0"))
     late = ["the peak"] * (peak_ms is not None and peak_ms >= window_ms)

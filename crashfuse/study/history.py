@@ -67,37 +67,21 @@ class PastResult:
     @classmethod
     def of_study(cls, study: Study) -> Self:
         """The record of a finished study."""
-        campaign, groups = study.campaign, study.speed_groups
-        return cls(
-            campaign=campaign.name,
-            fingerprint=campaign.fingerprint,
-            config=study.config,
-            basis=campaign.rating_basis,
-            approach=recommend(study).approach,
-            date=_now(),
-            ratings=_overall(study),
-            speed_groups={} if groups is None else _overall(groups),
-        )
+        asked = _asked(study.campaign, study.config, recommend(study).approach)
+        groups = {} if study.speed_groups is None else _overall(study.speed_groups)
+        return cls(*asked, ratings=_overall(study), speed_groups=groups)
 
     @classmethod
     def of_prediction(cls, campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> Self:
         """The record of a prediction by several approaches at one condition."""
         condition = estimates[0].condition
         advice = recommend_for(estimates, campaign, condition)
-        return cls(
-            campaign=campaign.name,
-            fingerprint=campaign.fingerprint,
-            config=config,
-            basis=campaign.rating_basis,
-            approach=advice.approach,
-            date=_now(),
-            condition=condition,
-            expected="" if advice.expected is None else advice.expected.range,
-        )
+        expected = "" if advice.expected is None else advice.expected.range
+        return cls(*_asked(campaign, config, advice.approach), condition=condition, expected=expected)
 
     @property
     def id(self) -> str:
-        """Twelve hexadecimal digits, equal for equal data, question and settings: a repetition replaces the record."""
+        """Twelve hexadecimal digits of data, question and settings: a repetition replaces the record."""
         settings = asdict(self.config)
         del settings["to_ttzv"], settings["also"]  # of which nothing is kept
         asked = [self.fingerprint, settings, sorted(self.ratings), self.condition and self.condition.text]
@@ -128,6 +112,10 @@ class PastResult:
         """The test that was predicted worst, and its rating."""
         overall = {test_id: test[approach][window_ms] for test_id, test in self.ratings.items()}
         return min(overall.items(), key=lambda rated: rated[1])
+
+
+def _asked(campaign: Campaign, config: StudyConfig, approach: str) -> tuple[str, str, StudyConfig, str, str, str]:
+    return campaign.name, campaign.fingerprint, config, campaign.rating_basis, approach, _now()
 
 
 def keep(result: PastResult) -> None:
@@ -174,7 +162,7 @@ def _write(result: PastResult, folder: Path) -> None:
 
 
 def past_results() -> list[PastResult]:
-    """All that was kept, the latest first; what is no record, or is damaged, is passed over."""
+    """All that was kept and can be read, the latest first."""
     records = [_read(path) for path in _home().glob("*.json")]
     results = [record for record in records if record is not None]
     return sorted(results, key=lambda result: result.date, reverse=True)[:MOST]
@@ -193,14 +181,10 @@ def parsed(values: Mapping[str, Any]) -> PastResult:
     ratings, groups = (_ratings(values[name], texts["approach"]) for name in ("ratings", "speed_groups"))
     if not ratings and condition is None:
         raise ValueError("neither a study nor a prediction")
+    note = printable(str(values.get("note", "")), LONGEST_NOTE)
+    config = StudyConfig.parse(values["config"])
     return PastResult(
-        **texts,
-        config=StudyConfig.parse(values["config"]),
-        ratings=ratings,
-        speed_groups=groups,
-        condition=condition,
-        expected=expected,
-        note=printable(str(values.get("note", "")), LONGEST_NOTE),
+        **texts, config=config, ratings=ratings, speed_groups=groups, condition=condition, expected=expected, note=note
     )
 
 
@@ -230,10 +214,7 @@ def _ratings(values: Mapping[str, Any], approach: str) -> Ratings:
 
 def _overall(study: Study) -> Ratings:
     return {
-        fold.held_out: {
-            name: {window: round(rating.overall, 6) for window, rating in by_window.items()}
-            for name, by_window in fold.ratings.items()
-        }
+        fold.held_out: {name: {w: round(r.overall, 6) for w, r in own.items()} for name, own in fold.ratings.items()}
         for fold in study.folds
     }
 
@@ -303,7 +284,7 @@ class StudyComparison:
         return pd.DataFrame(rows, columns=names)
 
     def sentences(self, window_ms: float | None = None, left_out: str | None = None) -> tuple[str, ...]:
-        """One for each approach, the preferred one first: which study rates it higher, and whether that is clear."""
+        """For each approach, the preferred one first: which study rates it higher, and whether clearly."""
         table = self.over(window_ms, left_out)
         means = {row["approach"]: row for row in self.means(window_ms, left_out).to_dict("records")}
         return tuple(_sentence(means[name], table[table["approach"] == name]) for name in by_preference(means))

@@ -151,11 +151,7 @@ class LearningCurve:
 
 
 def learning_curve(
-    campaign: Campaign,
-    config: StudyConfig = CURVE_CONFIG,
-    *,
-    repeats: int = REPEATS,
-    **run: Unpack[RunOptions],
+    campaign: Campaign, config: StudyConfig = CURVE_CONFIG, *, repeats: int = REPEATS, **run: Unpack[RunOptions]
 ) -> LearningCurve:
     """Predict and rate tests from 1, 2, 3, 4, 6, 8, 10 … and all but one of the others.
 
@@ -249,12 +245,11 @@ def measure(estimate: Estimate, test: CrashTest, window_ms: float) -> _Row:
 def _table(
     parts: Sequence[Subset], known: dict[tuple[str, ...], list[_Row]]
 ) -> tuple[pd.DataFrame, tuple[dict[str, Distribution | None], ...]]:
-    def rows() -> Iterator[_Row]:
-        for part in parts:
-            subset = {"n_tests": len(part.chosen), "chosen": " ".join(part.chosen), "choice": part.choice}
-            yield from ({**subset, **row} for row in known[part.chosen])
-
-    table = pd.DataFrame(rows()).astype({"inside": float, "half_width_g": float})
+    rows = list[_Row]()
+    for part in parts:
+        subset = {"n_tests": len(part.chosen), "chosen": " ".join(part.chosen), "choice": part.choice}
+        rows += [{**subset, **row} for row in known[part.chosen]]
+    table = pd.DataFrame(rows).astype({"inside": float, "half_width_g": float})
     forecasts = tuple(
         {name: None if metric is None else Distribution(*metric) for name, metric in row.items()}
         for row in table.pop(_FORECAST)
@@ -267,10 +262,6 @@ def _rows(entry: dict[str, Any]) -> list[_Row]:
 
 
 def _key(campaign: Campaign, chosen: tuple[str, ...], config: StudyConfig) -> dict[str, object]:
-    return {
-        "fits": [config.create(name).identity for name in config.approaches],
-        "windows_ms": config.windows_ms,
-        "campaign": campaign.fingerprint,
-        "chosen": chosen,
-        "code": Code(__name__),
-    }
+    fits = [config.create(name).identity for name in config.approaches]
+    learned = {"windows_ms": config.windows_ms, "campaign": campaign.fingerprint, "chosen": chosen}
+    return {"fits": fits, **learned, "code": Code(__name__)}

@@ -134,7 +134,6 @@ def one_more(curve: LearningCurve) -> OneMore | None:
 
 
 def _law(ratings: pd.DataFrame, exponent: float) -> tuple[float, float]:
-    """The law's a and its standard error: from scatter about the law, and between the tests."""
     means = ratings.mean().to_numpy()
     x = -(ratings.columns.to_numpy(dtype=np.float64) ** -exponent)
     x = x - x.mean()
@@ -173,9 +172,8 @@ def sentences(curve: LearningCurve, cost: Cost | None = None) -> tuple[str, ...]
     if steps := gains(curve):
         last = steps[-1]
         price = _price(last.per_test, cost) if last.is_clear else ": no clear gain"
-        told.append(
-            f"From {last.before} to {last.after} tests it gains {signed(last.gain, 3)}{plus_minus(last.error)}{price}."
-        )
+        more = f"{signed(last.gain, 3)}{plus_minus(last.error)}{price}"
+        told.append(f"From {last.before} to {last.after} tests it gains {more}.")
         if (gain := enough(curve)) is not None:
             less = f"{signed(gain.gain, 3)}{plus_minus(gain.error)}"
             told.append(f"{counted(gain.before, 'test')} may do as well as {n - 1}: the gain is {less}.")

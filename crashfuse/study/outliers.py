@@ -118,20 +118,17 @@ def folds_sentence(departure: Departure, metrics: Sequence[Metric]) -> str:
 def _cached_departures(campaign: Campaign, run: Run) -> tuple[Departure, ...]:
     def compute() -> tuple[tuple[Departure, ...], Entry]:
         model = CaeModel().fit(campaign.cae, run)
-        bias = cached(lambda test_id: measured_bias(campaign.test(test_id), model))  # of each test once
-        compared = (
-            _departure(campaign, test, lambda test: bias(test.id), WINDOW_MS, only_apart=True)
-            for test in campaign.tests
-        )
+        bias_of = cached(lambda test: measured_bias(test, model))  # of each test once
+        compared = (_departure(campaign, test, bias_of, WINDOW_MS, only_apart=True) for test in campaign.tests)
         apart = tuple(departure for departure in compared if departure is not None and departure.apart)
         return apart, {"departures": np.array(json.dumps([asdict(departure) for departure in apart]))}
 
     def restore(entry: Entry) -> tuple[Departure, ...]:
         records = json.loads(str(entry["departures"]))
-        tuples: list[dict[str, Any]] = [
-            {name: tuple(x) if isinstance(x, list) else x for name, x in record.items()} for record in records
+        rows: list[dict[str, Any]] = [
+            {k: tuple(x) if isinstance(x, list) else x for k, x in own.items()} for own in records
         ]
-        return tuple(Departure(**values) for values in tuples)
+        return tuple(Departure(**values) for values in rows)
 
     key = {"campaign": campaign.fingerprint, "code": Code(__name__)}
     return run.get_or_compute(_KIND, key, compute, restore)
@@ -145,21 +142,16 @@ def _departure(
     *,
     only_apart: bool = False,
 ) -> Departure | None:
-    """See :func:`departure`; None also, if only tests that stand apart are of interest, where the bias excludes it."""
     others = [campaign.test(other) for other in campaign.speed_group(test.id) if other != test.id]
     if len(others) < LEAST:
         return None
     nearest = sorted(others, key=lambda other: abs(other.condition.mass_kg - test.condition.mass_kg))[:_MOST]
     others = [other for other in others if other in nearest]
     away, between = [(test, other) for other in others], list(combinations(others, 2))
-    bias, bias_between = (
-        tuple(_bias_difference(bias_of(one), bias_of(other)) for one, other in pairs) for pairs in (away, between)
-    )
+    bias, bias_between = (tuple(_bias_difference(*map(bias_of, pair)) for pair in own) for own in (away, between))
     if only_apart and min(bias) <= max(bias_between):
         return None
-    ratings, ratings_between = (
-        tuple(_rated_both_ways(*pair, window_ms) for pair in pairs) for pairs in (away, between)
-    )
+    ratings, ratings_between = (tuple(_rated_both_ways(*pair, window_ms) for pair in own) for own in (away, between))
     ids, speed_mps = tuple(other.id for other in others), test.condition.speed_mps
     known = {name: {dict(own.condition.factors).get(name, "") for own in others} for name, _ in test.condition.factors}
     alone = tuple(f"{name} {v}" for name, v in test.condition.factors if v and not {v, ""} & known[name])

@@ -153,15 +153,8 @@ def usual_speeds(campaign: Campaign) -> FloatArray:
     crashes = [*runs, *((test.condition.speed_mps, test.pulse.accel_mps2) for test in campaign.tests)]
     crashes.sort(key=lambda crash: crash[0])
     quick = [crash for crash in crashes if crash[0] >= _SLOWEST_MPS] or crashes
-
-    def stops(accel_mps2: FloatArray, speed_mps: float) -> bool:
-        return bool(np.isfinite(kinematics(accel_mps2.astype(np.float64), speed_mps, DT_S).t0_s))
-
-    low, high = (
-        next((speed for speed, accel in ordered if stops(accel, speed)), ordered[0][0])
-        for ordered in (quick, quick[::-1])
-    )
-    return speeds_between(low, high)
+    stop = [v for v, accel in quick if np.isfinite(kinematics(accel.astype(np.float64), v, DT_S).t0_s)]
+    return speeds_between(min(stop, default=quick[0][0]), max(stop, default=quick[-1][0]))
 
 
 def speeds_between(low_mps: float, high_mps: float) -> FloatArray:
@@ -202,9 +195,8 @@ class ConditionRange:
     def __post_init__(self) -> None:
         low, high = self.low.vector, self.high.vector
         if not (np.isfinite(high).all() and (low > 0).all() and (low <= high).all()):
-            raise UsageError(
-                Sentence("A range goes from values above 0 to higher ones, not from {} to {}.", self.low, self.high)
-            )
+            wrong = "A range goes from values above 0 to higher ones, not from {} to {}."
+            raise UsageError(Sentence(wrong, self.low, self.high))
         if self.low.factors != self.high.factors:
             raise UsageError(f"A range is of one kind of vehicle, not from {self.low.factors} to {self.high.factors}.")
 
@@ -220,14 +212,12 @@ class ConditionRange:
     def grid(self, n_speeds: int, n_weights: int = 1) -> tuple[Condition, ...]:
         """Conditions at evenly spaced speeds and weights, limits included; if just one, the middle value."""
         numbers = (n_speeds, n_weights, n_weights)
-        axes = [
-            np.unique(np.linspace(low, high, n) if n > 1 else (low + high) / 2)
-            for low, high, n in zip(self.low.vector, self.high.vector, numbers, strict=True)
-        ]
+        spans = zip(self.low.vector, self.high.vector, numbers, strict=True)
+        axes = [np.unique(np.linspace(low, high, n) if n > 1 else (low + high) / 2) for low, high, n in spans]
         return _conditions(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3), self.low.factors)
 
     def spread(self, n: int) -> tuple[Condition, ...]:
-        """Conditions that fill the range evenly: the first points of the Halton sequence, so always the same."""
+        """Conditions that fill the range evenly: the first points of the Halton sequence."""
         from scipy.stats import qmc  # half a second
 
         shares = qmc.Halton(d=3, scramble=False).random(n + 1)[1:]  # the first is a corner
@@ -277,7 +267,7 @@ class NextTests:
         return views.next_tests_file(self)
 
     def draw(self, **display: Unpack[views.DisplayOptions]) -> "views.Drawing":
-        """How much each candidate would narrow the band over its speed, as the page Predict shows it."""
+        """How much each candidate would narrow the band, over its speed."""
         return views.next_tests_figure(self, views.Display.of(self.campaign.units, **display))
 
     plot = views.as_plotly(draw)

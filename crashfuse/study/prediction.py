@@ -203,7 +203,5 @@ def predict(
 
 def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[PredictedPulse]:
     """What one approach predicts in each of several predictions."""
-    return [
-        replace(prediction, estimates=tuple(own for own in prediction.estimates if own.approach == approach))
-        for prediction in predictions
-    ]
+    chosen = (tuple(own for own in prediction.estimates if own.approach == approach) for prediction in predictions)
+    return [replace(prediction, estimates=own) for prediction, own in zip(predictions, chosen, strict=True)]

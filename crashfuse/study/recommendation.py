@@ -21,11 +21,11 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of, require_a, require_number
 from crashfuse.execution.cache import remembered
 from crashfuse.execution.run import Run
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
-from crashfuse.signals.rating import grade, rate_windows
+from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.rating import grade
 from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.study.estimate import Estimate, find_estimate
-from crashfuse.study.expected_rating import ExpectedRating, expected_rating, mean_near
+from crashfuse.study.expected_rating import ExpectedRating, expected_rating, mean_near, overall_rating
 from crashfuse.study.facts import (
     Fact,
     campaign_facts,
@@ -125,8 +125,7 @@ def account(
     elif without_neighbours is None:
         rest = campaign.without(campaign.speed_group(test.id))
         if (alone := find_estimate(rest, test.condition, approach, config, run.cache)) is not None:
-            pulse = Pulse(GRID_S, alone.accel_mps2)
-            without_neighbours = rate_windows(test.pulse, pulse, [window_ms])[float(window_ms)].overall
+            without_neighbours = overall_rating(test.pulse, alone.accel_mps2, window_ms)
     apart = None
     if len(neighbours) >= LEAST:
         apart = departure(campaign, test.id, CaeModel().fit(campaign.cae, run), window_ms)
@@ -136,7 +135,7 @@ def account(
 
 
 def worst_test(study: Study, window_ms: float | None = None, *, approach: str | None = None) -> Account:
-    """Account of the test that an approach, by default the recommended one, predicted worst over the longest window."""
+    """Account of the test that an approach predicted worst, by default the recommended one over the longest window."""
     require_a(Study, study, "crashfuse.run_study(campaign)")
     window = max(study.config.windows_ms) if window_ms is None else window_ms
     require_number("window_ms", window)
@@ -156,7 +155,7 @@ def _worst(study: Study, window: float, approach: str) -> Account:
 
 
 def study_facts(study: Study) -> tuple[Fact, ...]:
-    """Facts of a study: of its campaign, the recommendation, and the test that was predicted worst; none twice."""
+    """Facts of a study, its campaign and the test that was predicted worst; none twice."""
     return distinct([*campaign_facts(study.campaign), *recommend(study).facts, *worst_test(study).facts])
 
 
@@ -297,10 +296,8 @@ def _recommendation(study: Study) -> Recommendation:
         worst = [min(fold.ratings[other][window_ms].overall for fold in study.folds) for other in (name, *equal)]
         ties = _ties((name, *equal), means, worst, n)
     crps_of = {other: float(values.mean()) for other, values in crps.items()}
-    distances = [
-        Sentence("{} {}", CLASSES[other].in_words, Quantity((crps_of[other],), "g", ".2f"))
-        for other in sorted(crps_of, key=lambda other: other != name)
-    ]
+    by_use = sorted(crps_of.items(), key=lambda scored: scored[0] != name)
+    distances = [Sentence("{} {}", CLASSES[own].in_words, Quantity((g,), "g", ".2f")) for own, g in by_use]
     method = f"{CLASSES[name].in_words} {'away from tested speeds' if grouped else 'for this campaign'}"
     distance = {"crps_g": crps_of, "window_ms": window_ms, "n": n, "distances": joined(distances, ", ")}
     facts = [_use(name, method, ties), _rated("recommendation.ratings", study, name, window_ms)]

@@ -119,7 +119,7 @@ def _rated(
 
 
 def repeats_of(test: CrashTest, campaign: Campaign) -> tuple[CrashTest, ...]:
-    """The other tests at about the condition of this one: speed and mass within 2 %, and the same factors."""
+    """The other tests with the same factors, and speed and mass within 2 %."""
     mine = test.condition
     return tuple(
         other
@@ -176,7 +176,6 @@ class _ScatterBias(HierarchicalBias):
     def differences(
         self, condition: Condition, displacement_m: FloatArray, n: int, rng: np.random.Generator
     ) -> FloatArray:
-        """Draw differences between two tests at a condition over displacement, shape (n, displacement_m.size)."""
         none = np.zeros_like(displacement_m)
         rows = self._rows(BiasPoints(condition, displacement_m, np.ones_like(none), CaeForce(none, none)))
         prior = self.process_.prior_of({"even", "growing"}, rows)

@@ -32,7 +32,7 @@ _EARLY, _LATE = "Held-out predictions", "Held-out predictions by networks"
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """One prediction of a study: of a test, by an approach that learned from all tests but those left out."""
+    """A prediction of a test by an approach that learned from all tests but those left out."""
 
     left_out: tuple[str, ...]
     test: str
@@ -122,7 +122,7 @@ class Computation:
         return replace(shared, watch=self.run.watch)
 
     def _compute(self, tasks: Sequence[Task], shared: Run, step: str, wanted: Sequence[Wanted]) -> None:
-        """Compute tasks; progress is that of fits, which take the time however many tests each of them predicts."""
+        """Progress is that of fits, which take the time however many tests each predicts."""
         work, fits = partial(_computed, config=self.config.on_this_device), _fits(wanted)
         with closing(shared.completed(work, self.campaign, tasks)) as completed:
             for estimates in completed:
@@ -237,7 +237,6 @@ def _joined(
     seconds: dict[str, float],
     repeats: Mapping[str, Mapping[float, Repeatability]],
 ) -> Study:
-
     def study(way: StudyConfig) -> Study:
         keys = [fold_key(plan.campaign, way, test) for test in plan.held_out]
         known = tuple(folds[key] for key in keys if key in folds)

@@ -45,10 +45,8 @@ class Fold:
     @classmethod
     def of(cls, test: CrashTest, estimates: Sequence[Estimate], windows_ms: Sequence[float]) -> Self:
         """Rate the predictions for a test, whose pulse is first used here."""
-        ratings = {
-            estimate.approach: rate_windows(test.pulse, Pulse(GRID_S, estimate.accel_mps2), windows_ms)
-            for estimate in estimates
-        }
+        pulses = {estimate.approach: Pulse(GRID_S, estimate.accel_mps2) for estimate in estimates}
+        ratings = {name: rate_windows(test.pulse, pulse, windows_ms) for name, pulse in pulses.items()}
         return cls(test, tuple(estimates), ratings)
 
     def __repr__(self) -> str:
@@ -219,11 +217,7 @@ class Study:
     """The same as a Plotly figure."""
 
     def write(
-        self,
-        folder: str | Path,
-        *,
-        report: views.ReportOptions | None = None,
-        **display: Unpack[views.DisplayOptions],
+        self, folder: str | Path, *, report: views.ReportOptions | None = None, **display: Unpack[views.DisplayOptions]
     ) -> None:
         """Write what ``crashfuse study`` writes: tables, ``study.json``, ``report.html``."""
         shown = views.Display.of(self.campaign.units, **display)

@@ -29,7 +29,6 @@ _HELD_OUT = "T3"
 
 
 def _half_sine(condition: Condition, lasts_s: float) -> FloatArray:
-    """A half-sine pulse that stops the vehicle and throws it back at a tenth of its speed; longer if it is heavy."""
     duration_s = lasts_s * condition.mass_kg / 1700
     peak = 1.1 * condition.speed_mps * np.pi / (2 * duration_s)
     return np.where(duration_s > GRID_S, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0)
@@ -37,21 +36,18 @@ def _half_sine(condition: Condition, lasts_s: float) -> FloatArray:
 
 def small_campaign() -> Campaign:
     """A campaign of 24 CAE runs, four of them paired, and 4 tests, all with closed-form pulses."""
-    tests = tuple(
-        CrashTest(f"T{i + 1}", condition, Pulse(GRID_S, _half_sine(condition, 70 * MS)))  # stiffer than the CAE model
-        for i, condition in enumerate(
-            Condition.of_vector([v * MPH, (2000 + 40 * i) * LB, (1450 + 50 * i) * LB], (("drive", "FWD"),))
-            for i, v in enumerate(TEST_SPEEDS_MPH)
-        )
-    )
+    vectors = ([v * MPH, (2000 + 40 * i) * LB, (1450 + 50 * i) * LB] for i, v in enumerate(TEST_SPEEDS_MPH))
+    tested = [Condition.of_vector(vector, (("drive", "FWD"),)) for vector in vectors]
+    pulses = [Pulse(GRID_S, _half_sine(condition, 70 * MS)) for condition in tested]  # stiffer than the CAE model
+    pairs = enumerate(zip(tested, pulses, strict=True), start=1)
+    tests = tuple(CrashTest(f"T{number}", *pair) for number, pair in pairs)
     rng = np.random.default_rng(1)
     # a mass of its own for each run: at one mass half sines are scaled copies, which are told of
     mass = rng.permutation(np.linspace(3363, 3876, N_RUNS - len(tests)))
     speed, share = rng.uniform([[5.0], [0.0]], [[34.5], [1.0]], (2, mass.size))
     front = (1 - share) * np.maximum(mass - 1700, 1950) + share * np.minimum(mass - 1400, 2180)
-    conditions = [
-        Condition.of_vector([v * MPH, f * LB, m * LB - f * LB]) for v, f, m in zip(speed, front, mass, strict=True)
-    ]
+    runs = zip(speed, front, mass, strict=True)
+    conditions = [Condition.of_vector([v * MPH, f * LB, m * LB - f * LB]) for v, f, m in runs]
     conditions += [Condition.of_vector(test.condition.vector) for test in tests]
     accel = np.array([_half_sine(condition, 80 * MS) for condition in conditions], dtype=np.float32)
     return Campaign("Tiny", CaeLibrary(tuple(f"C{i:02d}" for i in range(N_RUNS)), tuple(conditions), accel), tests)

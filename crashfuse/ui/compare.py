@@ -3,13 +3,12 @@
 from collections.abc import Hashable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
-from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import estimates_result, whole_sentences
 from crashfuse.results.plots.curves import TEST
 from crashfuse.results.rating_tables import excursions_table, humps_table
@@ -24,7 +23,7 @@ from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import chosen_config, kept
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import advised, study_request
-from crashfuse.ui.kit.curves import choose_curves, without_clicks
+from crashfuse.ui.kit.curves import choose_curves
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_pulses, offer_result
@@ -136,13 +135,8 @@ def _show_pulses(comparison: _Comparison) -> None:
     notes_here = tuple(note for note in notes if note.test == test.id)
     name = "pulses with corridors" if corridors else "pulses" if shown == _MOTION else shown.lower()
 
-    def draw() -> Drawing:
-        drawing = comparison.study.draw(
-            test.id, figure, approaches=curves.approaches, also=curves.also, band=curves.approach,
-            measured=TEST in curves.others, corridors=corridors, notes=notes_here, display=comparison.view.display,
-        )  # fmt: skip
-        return without_clicks(drawing)
-
+    look: dict[str, Any] = {"corridors": corridors, "notes": notes_here, "display": comparison.view.display}
+    draw = partial(curves.draw, partial(comparison.study.draw, test.id, figure, measured=TEST in curves.others, **look))
     of = f"test {test.id}{' and its' if TEST in curves.others else ','} prediction by {curves.by}"
     key = shown, corridors, notes_here, comparison.key, curves.key
     show_cached_figure(draw, alt.format(of), *key, name=curves.named(name))

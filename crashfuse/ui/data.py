@@ -86,10 +86,8 @@ def _show_head(view: View) -> None:
     paired = sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
     with show_title(plain(campaign.name)):
         at = view.display.words(speed(*dict.fromkeys((min(speeds), max(speeds))), form=".0f"))
-        st.caption(
-            f"Tests at {at} · Fingerprint {campaign.fingerprint[:12]}", width="content",
-            help=f"Tests with a paired CAE run: {paired}. SHA-256 of all data: {campaign.fingerprint}",
-        )  # fmt: skip
+        tip = f"Tests with a paired CAE run: {paired}. SHA-256 of all data: {campaign.fingerprint}"
+        st.caption(f"Tests at {at} · Fingerprint {campaign.fingerprint[:12]}", width="content", help=tip)
         for way, (label, icon) in _WAYS.items():
             st.button(label, icon=icon, on_click=st.session_state.update, args=({"opening": way},))
     if campaign.notice:

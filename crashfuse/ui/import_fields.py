@@ -100,10 +100,9 @@ def reading_of(source: Source) -> Reading:
         return _reading_of_tables(source)
     travel: Travel | None = None
     if FORMATS[source.fmt].axes:
-        travel = _choose(
-            st.container(), "Direction of travel", TRAVELS, None, f"{source.key} travel",
-            format_func=lambda travel: travel.replace("-", "−").upper(), help="In the files' axes.",
-        )  # fmt: skip
+        look: dict[str, Any] = {"help": "In the files' axes."}
+        look["format_func"] = lambda travel: travel.replace("-", "−").upper()
+        travel = _choose(st.container(), "Direction of travel", TRAVELS, None, f"{source.key} travel", **look)
     tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
     if not tables:
         return Reading(source.path, source.fmt, travel=travel)

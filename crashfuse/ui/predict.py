@@ -5,7 +5,7 @@ from collections.abc import Hashable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import streamlit as st
@@ -19,7 +19,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.results.display import Display
-from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import estimates_result
 from crashfuse.results.planning import MEANING, next_tests_result, sweep_result
 from crashfuse.results.prediction import cautions, column_names, prediction_result, side_by_side
@@ -34,7 +33,7 @@ from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import DECIMALS, MOST_PINS, chosen_config, kept, pin_all, pinned
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Fitted, Request, advised, answers, fit_request, sweep_over_speed
-from crashfuse.ui.kit.curves import AVERAGE, choose_curves, predicted, without_clicks
+from crashfuse.ui.kit.curves import AVERAGE, choose_curves, predicted
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.kit.files import choose_form, export_button, offer_pulses, offer_result
 from crashfuse.ui.kit.frame import by_itself
@@ -121,11 +120,9 @@ def _choose_condition(campaign: Campaign, display: Display) -> Condition:
         tip, label = "If it is not given, the band covers every value.", plain(name.capitalize())
         factors[name] = column.selectbox(label, values, None, placeholder="not given", help=tip, **kept(key))
     fields = zip(columns, _FIELDS, campaign.cae.vectors.T, strict=False)
-    condition = Condition.of_vector(
-        [_choose_number(column, field, display, runs) for column, field, runs in fields],
-        tuple((name, choice) for name, choice in factors.items() if choice),
-        units=display.system.endings,
-    )
+    vector = [_choose_number(column, field, display, runs) for column, field, runs in fields]
+    given = tuple((name, choice) for name, choice in factors.items() if choice)
+    condition = Condition.of_vector(vector, given, units=display.system.endings)
     for fact in condition_facts(campaign, condition):
         if fact.code != "test.stands_apart":
             st.markdown(f":material/warning: **{plain(display.words(fact.sentence))}**")
@@ -176,10 +173,8 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
 
     form = f"%.{digits}f"
     column.number_input(label, step=step, format=form, key=number, on_change=take, args=(number, "slider"))
-    column.slider(
-        f"{label}, over the CAE runs", low, high, step=step, format=form, key=slider, on_change=take,
-        args=(slider, "field"), label_visibility="collapsed",
-    )  # fmt: skip
+    look: dict[str, Any] = {"key": slider, "on_change": take, "args": (slider, "field"), "format": form}
+    column.slider(f"{label}, over the CAE runs", low, high, step=step, label_visibility="collapsed", **look)
     return float(state[name] * in_si)
 
 
@@ -217,17 +212,11 @@ def _show_pulses(
         shown = choose("Figure", list(_FIGURES), key="predicted")
         curves = choose_curves(view, condition, approach, fitted.approaches)
 
-    def draw() -> Drawing:
-        drawing = prediction.draw(
-            _FIGURES[shown], approaches=curves.approaches, also=curves.also, band=curves.approach,
-            average=AVERAGE in curves.others, display=view.display,
-        )  # fmt: skip
-        return without_clicks(drawing)
-
+    figure = partial(prediction.draw, _FIGURES[shown], average=AVERAGE in curves.others, display=view.display)
     alt = f"Prediction by {curves.by} at {view.display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
     key = shown, fitted.key, fitted.approaches, condition, view.display, curves.key
-    show = partial(show_cached_figure, draw, alt, *key, name=name)
+    show = partial(show_cached_figure, partial(curves.draw, figure), alt, *key, name=name)
     estimates = [estimate for estimate in prediction.estimates if estimate.approach in curves.approaches]
     known = (*(advice.sentences if advice else ()), *view.campaign.cae.extrapolation(condition))
     about = estimates_result(view.campaign, estimates, known=known)

@@ -163,10 +163,8 @@ def _show_diagnostics(view: View) -> None:
         choice = choose("Diagnostics", [_NETWORKS, *_FIGURES], key="diagnostics")
         st.markdown("of what was learned without", width="content")
         address.put(key, test)
-        st.selectbox(
-            "Held-out test", campaign.test_ids, key=key, width=120, label_visibility="collapsed",
-            on_change=lambda: choose_held_out(campaign.test(state[key])),
-        )  # fmt: skip
+        look: dict[str, Any] = {"key": key, "on_change": lambda: choose_held_out(campaign.test(state[key]))}
+        st.selectbox("Held-out test", campaign.test_ids, width=120, label_visibility="collapsed", **look)
     others = config.training_campaign(campaign, test)
     request = study_request(campaign, (test,), config)
     invitation = f"Nothing was trained without {plain(test)} yet."

@@ -219,12 +219,8 @@ def sweep_over_speed(campaign: Campaign, fitted: Fitted, condition: Condition) -
 
 def mending_request(campaign: Campaign, window_ms: float) -> Request[CaeEvents]:
     """Find what to mend in the CAE model: started at once, as it takes seconds."""
-    return Request(
-        ("what to mend", said_of(campaign), window_ms),
-        f"{campaign.name}: what to mend in the CAE model",
-        lambda _: cae_events(campaign, window_ms),
-        lambda: True,
-    )
+    key, title = ("what to mend", said_of(campaign), window_ms), f"{campaign.name}: what to mend in the CAE model"
+    return Request(key, title, lambda _: cae_events(campaign, window_ms), lambda: True)
 
 
 def learn_vehicles(folders: Sequence[Path], seed: int) -> Request[VehicleArchive]:

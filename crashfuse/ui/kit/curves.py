@@ -1,6 +1,6 @@
 """Curves of a figure of pulses: a prediction with its band, and what is chosen beside it."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import streamlit as st
@@ -53,6 +53,12 @@ class Shown:
         """By which approaches its predictions are, in words."""
         return read_out([LABELS[name] for name in self.approaches])
 
+    def draw(self, figure: Callable[..., Drawing]) -> Drawing:
+        """A figure of these curves; clicks in its legend would hide what then comes back."""
+        drawing = figure(approaches=self.approaches, also=self.also, band=self.approach)
+        drawing.update(legend={"itemclick": False, "itemdoubleclick": False})
+        return drawing
+
     def named(self, drawn: str) -> str:
         """A name of files: what is drawn, and which curves."""
         return " ".join([drawn, *map(_label, (self.approach, *self.others))])
@@ -72,22 +78,14 @@ def choose_curves(view: View, condition: Condition, approach: str, known: Sequen
     offered = [TEST, *others] if test else [*others, AVERAGE]
     address.default(key, [TEST, BASELINE] if test else [] if pinned() else [BASELINE])
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
-        chosen = kept_choice(
-            key, offered, st.pills, "Beside the prediction", selection_mode="multi", width="content",
-            format_func=_label, help="Stays on this page, and is in the link.",
-        )  # fmt: skip
+        look = {"selection_mode": "multi", "width": "content", "help": "Stays on this page, and is in the link."}
+        chosen = kept_choice(key, offered, st.pills, "Beside the prediction", format_func=_label, **look)
         added, at_pins, missing = _add(view, condition, approach, test)
     if st.toggle("Nearest tests", key=f"{page}_nearest", persist_state="session", help=_NEAREST_HELP):
         added = [*dict.fromkeys([*added, *_nearest(view.campaign, condition, test)])]
     for sentence in missing:  # folded away, nobody would know that the figure lacks what a link asks for
         st.caption(sentence, width="content")
     return Shown(approach, tuple(name for name in offered if name in chosen), (*added, *at_pins))
-
-
-def without_clicks(drawing: Drawing) -> Drawing:
-    """The same, with a legend that takes no clicks: what they hide would come back."""
-    drawing.update(legend={"itemclick": False, "itemdoubleclick": False})
-    return drawing
 
 
 def _label(curve: str) -> str:
