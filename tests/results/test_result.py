@@ -50,6 +50,7 @@ def test_every_renderer_shows_every_kind(campaign: Campaign, kind: str) -> None:
     html, printed = report(result, display), "\n".join(lines(result, display))
     slides, notebook = contents_of(result, display), result._repr_html_()
     assert html.contents == slides
+    assert ("narrows the band of the bias (RMS) follows from" in html) is (kind == "ranking of next tests")
     assert html.count('class="plotly-graph-div"') == len(slides.figures) > 0
     assert kind == "comparison" or "Made up: of no car" in " ".join(result.notices)
     for notice in map(display.words, result.notices):
