@@ -91,7 +91,7 @@ def test_a_correction_that_ceases_away_from_tests_is_named(campaign: Campaign) -
     first, *others = whole.folds
     less = replace(first, estimates=(replace(first.estimates[0], state={"decay_over_speed": 0.5}),))
     last = [recommend(replace(whole, folds=(fold, *others))).sentences[-1] for fold in (first, less)]
-    assert ["towards the raw CAE model, in 1 of 4 fits." in sentence for sentence in last] == [False, True]
+    assert ["In 1 of 4 fits the displacement domain falls back" in sentence for sentence in last] == [False, True]
 
 
 def test_of_a_single_test_no_rating_is_expected(campaign: Campaign) -> None:
