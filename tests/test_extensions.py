@@ -146,7 +146,7 @@ def test_what_it_adds_stands_beside_ours(shown: dict[str, Any], place: Path) -> 
     assert shown["known"] == [True, True, False]
     ended, out, err = shown["study"]
     assert ended == 0, err
-    assert "\nScaled CAE  " in out
+    assert re.search(r"^ *Scaled CAE +\d", out, re.MULTILINE)
     assert "the CAE model times {factor}" in out
     assert "Scaled CAE" in (place / "study" / "report.html").read_text(encoding="utf-8")
     assert "Scaled CAE" in " ".join(shown["legend"])

@@ -157,7 +157,7 @@ def test_a_new_approach_is_studied(shown: dict[str, Any]) -> None:
     assert found["scores"] == ["cae", "scaled_cae"]
     assert found["recommended"]
     assert found["report"]
-    assert "\nScaled CAE  " in shown["studied"]
+    assert re.search(r"^ *Scaled CAE +\d", shown["studied"], re.MULTILINE)
 
 
 def test_a_new_format_metric_figure_and_page_are_there(shown: dict[str, Any]) -> None:
