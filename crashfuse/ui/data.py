@@ -196,7 +196,7 @@ def _choose_overlaid(view: View) -> None:
     if len(ids) > _MOST_BUTTONS:
         st.selectbox("Test", ids, **look)
     else:
-        st.segmented_control("Test", ids, required=True, wrap=True, **look)
+        st.segmented_control("Test", ids, required=True, wrap=True, format_func=plain, **look)
 
 
 def _show_mending(view: View) -> None:

@@ -54,7 +54,7 @@ def test_no_page_makes_anything_of_it(server: Server, user: User, foreign: Path)
         *((user.go, "Compare"), (user.sees, "Predict test", "button"), (user.starts, "Predict test", FIGURE)),
         *((user.press, "Notes and marks on", "summary"), (user.sees, "Log in again")),
         *((user.open_tab, "Why"), (user.sees, "Humps, and")),
-        *((user.open_tab, "Ratings and metrics"), (user.sees, "Rating by")),
+        *((user.open_tab, "Ratings and metrics"), (user.sees, "Ratings; scores")),
         *((user.open_tab, "Pulses"), (user.sees, "Nearest")),
         *((user.press, "Over displacement", PILL), (user.sees, "Marks: maximum crush")),
         *((user.go, "Study"), (user.starts, "Leave out each", FIGURE)),
