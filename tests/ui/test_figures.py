@@ -231,9 +231,7 @@ def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.Mon
         ("Energy over crush", "energy"),
     ):
         session.app.button_group(key="predicted").set_value(choice).run()
-        expected = prediction.plot(
-            figure, approaches=["displacement_domain"], also=also, representative=False, display=SHOWN
-        )
+        expected = prediction.plot(figure, approaches=["displacement_domain"], also=also, average=False, display=SHOWN)
         assert drawn(session) == traces(expected)
     session.app.button_group(key="predict_tab").set_value("Over speed").run()
     session.press("Predict over speed").finish()

@@ -75,9 +75,16 @@ class Request(Generic[T]):
     in_cache: Callable[[], bool] = lambda: False  # whether the slow part of the result is in the disk cache
     usual_s: Callable[[], float] = lambda: 0.0  # what it takes on two quiet cores; 0: not known
 
+    @property
+    def expected_s(self) -> float:
+        """Seconds on two quiet cores; 0 if it cannot be computed, which starting it shows."""
+        with suppress(CrashfuseError):
+            return self.usual_s()
+        return 0.0
+
     def start(self, page: str | None = None) -> None:
         """Queue the job, or join it; the visitor will look for the result on this page or another."""
-        job = jobs().start(self.key, self.title, self.work, visitor(), usual_s=self.usual_s())
+        job = jobs().start(self.key, self.title, self.work, visitor(), usual_s=self.expected_s)
         job.places[visitor()] = address.here(page)
 
     def ask(self, page: str) -> None:

@@ -119,7 +119,7 @@ def title_of(job: Job[Any]) -> str:
 
 
 def _patience(request: Request[Any]) -> str:
-    if (usual_s := request.usual_s()) == math.inf:
+    if (usual_s := request.expected_s) == math.inf:
         return "The paper's settings take many hours without a GPU."
     expected = _range(*jobs().pace.range_s(usual_s, _slowness()))
     return expected and f"On this machine now: {expected}."
