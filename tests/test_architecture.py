@@ -121,11 +121,11 @@ def test_nothing_shown_is_read_back() -> None:
 
 
 MOST = {
-    "modules": 229,
-    "lines": 44_290,
-    "words of docstrings": 48_541,
-    "words of other texts": 28_284,
-    "of tests": 35_005,
+    "modules": 228,
+    "lines": 43_958,
+    "words of docstrings": 46_563,
+    "words of other texts": 28_064,
+    "of tests": 34_705,
 }
 """The size of the house: package and pages, then lines of tests. It may be lowered, never raised."""
 LONGEST, SHORTEST = 450, 40  # lines of a module; one that is a face (``__init__``) or a table may be shorter
