@@ -50,7 +50,7 @@ def prediction_result(
     known = dict.fromkeys(fact.sentence for fact in campaign_facts(campaign))
     here = [fact.sentence for fact in condition_facts(campaign, condition)]
     answer = tuple(dict.fromkeys(s for s in (*prediction.recommendation.sentences, *here) if s not in known))
-    together = (prediction, *others)
+    together, about = (prediction, *others), estimates_result(campaign, estimates, known=answer)
     more = {"displacement": Figure("Over displacement", _drawn(prediction, "displacement"))}
     near, pulses = tuple(nearest_sentences(campaign, condition)), cache(partial(export.files, campaign, estimates))
     pulses(units=campaign.units)  # that there are so many draws
@@ -66,10 +66,10 @@ def prediction_result(
         answer=answer,
         shown=("metrics",),
         sentences={"nearest": near, "remarks": (*near, *prediction.notes)},
-        tables={"metrics": metrics_shown([(LABELS[own.approach], own.metrics) for own in estimates], campaign)[0]},
+        tables=about.tables,
         figures={"motion": Figure("Pulse over time", _drawn(prediction), is_answer=True)} | (more if is_whole else {}),
         parts={"beside": (_beside_others(together),) if others else ()}
-        | {"about": (estimates_result(campaign, estimates, known=answer),)}
+        | {"about": (about,)}
         | ({"data": (campaign_result(campaign),), "bias": (bias_result(campaign),)} if is_whole else {}),
         values={"condition": condition},
         files={
