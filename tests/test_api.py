@@ -136,7 +136,7 @@ CALLS: dict[str, tuple[str, ...]] = {  # and their arguments, the first of which
     **dict.fromkeys(("results.rating_tables.humps_table", "results.rating_tables.excursions_table"), ("explanation",)),
     "rating_sentences": ("explanation",),
     **dict.fromkeys(("recommend", "study_report"), ("study",)),
-    **dict.fromkeys(("results.drawing.figure_table", "results.drawing.darkened"), ("figure",)),
+    "results.drawing.figure_table": ("figure",),
     "rate_pairs": ("table", "windows_ms"),
     "pulse_metrics": ("accel_mps2", "speed_mps", "dt_s", "draws_mps2", "occupant"),
     "load_campaign": ("path",),

@@ -206,7 +206,7 @@ class Drawing:
         return [_coloured(mark.look, colours) for mark in self.marks], _coloured(self.layout | axes, colours)
 
     def figure(self, *, dark: bool = False) -> "DrawnFigure":
-        """A Plotly figure that holds the drawing; its curves have single precision, its numbers double."""
+        """A Plotly figure that holds the drawing, for a light or dark page; its curves have single precision."""
         data, layout = self.parts(dark=dark)
         for trace in data:
             doubles = [way for way in "xy" if getattr(trace.get(way), "dtype", None) == np.float64]
@@ -232,11 +232,6 @@ def drawing_of(figure: go.Figure) -> Drawing:
         raise UsageError("This figure was not drawn by crashfuse.")
     drawing: Drawing = figure.drawing
     return drawing
-
-
-def darkened(figure: go.Figure) -> go.Figure:
-    """The same figure in colours of a dark page or notebook; reports, meant for print, stay light."""
-    return drawing_of(figure).figure(dark=True)
 
 
 def _smoothed(edge: FloatArray, n: int) -> FloatArray:

@@ -14,7 +14,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial, share_bounds
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.condition import Condition
-from crashfuse.results.drawing import darkened, figure_table
+from crashfuse.results.drawing import figure_table
 from crashfuse.results.plots.certification import (
     planned_scales,
     record_figure,
@@ -152,7 +152,7 @@ def test_the_legend_counts_the_verdicts_and_is_dim_with_them_on_a_dark_page(thre
     _, _, *legend = verdict_matrix(three).figure().data
     assert [trace.name for trace in legend] == ["met (2)", "not met (1)", "open (1)", "outside (2)"]
     assert [trace.marker.color for trace in legend] == list(VERDICT_COLOURS.values())
-    heat, _, *legend = darkened(verdict_matrix(three).figure()).data
+    heat, _, *legend = verdict_matrix(three).figure(dark=True).data
     assert heat.textfont.color == IN_THE_DARK["#000000"]
     assert {colour for _, colour in heat.colorscale} == {trace.marker.color for trace in legend}
     assert not {colour for _, colour in heat.colorscale} & set(VERDICT_COLOURS.values())

@@ -11,7 +11,7 @@ import pytest
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
-from crashfuse.results.drawing import darkened
+from crashfuse.results.drawing import drawing_of
 from crashfuse.results.plots import palette
 from crashfuse.results.plots.conditions import condition_space
 from crashfuse.results.plots.curves import Predictions, by_speed
@@ -135,7 +135,7 @@ def test_tests_of_one_speed_share_its_colour_and_differ_in_dashes_and_marks() ->
 def test_every_curve_and_every_word_of_a_figure_reads_on_both_pages(figures: list[go.Figure]) -> None:
     """Curves and points at 3, axis lines and the cursor too; text at 4.5, that over the rated window on its shade."""
     for figure in figures:
-        for shown, ground in ((figure, LIGHT), (darkened(figure), DARK)):
+        for shown, ground in ((figure, LIGHT), (drawing_of(figure).figure(dark=True), DARK)):
             assert shown.layout.paper_bgcolor == shown.layout.plot_bgcolor == ground
             assert min(contrast(colour, ground) for colour in drawn_in(shown)) >= LINE
             for axis in shown.select_xaxes():
@@ -155,7 +155,7 @@ def test_in_the_dark_only_colours_change(figures: list[go.Figure]) -> None:
 
     for figure in figures:
         before = figure.to_json()
-        dark = darkened(figure)
+        dark = drawing_of(figure).figure(dark=True)
         assert figure.to_json() == before != dark.to_json()
         assert without_colours(dark) == without_colours(figure)
 
