@@ -122,9 +122,9 @@ def test_nothing_shown_is_read_back() -> None:
 
 MOST = {
     "modules": 228,
-    "lines": 43_958,
-    "words of docstrings": 46_563,
-    "words of other texts": 28_064,
+    "lines": 43_953,
+    "words of docstrings": 46_549,
+    "words of other texts": 28_063,
     "of tests": 34_705,
 }
 """The size of the house: package and pages, then lines of tests. It may be lowered, never raised."""
