@@ -196,14 +196,14 @@ def test_answers_have_what_decides_them(certification: Certification) -> None:
     met = row_as(first, "met", 0.9, 0.99, 1)
     missed, undecided = replace(first[0], word="not met"), replace(second[1], word="open", probability=0.5)
     rest = tuple(replace(own, word="met") for own in second[2:])
-    outside = "cannot say: outside what the tests check"
+    outside = "cannot say: not covered by tests"
     assert told(met, (missed, undecided, *rest), third) == [
-        "skip: all met at once: 0.890",
+        "skip: meets all: 0.890",
         "would miss: misses crush",
         outside,
     ]
     assert told(met, (replace(missed, word="met"), undecided, *rest), third)[1] == "run: open: OLC"
-    short = "cannot say: records too short for crush, OLC, rating"
+    short = "cannot say: records end early: crush, OLC, rating"
     assert told(met, row_as(second, "open", None), third)[1] == short
 
 
