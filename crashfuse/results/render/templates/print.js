@@ -38,6 +38,8 @@ const onPaper = figure => {
     if (key.startsWith("y")) changes[`${key}.title.text`] = title;
     changes[`${key}.title.font.size`] = key.startsWith("y") ? Math.max(8, Math.min(WORDS_PX, length / longest / 0.66)) : WORDS_PX;
   }
+  const sizes = Object.keys(changes).filter(key => /^y.*title\.font/.test(key)), least = Math.min(...sizes.map(key => changes[key]));
+  sizes.forEach(key => changes[key] = least); // panels above each other have titles of one size
   return changes;
 };
 const kept = (figure, changes) => Object.fromEntries(Object.keys(changes).map(path =>
