@@ -205,7 +205,7 @@ def test_the_headline_says_which_window_prefers_what_cannot_be_told_apart(campai
     assert found.approach == "displacement_domain"
     for headline in (found.sentences[0], found.after(0.85)[0].sentence):
         assert "the displacement domain. On 3 left-out tests the time domain did as well. " in headline
-        assert re.search(r"Higher rated: the time domain over 0–20 ms \(1\.000 for 0\.\d{3}\)", headline)
+        assert re.search(r"Higher rated: the time domain over 0–20 ms \(1\.000 against 0\.\d{3}\)", headline)
     clear = [early_right, estimate("displacement_domain", rest, test, 0.5)]
     assert not recommend_for(clear, rest, test.condition).ties
 
