@@ -149,15 +149,10 @@ MAIN_METRICS = tuple(name for name, reading in _READINGS.items() if not reading.
 """The metrics that tables show first; the others are shown on demand, and are in every file."""
 
 
-def short_label(label: str) -> str:
-    """A label without what explains it: the abbreviation, or what stands before a comma."""
-    head = label.partition(",")[0]
-    return head.partition("(")[2].rstrip(")") or head
-
-
 def in_sentence(label: str) -> str:
     """A label as within a sentence: its abbreviation, or in small letters."""
-    short = short_label(label)
+    head = label.partition(",")[0]
+    short = head.partition("(")[2].rstrip(")") or head
     return short if short[1].isupper() else f"{label[0].lower()}{label[1:]}"
 
 

@@ -18,7 +18,7 @@ from crashfuse.results.rating_tables import REPEAT, TTZV_COLUMN
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result import Result
 from crashfuse.results.table import VAGUE, Cell, Column, Table
-from crashfuse.signals.metrics import MAIN_METRICS, short_label
+from crashfuse.signals.metrics import MAIN_METRICS, in_sentence
 from crashfuse.signals.rating import WEIGHTS, Rating
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.ui.kit.navigation import component
@@ -169,7 +169,8 @@ def show_metrics(about: Result, *hidden: str, beside: bool = False) -> None:
     main = about.tables["metrics"].without(*hidden)
     headings = main.frame["label"]
     if beside:
-        main = replace(main, frame=main.frame.assign(label=headings.map(short_label)))
+        short = headings.map(in_sentence)
+        main = replace(main, frame=main.frame.assign(label=short.str[:1].str.upper() + short.str[1:]))
     has_dash = any(cell.detail == VAGUE for _, cells in main.cells().values() for cell in cells)
     remark = "Middle [95 of 100 tests]." + f" {VAGUE}: wider than its value." * has_dash
     missed = " Coloured: the test lies outside." if main.is_marked else ""

@@ -100,7 +100,8 @@ def test_figures_become_files_in_every_format() -> None:
     assert struct.unpack(">II", png[16:24]) == (1920, 1000)
     slides = pptx.Presentation(io.BytesIO(files["figures.pptx"])).slides
     assert [slide.shapes.title.text for slide in slides] == ["Skip one.", "Limits", "Result", "Result: By test"]
-    _, below, table, notices = slides[0].shapes
+    _, below, pulse, table, notices = slides[0].shapes
+    assert pulse.left + pulse.width <= table.left, "a narrow table stands beside the figure that answers"
     assert (below.text_frame.text, notices.text_frame.text) == (
         "Tiny: a study",
         "It is odd.\nMade up & small.\nOdd: so.",
