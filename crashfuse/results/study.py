@@ -137,7 +137,7 @@ def quality_of(account: Account, repeat: Repeatability | None) -> dict[Sentence,
         rated = f"{rated}, {expected.surprise(account.rating)} ({expected.range})"
     lines = {at_its_speed if account.with_group else Sentence("{} left out", test.id): Sentence("{}.", rated)}
     if not account.with_group:
-        without = "not computed yet, see Study" if account.neighbours else "the same, it is the only one"
+        without = "not computed yet, see Study" if account.neighbours else "the same"
         if account.without_neighbours is not None:
             without = graded(account.without_neighbours)
         lines[at_its_speed] = Sentence("{}.", without)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from crashfuse.results.campaign import cae_errors_table
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import events_sentences, events_table
 from crashfuse.results.plots.displacement import missing_force
-from crashfuse.results.result_tables import about_table, quality_table, tests_table, wall_table
+from crashfuse.results.result_tables import IN_RANGE, about_table, quality_table, tests_table, wall_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.study.facts import campaign_facts
 from crashfuse.ui import import_step
@@ -31,7 +32,7 @@ from crashfuse.ui.kit.frame import offer_sample, show_title
 from crashfuse.ui.kit.navigation import open_page, show_link
 from crashfuse.ui.kit.progress import show_end, show_job
 from crashfuse.ui.kit.results import show_problems, show_table
-from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.text import TTZV, plain
 from crashfuse.ui.kit.uploads import Source, begin_import, leave_import, open_uploads, running_import, source_at
 from crashfuse.units import speed
 
@@ -90,8 +91,6 @@ def _show_head(view: View) -> None:
         st.caption(f"Tests at {at} · Fingerprint {campaign.fingerprint[:12]}", width="content", help=tip)
         for way, (label, icon) in _WAYS.items():
             st.button(label, icon=icon, on_click=st.session_state.update, args=({"opening": way},))
-    if campaign.notice:
-        st.caption(f":material/science: {plain(campaign.notice)}")
     for warning in campaign.warnings:
         st.warning(plain(warning), icon=":material/warning:")
     editing.offer_leaving_out(view)
@@ -156,6 +155,8 @@ def _show_conditions(view: View) -> None:
     alt, key = "Speed against front and rear weight of CAE runs and tests", (view.held_out.id, view.display.system)
     show_cached_figure(draw, alt, "conditions", campaign.fingerprint, key, name="conditions")
     in_their_table = {about_label(name) for test in campaign.tests for name, _ in test.about}
+    if not any(campaign.cae.extrapolation(test.condition) for test in campaign.tests):
+        in_their_table.add(IN_RANGE)
     show_table(tests_table(campaign).without(*in_their_table), "conditions")
     if not (about := about_table(campaign)).empty:
         st.markdown("**Where tests and CAE runs come from**")
@@ -170,9 +171,15 @@ def _show_conditions(view: View) -> None:
 
 def _show_library(view: View) -> None:
     campaign, test, display = view.campaign, view.held_out, view.display
-    remark = f"CAE / test, **difference**; TTZV: time of zero velocity. {campaign.rating_basis}."
-    show_table(cae_errors_table(campaign, display.window_ms), "cae errors", remark)
-    _choose_overlaid(view)
+    errors, table = cae_errors_table(campaign, display.window_ms), st.container()
+    with st.container(horizontal=True, vertical_alignment="center"):
+        _choose_overlaid(view)
+        meaning = f"{TTZV} Ratings by {campaign.rating_basis}."
+        is_whole = st.toggle("CAE and test", key="cae and test", persist_state="session", help=meaning)
+    if not is_whole:
+        errors = replace(errors, columns=tuple(own.as_difference for own in errors.columns))
+    with table:
+        show_table(errors, "cae errors", "CAE / test, **difference**" if is_whole else "CAE minus test")
     left, right = st.columns(2, gap="medium")
     with left:
         draw = partial(campaign.draw, "cae and test", held_out=test.id, display=display)
@@ -182,6 +189,7 @@ def _show_library(view: View) -> None:
         alt = "Pulses of the CAE model over time: the middle 90 % of all runs, and paired runs"
         draw = partial(campaign.draw, "cae", display=display)
         show_cached_figure(draw, alt, "library", campaign.fingerprint, display, name="CAE runs")
+        st.caption(plain(campaign.quality.summary))
     _show_quality(campaign)
     if len(campaign.tests) > 1:
         with right:
@@ -224,8 +232,8 @@ def _show_mending(view: View) -> None:
 
 def _show_quality(campaign: Campaign) -> None:
     verdict = campaign.quality
-    st.markdown(f"**Quality of the CAE runs**: {plain(verdict.summary)}")
     if not (table := quality_table(verdict)).empty:
+        st.markdown(f"**Quality of the CAE runs**: {plain(verdict.summary)}")
         show_table(table, "quality")
     for sentence in verdict.named:
         st.warning(plain(sentence), icon=":material/warning:")

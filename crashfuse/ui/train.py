@@ -99,7 +99,7 @@ def _show_form(view: View) -> None:
             ready = ready or (fitted is None and not trouble and fit.in_cache())
         if ready:
             learned = f"Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs."
-            st.markdown(f":material/check_circle: {learned} Predict answers any condition at once.")
+            st.markdown(f":material/check_circle: {learned}")
             show_link("predict", "Predict a new condition")
         else:
             _offer(fitted, _ON_ALL, fit.start, trouble)

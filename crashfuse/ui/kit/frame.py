@@ -273,7 +273,7 @@ def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None)
     config = address.page_config()
     colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
     label = f"{config.preset.capitalize()} settings"
-    label += f", seed {config.seed}" if address.acts("seed", address.here().page) else ""
+    label += f", seed {config.seed}" if config.seed and address.acts("seed", address.here().page) else ""
     with row:
         st.subheader(detail(view), width="content", anchor=False)
         st.badge(label, color=colour, help="As chosen on the page Train.")
