@@ -113,7 +113,7 @@ def metrics_table(rows: _MetricRows, campaign: Campaign, first: str = "held_out"
 
 
 def of_folds(metric: Metric) -> dict[str, object]:
-    """A metric in either way that tests fold there, by column; none if there is one way."""
+    """A metric in both ways to fold, by column; none if there is one."""
     folds = dict(zip(_FOLDS, metric.folds.values(), strict=False))
     values = {f"{way}_{end}": getattr(own, end) for way, own in folds.items() for end in _ENDS}
     return values | ({"apart": [*metric.folds][1]} if folds else {})

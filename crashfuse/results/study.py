@@ -84,7 +84,10 @@ def study_result(study: Study, options: ReportOptions = ReportOptions(), window_
         held_out=held_out,
         answer=(*(fact.sentence for fact in verdict), f"{left_out}, rated by {campaign.rating_basis}."),
         shown=("means",) if study.speed_groups is None else ("means", "speed_groups"),
-        sentences={"remarks": tuple(text for text in about if text not in known), "weak_spots": tuple(_weak_spots(study, recommend(study).approach))},
+        sentences={
+            "remarks": tuple(text for text in about if text not in known),
+            "weak_spots": tuple(_weak_spots(study, recommend(study).approach)),
+        },
         tables=_tables(study),
         figures=_figures(study, window, whole=whole),
         parts=Deferred(

@@ -75,11 +75,6 @@ class Column:
         """Whether cells are numbers, to stand at the right; ratings with grades are not."""
         return self.kind not in ("text", "grade")
 
-    @property
-    def as_difference(self) -> Self:
-        """Of a pair the difference alone."""
-        return replace(self, kind="difference") if self.kind == "pair" else self
-
     def heading(self, display: Display) -> str:
         """The title with the reader's unit."""
         sign = "± " if self.kind == "spread" else ""
