@@ -170,8 +170,7 @@ def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:
 
 def side_by_side(predictions: Sequence[PredictedPulse], base: int = 0) -> Table:
     """Main metrics by one approach, in either way to fold: first the ``base``, then all others minus it."""
-    shown: dict[Sentence, Sequence[Metric]] = {}
-    names = column_names(predictions)
+    shown, names = dict[Sentence, Sequence[Metric]](), column_names(predictions)
     for name, own in sorted(zip(names, predictions, strict=True), key=lambda pair: pair[0] != names[base]):
         metrics = own.preferred.metrics
         folds = {Sentence("{} if it folds as {}", name, to): [m.folds[to] for m in metrics] for to in metrics[0].folds}

@@ -44,8 +44,8 @@ class Cell(NamedTuple):
     @property
     def unbroken(self) -> str:
         """All of it; a line may end before the detail alone."""
-        parts = [text.replace(" ", "\N{NO-BREAK SPACE}") for text in (self.value, self.detail)]
-        return " ".join(parts) if self.detail else unbroken(self.text)
+        parts = self.value, self.detail
+        return " ".join("\N{NO-BREAK SPACE}".join(own.split()) for own in parts) if self.detail else unbroken(self.text)
 
 
 @dataclass(frozen=True, slots=True)
