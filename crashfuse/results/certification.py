@@ -194,11 +194,11 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "run_first": certification.run_first,
         "bounds": {unit: share.at_most for unit, share in record.bounds().items()},
         "track_record": {
+            "near_limit": tables.share_columns(record.near_limit.bounds()["verdicts"]),
             **tables.record_counts(record),
             "decided_tests": tables.share_columns(record.bounds()["tests"]),
             "waived": {"tests": tests, **tables.share_columns(WrongShare(wrong, saved))},
             "saved": {test: list(ways) for test, ways in record.saved(criteria).items()},
-            "near_limit": tables.share_columns(record.near_limit.bounds()["verdicts"]),
             "intervals": {"n": intervals, "inside": inside},
             "intervals_outside": {"n": outside, "inside": inside_outside},
             "tuned": {unit: tables.share_columns(share) for unit, share in trial_bounds(record.tuned).items()},

@@ -60,17 +60,17 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "record.none": ("No record", "There is no record: {why}."),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
+    "record.decided": (
+        "",
+        "Near the limits, where it matters: {near_text}.",
+        f"In all {{n:,}} verdicts on left-out tests, {{wrong}} wrong ({_BOUNDS}).",
+        "No bound holds for another vehicle.",
+    ),
     "record.waived": (
         "",
         "We hid each of {tests} in turn, alone and with its speed group, and asked the same question: for {n} the "
         "answer was skip.",
         "Of these {wrong} missed a criterion: the error rate may be up to {bound:.1f} % (exact one-sided 95 % bound).",
-    ),
-    "record.decided": (
-        "",
-        "Near the limits, where it matters: {near} verdicts on left-out tests, {near_wrong} wrong ({near_bound}).",
-        f"In all {{n:,}} verdicts on left-out tests, {{wrong}} wrong ({_BOUNDS}).",
-        "No bound holds for another vehicle.",
     ),
     "record.with_runs": (
         "",
@@ -98,6 +98,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
     "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
     "campaign.warning": ("Warnings",),
+    "cae.unchecked": ("Quality checks of the CAE runs not passed", "{checks}"),
     "condition.outside": ("Outside the validated domain", "{about}: {why}"),
     "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
     "criterion.occupant": ("Another occupant model", "{about}: by {model} (campaign.toml)."),
@@ -133,7 +134,7 @@ DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_togeth
 Place = Literal["answer", "verdicts", "costs", "summary", "record", "domain", "since"]
 _COSTS = ("costs.confidence", "costs.saving")
 _RECORD = (
-    *("record.waived", "record.decided", "record.with_runs", "record.no_gain", "record.none"),
+    *("record.decided", "record.waived", "record.with_runs", "record.no_gain", "record.none"),
     *("tests.cae_tuned", "since.outcomes"),
 )
 PLACES: Mapping[Place, tuple[str, ...]] = {
@@ -209,6 +210,8 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
     yield from (fact for fact in campaign_facts(campaign) if fact.code in SUBJECTS and fact.code != "tests.cae_tuned")
     if any(test.cae_tuned is not False for test in campaign.tests):
         yield tuning_fact(campaign)
+    if (quality := campaign.quality).unpassed:
+        yield _fact("cae.unchecked", checks=quality.checks, unpassed=quality.unpassed)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield _fact("test.extrapolated", test.id, notes=joined(notes))
@@ -251,9 +254,11 @@ def _record(certification: Certification) -> Iterator[Fact]:
         why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
         yield _fact("record.none", why=why)
         return
-    (n, wrong), (near_n, missed) = record.decided, record.near_limit.decided
-    near = {"near": near_n or None, "near_wrong": missed, "near_bound": at_most(missed, near_n)}
-    yield _fact("record.decided", n=n, wrong=wrong, **near, **_bounds(record.bounds()))
+    (n, wrong), (near, near_wrong) = record.decided, record.near_limit.decided
+    text = f"{counted(near, 'verdict')} on left-out tests, {counted_wrong(near_wrong)} ({at_most(near_wrong, near)})"
+    near_text = text if near else "no verdict on a left-out test, so the others prove little"
+    values = {"near": near, "near_wrong": near_wrong, "near_text": near_text, **_bounds(record.bounds())}
+    yield _fact("record.decided", n=n, wrong=wrong, **values)
     tests, saved, missed = record.waived(criteria)
     bound = 100 * largest_share(missed, saved) if saved else None
     yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)

@@ -78,7 +78,7 @@ def _of_tests(certification: Certification) -> dict[str, object]:
     speeds, masses = ([getattr(t.condition, name) for t in tests] for name in ("speed_mps", "mass_kg"))
     return {
         "version": __version__,
-        "quality": joined(campaign.quality.sentences),
+        "quality": joined([*campaign.quality.sentences, campaign.quality.checks]),
         "runs": f"{len(campaign.cae):,}",
         "ended": f"{ends.count('normal'):,}" if any(ends) else None,
         "tests": len(tests),

@@ -307,6 +307,10 @@ def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certi
     assert 0 < near < decided
     kept = certification_record(certification)["track_record"]
     assert isinstance(kept, dict)
+    assert next(iter(kept)) == "near_limit"
+    assert sentences(certification, "record")[0].startswith(f"Near the limits, where it matters: {near} verdicts")
+    far = replace(certification, record=TrackRecord(tuple(t for t in record.trials if not t.near)))
+    assert sentences(far, "record")[0].startswith("Near the limits, where it matters: no verdict")
     at_most = pytest.approx(1 - 0.05 ** (1 / near), abs=1e-4)
     assert kept["near_limit"] == {"n": near, "wrong": 0, "wrong_at_most": at_most}
     assert kept["intervals"] == dict(zip(("inside", "n"), record.intervals, strict=True))
@@ -314,9 +318,12 @@ def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certi
 
 def test_each_criterion_stands_beside_what_its_own_record_supports(certification: Certification) -> None:
     record, asked = certification.record, certification.criteria
-    told = certification_result(certification).tables["record"].frame["What this record supports"].tolist()
-    assert told == [*(support_text(record, own, asked.confidence) for own in asked.items), ""]
-    assert len({*told}) > 2
+    table = certification_result(certification).tables["record"].frame
+    first, *told, _, with_runs = table["What this record supports"]
+    assert told == [support_text(record, own, asked.confidence) for own in asked.items]
+    assert (first, with_runs, len({*told})) == ("", "", 2 + 1)
+    near, *_, all_of_it, _ = table[["Met", "Not met"]].sum(axis=1)
+    assert (near, all_of_it) == (record.near_limit.decided[0], record.decided[0])
 
 
 def test_probabilities_that_did_not_come_true_or_gain_nothing_are_exceptions(certification: Certification) -> None:
@@ -387,6 +394,8 @@ def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: C
     assert len(cells) == len(certification.cells) + len(certification.record.counted)
     assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1 + 1  # domain, record, reliability, matrix, scales
     assert certification.campaign.fingerprint in text
+    assert f"<code>{certification.campaign.cae.fingerprint}</code>" in text
+    assert "<td>Solver of the CAE runs</td><td><code>not stated</code></td>" in text
     assert certify_command(certification) in text
     for place in ("summary", "domain", "record"):
         assert all(str(escape(sentence)) in text for sentence in sentences(certification, place))
