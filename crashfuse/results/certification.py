@@ -6,11 +6,14 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Unpack
 
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import WrongShare, trial_bounds
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results import certification_tables as tables
@@ -20,6 +23,7 @@ from crashfuse.results.credibility import credibility_rows, credibility_table
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots import certification as plots
+from crashfuse.results.plots import pulses
 from crashfuse.results.provenance import certification_settings, certify_command, provenance
 from crashfuse.results.render.text import json_bytes
 from crashfuse.results.result import Deferred, Figure, ForReading, Result
@@ -60,7 +64,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
             repeats=repeats,
         ),
         figures=_figures(certification),
-        parts={"data": (campaign_result(campaign),)},
+        parts={"data": (campaign_result(campaign),), "left_out": _left_out(certification)},
         values={
             "date": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
             "key": certification.key,
@@ -102,6 +106,26 @@ def _figures(certification: Certification) -> dict[str, Figure]:
         sheets = [partial(matrix, words=False)]
     figures["verdicts"] = Figure("Verdicts", matrix, is_answer=True, sheets=tuple(sheets))
     return figures
+
+
+def _left_out(certification: Certification) -> tuple[Result, ...]:
+    """A part for each left-out test: what it showed, the CAE model, and what was predicted without it."""
+    campaign, approach = certification.campaign, certification.config.approaches[0]
+    names = {**tables.PULSE_OF, BASELINE: BASELINE, **({} if approach == BASELINE else {"test": approach})}
+
+    def overlay(display: Display, test: CrashTest) -> Drawing:
+        made = tables.left_out_pulses(certification)[test.id].items()
+        drawn = {names[way]: Prediction(test.condition, accel_mps2.mean(axis=0)) for way, accel_mps2 in made}
+        return pulses.overlay(test, drawn, display)
+
+    figures = {
+        test: Figure("test, CAE model and prediction", partial(overlay, test=campaign.test(test)))
+        for test, _ in certification.record.predicted_mps2
+    }
+    return tuple(
+        Result(kind="left-out test", title=f"{test}, left out", figures={"overlay": figure})
+        for test, figure in figures.items()
+    )
 
 
 def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> Drawing:
@@ -201,6 +225,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "saved": {test: list(ways) for test, ways in record.saved(criteria).items()},
             "intervals": {"n": intervals, "inside": inside},
             "intervals_outside": {"n": outside, "inside": inside_outside},
+            "ratings": tables.left_out_ratings(certification),
             "tuned": {unit: tables.share_columns(share) for unit, share in trial_bounds(record.tuned).items()},
             "whole_pulses": {way: {"n": n, "inside": inside} for way, (inside, n) in record.whole_pulses.items()},
             **({} if with_runs is None else {"with_paired_runs": tables.record_counts(with_runs)}),

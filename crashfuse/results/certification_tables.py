@@ -5,8 +5,11 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
+from crashfuse.approaches.registry import BASELINE
+from crashfuse.cae.model import cae_pulses
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Answer, Certification, Variant
 from crashfuse.certification.criteria import RATING, Criterion
@@ -15,10 +18,15 @@ from crashfuse.certification.track_record import TrackRecord, Trial, WrongShare
 from crashfuse.certification.verdict import WORDS, Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import remembered
+from crashfuse.execution.run import Run
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.certification_facts import measured_text, new_together, support_text, unused_at
+from crashfuse.results.figures import LEFT_OUT, WITH_GROUP
 from crashfuse.results.plots.canvas import tick_name
 from crashfuse.results.table import CONDITION, Column, Table, frame_of, of_condition
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.rating import WEIGHTS, rate_iso18571
+from crashfuse.study.expected_rating import overall_rating
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import MASS, SPEED, Sentence, UnitSystem, joined, probability_text, read_out, unbroken
 
@@ -238,6 +246,57 @@ def _record(certification: Certification) -> Table:
     return Table.of("counts", rows, *(Column(title, "share") for title in bounds.values()))
 
 
+@remembered
+def left_out_pulses(certification: Certification) -> dict[str, dict[str, FloatArray]]:
+    """By left-out test the CAE pulse (of its run, if there is one) and, by what was left out, the predicted ones.
+
+    Each of shape (n_seeds, n_samples); that without the speed group only if it is another one.
+    """
+    campaign, predicted = certification.campaign, certification.record.predicted_mps2
+    tests = list(dict.fromkeys(test for test, _ in predicted))
+    of_cae = cae_pulses(campaign.cae, [campaign.test(test).condition for test in tests], Run.of(campaign))
+    found = {test: {BASELINE: accel_mps2[np.newaxis]} for test, accel_mps2 in zip(tests, of_cae, strict=True)}
+    for (test, way), accel_mps2 in predicted.items():
+        if way == "test" or not np.array_equal(accel_mps2, predicted.get((test, "test"), ())):
+            found[test][way] = accel_mps2
+    return found
+
+
+PULSE_OF = {BASELINE: "CAE", "test": LEFT_OUT["test"], "speed group": WITH_GROUP}
+"""What each of these is called."""
+
+
+def left_out_ratings(certification: Certification) -> dict[str, dict[str, float]]:
+    """The overall rating of each over the longest window, the mean over the seeds."""
+    campaign, window = certification.campaign, certification.config.windows_ms[-1]
+    return {
+        test: {
+            way: float(np.mean([overall_rating(campaign.test(test).pulse, own, window) for own in accel_mps2]))
+            for way, accel_mps2 in pulses.items()
+        }
+        for test, pulses in left_out_pulses(certification).items()
+    }
+
+
+def _left_out(certification: Certification) -> Table:
+    """The ratings of these pulses with their parts, means over the seeds, as the record has them."""
+    campaign, window = certification.campaign, certification.config.windows_ms[-1]
+    rows = [
+        {
+            "Test": test,
+            "speed_mph": of_condition(campaign.test(test).condition)["speed_mph"],
+            "Pulse": PULSE_OF[name],
+            **{part: np.mean([getattr(rating, part) for rating in ratings]) for part in ("overall", *WEIGHTS)},
+        }
+        for test, pulses in left_out_pulses(certification).items()
+        for name, accel_mps2 in pulses.items()
+        for ratings in [[rate_iso18571(campaign.test(test).pulse, Pulse(GRID_S, own), window) for own in accel_mps2]]
+    ]
+    parts = (Column(part.capitalize(), "number", form=".3f", source=part) for part in WEIGHTS)
+    overall = Column(f"Rating, 0–{window:g} ms", "grade", source="overall")
+    return Table.of("ratings of left-out tests", rows, CONDITION[0], overall, *parts)
+
+
 def _criteria(certification: Certification) -> Table:
     rows = (
         {"Criterion": own.name, "Quantity": own.label, "Limit": own.limits, "As declared": str(own.limits)}
@@ -254,6 +313,7 @@ def _counts(certification: Certification) -> Table:
 def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Table]]:
     """What makes each table for readers, by name."""
     makers = {"planned": _planned, "counts": _counts, "criteria": _criteria, "verdicts": _verdicts, "record": _record}
+    makers["left_out"] = _left_out
     trials = {"trials": certification.record.counted}
     if (since := certification.since) is not None:
         trials["since"] = since.trials
