@@ -12,7 +12,7 @@ import numpy.typing as npt
 from crashfuse.approaches.metric_calibration import Distribution, mean_quantiles, metric_distributions
 from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.criteria import RATING, WINDOW_MS, Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
@@ -350,5 +350,6 @@ class Plan(NamedTuple):
         tests = sorted({test for trial in with_runs for test in trial.held_out})
         if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
             campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
-        forecasts = Forecasts(campaign, criteria.windows_ms, config, run)
+        windows_ms = {*criteria.windows_ms, criteria.spot_check.window_ms or WINDOW_MS}
+        forecasts = Forecasts(campaign, tuple(sorted(windows_ms)), config, run)
         return cls(splits, trials, with_runs, cells, forecasts)

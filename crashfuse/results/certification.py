@@ -18,7 +18,16 @@ from crashfuse.errors import one_of
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results import certification_tables as tables
 from crashfuse.results.campaign import campaign_result
-from crashfuse.results.certification_facts import PLACES, against, answer, exceptions, facts, outcomes, sentences
+from crashfuse.results.certification_facts import (
+    PLACES,
+    against,
+    answer,
+    exceptions,
+    facts,
+    outcomes,
+    sentences,
+    spot_check,
+)
 from crashfuse.results.credibility import credibility_rows, credibility_table
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
@@ -216,6 +225,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "counted_once": certification.counted_once,
         "uncertain": {i: met._asdict() for i, met in certification.uncertain.items()},
         "run_first": certification.run_first,
+        "spot_check": spot_check(certification),
         "bounds": {unit: share.at_most for unit, share in record.bounds().items()},
         "track_record": {
             "near_limit": tables.share_columns(record.near_limit.bounds()["verdicts"]),

@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain, groupby
-from typing import ClassVar, Literal
+from statistics import fmean
+from typing import Any, ClassVar, Literal
 
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
@@ -52,6 +53,13 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Already run: {run}."),
     "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, and certify again."),
+    "spot_check": (
+        "",
+        "Spot check: one of {tests} inside the validated domain, drawn at random and run, rates at least "
+        "{at_least:.2f} over 0–{window_ms:g} ms with probability {rates} (least at {weakest}: {least}), and meets all "
+        "criteria with {meets}.",
+        "Drawn of the {skipped} to be skipped: {rates_of_skipped} and {meets_of_skipped}.",
+    ),
     "test.stands_apart": ("Tests that stand apart",),
     "since.wrong": ("Verdicts contradicted since", _WRONG),
     "record.slower": (
@@ -142,11 +150,11 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("matrix.saved", "matrix.skipping_loses", "since.outcomes", "record.none", "record.waived", "since.beside"),
         *("costs.saving", "matrix.run_first"),
     ),
-    "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first"),
+    "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first", "spot_check"),
     "costs": _COSTS,
     "summary": (
         *("matrix.saved", "matrix.skipping_loses", "matrix.counted_once", *_COSTS),
-        *("matrix.counts", "matrix.run_first", *_RECORD, "record.slower"),
+        *("matrix.counts", "matrix.run_first", "spot_check", *_RECORD, "record.slower"),
         *("test.not_used", "condition.no_factor", "condition.new_together"),
         *("criterion.unsupported", "criterion.untouched", "criterion.few"),
     ),
@@ -229,6 +237,28 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
         yield _fact("matrix.counted_once", alike=once)
     if first := certification.run_first:
         yield _fact("matrix.run_first", first)
+    if drawn := spot_check(certification):
+        chances = {name: probability_text(p, 1.0) for name, p in drawn.items() if name in _CHANCES}
+        tests = {"tests": counted(drawn["tests"], "planned test"), "skipped": drawn["skipped"] or None}
+        yield _fact("spot_check", **drawn | chances | tests)
+
+
+_CHANCES = ("rates", "meets", "least", "rates_of_skipped", "meets_of_skipped")
+
+
+def spot_check(certification: Certification) -> dict[str, Any]:
+    """What to expect of a planned test, not run yet, that is drawn at random and run; empty if none can be told."""
+    asked = certification.criteria.spot_check
+    rates = {i: p for i, p in certification.spot_checks.items() if i in certification.rows}
+    if not rates:
+        return {}
+    meets = {i: all_met(certification.rows[i]).probability for i in rates}
+    skipped, weakest = [i for i in rates if i in certification.waived], min(rates, key=rates.__getitem__)
+    means = {"rates": fmean(rates.values()), "meets": fmean(meets.values())}
+    if skipped:
+        means |= {f"{n}_of_skipped": fmean(p[i] for i in skipped) for n, p in (("rates", rates), ("meets", meets))}
+    tests = {"tests": len(rates), "skipped": len(skipped), "weakest": weakest, "least": rates[weakest]}
+    return {"at_least": asked.at_least, "window_ms": asked.window_ms, **tests, **means}
 
 
 def _costs(certification: Certification) -> Iterator[Fact]:

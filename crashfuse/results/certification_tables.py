@@ -60,6 +60,7 @@ def certification_table(certification: Certification, units: UnitSystem | None =
             "all_met_at_least": at_once[i].at_least,
             "answer": answers[i],
             "all_met": at_once[i].probability,
+            "spot_check": certification.spot_checks.get(i, float("nan")),
             **({"test": " ".join(verdict.run)} if run else {}),
         }
         for i, verdict in certification.cells
@@ -360,10 +361,12 @@ def _planned(certification: Certification) -> Table:
             **of_condition(own.condition),
             "Answer": own.word,
             "Why": joined([own.why, *own.further], "; "),
+            "spot_check": certification.spot_checks.get(own.id),
         }
         for own in planned(certification)
     )
-    return Table.of("planned tests", rows, *CONDITION)
+    rated = Column(f"Rates {certification.criteria.spot_check.at_least:.2f}", "probability", source="spot_check")
+    return Table.of("planned tests", rows, *CONDITION, rated)
 
 
 def _why(certification: Certification, i: str) -> Sentence:
