@@ -44,7 +44,7 @@ from crashfuse.units import LB, MPH
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # of a sheet at the height it has on paper; of several, two fill a page
 _CRITERIA = 2  # of a sheet
 _MOST_SHEETS = 20
-_SHEET = ["Activity", "Factor", "Question", "What the data say", "Source"]
+_SHEET = ["Activity", "Factor", "Question", "Basis", "What the data say", "Source"]
 
 
 def certification_result(certification: Certification, notes: Sequence[Note] = ()) -> Result:
@@ -55,6 +55,13 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
     def repeats() -> Table:
         known = repeatability(campaign, config.windows_ms, seed=config.seed)
         return repeats_table(known, campaign.test_ids, config.windows_ms) or Table.of("repeats", ())
+
+    def credibility() -> Table:
+        rows = credibility_rows(certification)
+        again = rows.duplicated("factor")
+        for name in ("activity", "factor", "question"):
+            rows[name] = rows[name].mask(again, "")
+        return Table.of("credibility", rows.set_axis(_SHEET, axis=1))
 
     return Result(
         kind="certification",
@@ -69,7 +76,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         sentences={place: sentences(certification, place) for place in PLACES},
         tables=Deferred(
             **tables.makers_of_tables(certification),
-            credibility=lambda: Table.of("credibility", credibility_rows(certification).set_axis(_SHEET, axis=1)),
+            credibility=credibility,
             repeats=repeats,
         ),
         figures=_figures(certification),
