@@ -63,6 +63,8 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
             rows[name] = rows[name].mask(again, "")
         return Table.of("credibility", rows.set_axis(_SHEET, axis=1))
 
+    told = {place: sentences(certification, place) for place in PLACES}
+    sealed = f"Sealed by the key {certification.key}." if certification.key else "Not sealed."
     return Result(
         kind="certification",
         title="certification by analysis",
@@ -73,7 +75,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         answer=answer(certification),
         against=against(certification),
         shown=("planned", "counts"),
-        sentences={place: sentences(certification, place) for place in PLACES},
+        sentences={**told, "evidence": (*told["record"][:2], campaign.quality.checks, sealed)},
         tables=Deferred(
             **tables.makers_of_tables(certification),
             credibility=credibility,

@@ -38,6 +38,7 @@ from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.plots.certification import verdict_matrix
 from crashfuse.results.provenance import certify_command
+from crashfuse.results.render.figure_files import contents_of
 from crashfuse.results.render.html import report
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -404,6 +405,14 @@ def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: C
     for place in ("summary", "domain", "record"):
         assert all(str(escape(sentence)) in text for sentence in sentences(certification, place))
     assert all(str(escape(sentence)) in text for told in exceptions(certification).values() for sentence in told)
+
+
+def test_slides_say_what_the_answer_rests_on(certification: Certification) -> None:
+    """The record with its bounds, the quality of the CAE runs, and the seal."""
+    for key, seal in (("", "Not sealed."), ("ab", "Sealed by the key ab.")):
+        told = contents_of(certification_result(replace(certification, key=key)), DEFAULT).evidence
+        assert told[0] == sentences(certification, "record")[0]
+        assert told[2:] == (certification.campaign.quality.checks, seal)
 
 
 def test_notes_on_tests_stand_in_the_dossier_as_text(certification: Certification, text: str) -> None:
