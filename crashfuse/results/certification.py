@@ -209,7 +209,11 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "matrix": tables.matrix_table(certification.matrix).to_dict("records"),
         "cells": {i: {v.criterion.name: (v.word, v.probability, v.lower, v.upper) for v in row} for i, row in rows},
         "monte_carlo": {
-            i: {"seeds": max(len(v.chances) for v in row), "error": {v.criterion.name: round(v.error, 4) for v in row}}
+            i: {
+                "seeds": max(len(v.chances) for v in row),
+                "error": {v.criterion.name: round(v.error, 4) for v in row},
+                "interval": {v.criterion.name: v.probability_interval for v in row},
+            }
             for i, row in rows
         },
         "run": {

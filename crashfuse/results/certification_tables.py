@@ -38,6 +38,7 @@ _TRIAL_COLUMNS = (
     *("bounds.verdicts", "bounds.tests", "tuned"),
 )
 _OF_LIMITS = ("metric", "window_ms", "at_least", "at_most", "unit")
+_OF_PROBABILITY = ("probability_lower", "probability_upper")
 _JUDGED = ("met", "not met", "decided")
 
 
@@ -61,6 +62,7 @@ def certification_table(certification: Certification, units: UnitSystem | None =
             "answer": answers[i],
             "all_met": at_once[i].probability,
             "spot_check": certification.spot_checks.get(i, float("nan")),
+            **dict(zip(_OF_PROBABILITY, verdict.probability_interval or (float("nan"),) * 2, strict=True)),
             **({"test": " ".join(verdict.run)} if run else {}),
         }
         for i, verdict in certification.cells
@@ -196,6 +198,7 @@ def _cells(verdict: Verdict) -> dict[str, object]:
         "Expected": criterion.shown(verdict.value),
         "95 % of tests": criterion.interval(verdict.lower, verdict.upper),
         "Probability": verdict.probability,
+        "Probability, 95 %": "{:.2f}–{:.2f}".format(*verdict.probability_interval or (0.0, 1.0)),
         "Verdict": verdict.word,
         "Reason": verdict.reason,
     }

@@ -407,6 +407,21 @@ def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: C
     assert all(str(escape(sentence)) in text for told in exceptions(certification).values() for sentence in told)
 
 
+def test_a_probability_stands_beside_what_the_tests_leave_open_of_it(certification: Certification) -> None:
+    """In the file of verdicts, in the record and in the dossier; wider where seeds differ."""
+    table = certification_table(certification)
+    for (i, verdict), lower, upper in zip(
+        certification.cells, table["probability_lower"], table["probability_upper"], strict=True
+    ):
+        if verdict.probability is not None and verdict.probability_interval is not None:
+            assert 0 <= lower <= verdict.probability <= upper <= 1
+            assert verdict.probability_interval == (lower, upper)
+            kept = certification_record(certification)["monte_carlo"]
+            assert kept[i]["interval"][verdict.criterion.name] == (lower, upper)  # type: ignore[index]
+    shown = certification_result(certification).tables["verdicts"].frame["Probability, 95 %"]
+    assert shown.str.fullmatch(r"[01]\.\d\d–[01]\.\d\d").all()
+
+
 def test_slides_say_what_the_answer_rests_on(certification: Certification) -> None:
     """The record with its bounds, the quality of the CAE runs, and the seal."""
     for key, seal in (("", "Not sealed."), ("ab", "Sealed by the key ab.")):
