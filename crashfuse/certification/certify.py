@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack
+
+import numpy as np
 
 from crashfuse import views
 from crashfuse.approaches.mixture import AboutFused
@@ -92,6 +94,8 @@ class Certification:
     key: str = ""  # that seals its files, if one does
     # by the first seed, its error not counted, each test with its paired CAE run; None where the record has these, too
     record_with_runs: TrackRecord | None = None
+    # by condition inside the domain that no test was made for: the probability that a pulse there passes a spot check
+    spot_checks: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {word}" for word, n in self.n_by_word.items() if n)
@@ -334,7 +338,13 @@ def certify_matrix(
         )
         verdicts = _hold(judged, campaign, criteria, record)
         found = Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
-        return replace(found, record_with_runs=flattered)
+        checks = {
+            i: float(np.mean(chances))
+            for (i, at), cell, tests in zip(matrix.items, plan.cells, tests_run, strict=True)
+            if not (tests or domain.outside(at) or domain.unshown(at))
+            and (chances := at_cells[cell].chances(criteria.spot_check))
+        }
+        return replace(found, record_with_runs=flattered, spot_checks=checks)
 
     found = by(criteria)
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))

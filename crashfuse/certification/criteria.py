@@ -142,6 +142,13 @@ class Criteria:
         """All windows of ratings, ascending."""
         return tuple(sorted({c.window_ms for c in self.items if c.window_ms is not None}))
 
+    @property
+    def spot_check(self) -> Criterion:
+        """What a test that is drawn and run has to rate: the limit of the longest window, else 0.80 over 0–60 ms."""
+        usual = Criterion(RATING, RATING, at_least=_GOOD, window_ms=WINDOW_MS)
+        rated = (own for own in self.items if own.window_ms is not None and own.at_least is not None)
+        return max(rated, key=lambda own: own.window_ms or 0.0, default=usual)
+
 
 LEAST_SURE, MOST_SURE = 0.5, 0.999999
 _MOST_CRITERIA = 100

@@ -40,6 +40,7 @@ class Verdict:
     # which draws of the prediction meet it, by seed; empty where it has none, and of a rating
     drawn: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool), compare=False, repr=False)
     folds: tuple[float, float] | None = None  # the probability if a test folds as most do, and as one that stands apart
+    probability_interval: tuple[float, float] | None = None  # central 95 % of the probability, left-out tests being few
 
     def __repr__(self) -> str:
         return f"<Verdict {self.word}: {self.criterion.name} {self.criterion.limits} at {self.condition}>"
@@ -145,9 +146,21 @@ def judge(
         word: Word = "outside" if why else _word(probability, criteria.confidence, COUNTED * error)
         run, drawn = dict.fromkeys(tests), forecast.drawn(criterion)
         numbers = *forecast.numbers(criterion), probability
-        verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, chances, drawn, folds)
+        interval = _widened(forecast.probability_interval(criterion), probability, COUNTED * error)
+        verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, chances, drawn, folds, interval)
         verdicts.append(verdict if why else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
+
+
+def _widened(
+    interval: tuple[float, float] | None, probability: float | None, error: float
+) -> tuple[float, float] | None:
+    """The interval of a probability with what seeds leave open, too."""
+    if interval is None or probability is None:
+        return None
+    away = probability - interval[0], interval[1] - probability
+    below, above = np.hypot(np.maximum(away, 0.0), error).tolist()
+    return max(probability - below, 0.0), min(probability + above, 1.0)
 
 
 def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:

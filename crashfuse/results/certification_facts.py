@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain, groupby
-from typing import ClassVar, Literal
+from statistics import fmean
+from typing import Any, ClassVar, Literal
 
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
@@ -52,6 +53,13 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Already run: {run}."),
     "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, and certify again."),
+    "spot_check": (
+        "",
+        "Spot check: one of {tests} inside the validated domain, drawn at random and run, rates at least "
+        "{at_least:.2f} over 0–{window_ms:g} ms with probability {rates} (least at {weakest}: {least}), and meets all "
+        "criteria with {meets}.",
+        "Drawn of the {skipped} to be skipped: {rates_of_skipped} and {meets_of_skipped}.",
+    ),
     "test.stands_apart": ("Tests that stand apart",),
     "since.wrong": ("Verdicts contradicted since", _WRONG),
     "record.slower": (
@@ -60,17 +68,17 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "record.none": ("No record", "There is no record: {why}."),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
+    "record.decided": (
+        "",
+        "Near the limits, where it matters: {near_text}.",
+        f"In all {{n:,}} verdicts on left-out tests, {{wrong}} wrong ({_BOUNDS}).",
+        "No bound holds for another vehicle.",
+    ),
     "record.waived": (
         "",
         "We hid each of {tests} in turn, alone and with its speed group, and asked the same question: for {n} the "
         "answer was skip.",
         "Of these {wrong} missed a criterion: the error rate may be up to {bound:.1f} % (exact one-sided 95 % bound).",
-    ),
-    "record.decided": (
-        "",
-        "Near the limits, where it matters: {near} verdicts on left-out tests, {near_wrong} wrong ({near_bound}).",
-        f"In all {{n:,}} verdicts on left-out tests, {{wrong}} wrong ({_BOUNDS}).",
-        "No bound holds for another vehicle.",
     ),
     "record.with_runs": (
         "",
@@ -98,6 +106,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
     "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
     "campaign.warning": ("Warnings",),
+    "cae.unchecked": ("Quality checks of the CAE runs not passed", "{checks}"),
     "condition.outside": ("Outside the validated domain", "{about}: {why}"),
     "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
     "criterion.occupant": ("Another occupant model", "{about}: by {model} (campaign.toml)."),
@@ -133,7 +142,7 @@ DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_togeth
 Place = Literal["answer", "verdicts", "costs", "summary", "record", "domain", "since"]
 _COSTS = ("costs.confidence", "costs.saving")
 _RECORD = (
-    *("record.waived", "record.decided", "record.with_runs", "record.no_gain", "record.none"),
+    *("record.decided", "record.waived", "record.with_runs", "record.no_gain", "record.none"),
     *("tests.cae_tuned", "since.outcomes"),
 )
 PLACES: Mapping[Place, tuple[str, ...]] = {
@@ -141,11 +150,11 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("matrix.saved", "matrix.skipping_loses", "since.outcomes", "record.none", "record.waived", "since.beside"),
         *("costs.saving", "matrix.run_first"),
     ),
-    "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first"),
+    "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first", "spot_check"),
     "costs": _COSTS,
     "summary": (
         *("matrix.saved", "matrix.skipping_loses", "matrix.counted_once", *_COSTS),
-        *("matrix.counts", "matrix.run_first", *_RECORD, "record.slower"),
+        *("matrix.counts", "matrix.run_first", "spot_check", *_RECORD, "record.slower"),
         *("test.not_used", "condition.no_factor", "condition.new_together"),
         *("criterion.unsupported", "criterion.untouched", "criterion.few"),
     ),
@@ -209,6 +218,8 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
     yield from (fact for fact in campaign_facts(campaign) if fact.code in SUBJECTS and fact.code != "tests.cae_tuned")
     if any(test.cae_tuned is not False for test in campaign.tests):
         yield tuning_fact(campaign)
+    if (quality := campaign.quality).unpassed:
+        yield _fact("cae.unchecked", checks=quality.checks, unpassed=quality.unpassed)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield _fact("test.extrapolated", test.id, notes=joined(notes))
@@ -226,6 +237,28 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
         yield _fact("matrix.counted_once", alike=once)
     if first := certification.run_first:
         yield _fact("matrix.run_first", first)
+    if drawn := spot_check(certification):
+        chances = {name: probability_text(p, 1.0) for name, p in drawn.items() if name in _CHANCES}
+        tests = {"tests": counted(drawn["tests"], "planned test"), "skipped": drawn["skipped"] or None}
+        yield _fact("spot_check", **drawn | chances | tests)
+
+
+_CHANCES = ("rates", "meets", "least", "rates_of_skipped", "meets_of_skipped")
+
+
+def spot_check(certification: Certification) -> dict[str, Any]:
+    """What to expect of a planned test, not run yet, that is drawn at random and run; empty if none can be told."""
+    asked = certification.criteria.spot_check
+    rates = {i: p for i, p in certification.spot_checks.items() if i in certification.rows}
+    if not rates:
+        return {}
+    meets = {i: all_met(certification.rows[i]).probability for i in rates}
+    skipped, weakest = [i for i in rates if i in certification.waived], min(rates, key=rates.__getitem__)
+    means = {"rates": fmean(rates.values()), "meets": fmean(meets.values())}
+    if skipped:
+        means |= {f"{n}_of_skipped": fmean(p[i] for i in skipped) for n, p in (("rates", rates), ("meets", meets))}
+    tests = {"tests": len(rates), "skipped": len(skipped), "weakest": weakest, "least": rates[weakest]}
+    return {"at_least": asked.at_least, "window_ms": asked.window_ms, **tests, **means}
 
 
 def _costs(certification: Certification) -> Iterator[Fact]:
@@ -251,9 +284,11 @@ def _record(certification: Certification) -> Iterator[Fact]:
         why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
         yield _fact("record.none", why=why)
         return
-    (n, wrong), (near_n, missed) = record.decided, record.near_limit.decided
-    near = {"near": near_n or None, "near_wrong": missed, "near_bound": at_most(missed, near_n)}
-    yield _fact("record.decided", n=n, wrong=wrong, **near, **_bounds(record.bounds()))
+    (n, wrong), (near, near_wrong) = record.decided, record.near_limit.decided
+    text = f"{counted(near, 'verdict')} on left-out tests, {counted_wrong(near_wrong)} ({at_most(near_wrong, near)})"
+    near_text = text if near else "no verdict on a left-out test, so the others prove little"
+    values = {"near": near, "near_wrong": near_wrong, "near_text": near_text, **_bounds(record.bounds())}
+    yield _fact("record.decided", n=n, wrong=wrong, **values)
     tests, saved, missed = record.waived(criteria)
     bound = 100 * largest_share(missed, saved) if saved else None
     yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)

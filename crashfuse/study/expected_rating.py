@@ -59,9 +59,8 @@ class RatingDistribution(Distribution):
     def _cut(self) -> float:
         return 0.0  # of a rating below 0 nothing is cut off
 
-    def cdf(self, x: float) -> float:
-        """Probability of a rating of at most ``x``."""
-        return super().cdf(float(_logs(x)))
+    def _place(self, x: float) -> float:
+        return float(_logs(x))
 
     def quantile(self, share: float) -> float:
         """The rating that a share of tests stays below."""
