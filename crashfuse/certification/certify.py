@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack
 
 import numpy as np
@@ -15,6 +16,7 @@ from crashfuse import views
 from crashfuse.approaches.mixture import AboutFused
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
+from crashfuse.certification import seal
 from crashfuse.certification.criteria import (
     COSTS,
     WINDOW_MS,
@@ -25,7 +27,7 @@ from crashfuse.certification.criteria import (
     with_costs,
 )
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.earlier import Earlier, LaterTests, read_earlier
+from crashfuse.certification.earlier import COMPARED, Earlier, LaterTests, compared, read_earlier, recorded
 from crashfuse.certification.forecasts import SEEDS, Plan
 from crashfuse.certification.matrix import Matrix, MatrixGiven, matrix_given
 from crashfuse.certification.track_record import TrackRecord, left_out_tests
@@ -43,6 +45,7 @@ from crashfuse.certification.verdict import (
 )
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
+from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run, RunOptions
 from crashfuse.execution.workers import running
 from crashfuse.study.config import StudyConfig, check_window
@@ -361,6 +364,41 @@ def without_each_test(certification: Certification, run: Run) -> Certification:
     others = ((f"without {test}", certify_matrix(campaign.without((test,)), *asked)) for test in tests)
     variants = (Variant.of(name, certification, other) for name, other in others)
     return replace(certification, variants=(*certification.variants, *variants))
+
+
+def recompute(folder: str | Path, campaign: Campaign, **run: Unpack[RunOptions]) -> pd.DataFrame:
+    """Compute a certification again from its campaign and the settings that it records, and compare each value.
+
+    Tests that were run since are put aside. Without a ``cache`` nothing that was kept before is believed.
+
+    Parameters
+    ----------
+    folder : path
+        What ``crashfuse certify`` wrote.
+
+    Returns
+    -------
+    DataFrame
+        One row a value: file, place, recorded, recomputed, and agreement: ``to the last digit``, ``within rounding``
+        (1e-5 of the value: tables have six digits), ``not``, or ``not derived``, such as of the date.
+
+    Raises
+    ------
+    DataError
+        If it is no certification of this campaign as it is today.
+    """
+    import pandas as pd
+
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+    folder = Path(folder)
+    earlier, config, campaign = recorded(folder, campaign)
+    with TemporaryDirectory() as kept, running(campaign, **{"cache": Cache(Path(kept)), **run}) as started:
+        again = certify_matrix(campaign, earlier.criteria, earlier.matrix, config, started)
+        record = replace(again.record, since=LaterTests(earlier, campaign).held_against(again.criteria))
+        verdicts = _hold(again.judged, again.campaign, again.criteria, record)
+        made = views.certification_result(replace(again, verdicts=verdicts, record=record)).files
+        rows = [row for name in COMPARED for row in compared(name, seal.read(folder / name, "this file"), made[name]())]
+    return pd.DataFrame(rows, columns=["file", "place", "recorded", "recomputed", "agreement"])
 
 
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig) -> bool:

@@ -280,4 +280,5 @@ def _costs(certification: Certification) -> dict[str, object]:
 
 
 def _criterion(criterion: Criterion) -> dict[str, object]:
-    return {key: value for key, value in asdict(criterion).items() if value is not None}
+    given = {key: value for key, value in asdict(criterion).items() if value is not None}
+    return {**given, **({"unit": criterion.unit} if criterion.unit else {})}

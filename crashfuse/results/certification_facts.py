@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.criteria import Criterion, likely_unit
 from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import (
     TrackRecord,
@@ -67,6 +67,10 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "No skip as fast as {about} ({speeds}) was checked: hidden tests with that answer ran at {fastest} or slower.",
     ),
     "record.none": ("No record", "There is no record: {why}."),
+    "criterion.unit": (
+        "Units of limits",
+        "{about}: {limits} is far from what tests show ({shown}); in {likely} it would be near. Check the unit.",
+    ),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
     "record.decided": (
         "",
@@ -321,6 +325,11 @@ def _criteria(certification: Certification) -> Iterator[Fact]:
     names: dict[tuple[str, str], list[str]] = {}
     for criterion in certification.criteria.items:
         support = record.support(criterion)
+        predicted = (v.value for _, v in certification.cells if v.criterion == criterion)
+        values = [v for v in (*predicted, *(trial.measured for trial in record.of(criterion))) if v is not None]
+        if likely := likely_unit(criterion, values):  # all in the unit of the file
+            shown = f"{min(values):.4g} to {max(values):.4g} {criterion.unit}"
+            yield _fact("criterion.unit", criterion.name, limits=str(criterion.limits), shown=shown, likely=likely)
         if shortfall := support.shortfall(confidence):
             names.setdefault(("criterion.unsupported", shortfall), []).append(criterion.name)
         if record.trials and (reservation := support.reservation(confidence)) and not (support.near and shortfall):

@@ -138,7 +138,7 @@ class ExpectedRating:
         if lower <= rating <= upper:
             return "as expected"
         far = "" if least <= rating <= most else "far "
-        return f"{far}{'below' if rating < lower else 'above'} what was expected"
+        return f"{far}{'below' if rating < lower else 'above'} what we expected"
 
     def is_missed_by(self, rating: float) -> bool:
         """Whether a rating is below what was expected."""

@@ -166,6 +166,10 @@ def variants(certification: Certification, alone: Certification) -> Iterator[tup
     yield "run, would miss", replace(certification, verdicts=(missed, tuple(replace(o, run={}) for o in missed), third))
     yield "tests near", near(certification)
     yield "factors", with_factors(certification)
+    inches = replace(certification.criteria.items[0], at_most=17.0)
+    criteria = replace(certification.criteria, items=(inches, *certification.criteria.items[1:]))
+    rows = tuple((replace(row[0], criterion=inches), *row[1:]) for row in certification.verdicts)
+    yield "a limit in inches", replace(certification, criteria=criteria, verdicts=rows)
     yield "a single test", alone
 
 

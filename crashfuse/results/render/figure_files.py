@@ -134,7 +134,7 @@ def missing_for(formats: Sequence[FigureFormat]) -> str:
     instead = "Or save figures from the report in a browser."
     if any(importlib.util.find_spec(module) is None for form in formats for module in _NEEDS[form]):
         extra = "pptx" if "pptx" in formats else "figures"
-        wanted = f'need python -m pip install "crashfuse[{extra}]"'
+        wanted = f'need python -m pip install ".[{extra}]" in a checkout'
         return f"Figures as {', '.join(formats)} {wanted}. {instead}"
     if any(map(_NEEDS.__getitem__, formats)) and not _browser():
         return f"Figures are drawn by Chrome, Chromium or Edge, and none was found (BROWSER_PATH names one). {instead}"

@@ -163,5 +163,5 @@ def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UsageError, match="Chrome, Chromium or Edge, and none was found"):
         figure_files(REPORT, ("svg",))
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "pptx" else object())
-    with pytest.raises(UsageError, match=re.escape('python -m pip install "crashfuse[pptx]"')):
+    with pytest.raises(UsageError, match=re.escape('python -m pip install ".[pptx]"')):
         figure_files(REPORT, ("pptx",))
