@@ -40,6 +40,7 @@ from crashfuse.certification.verdict import (
     beside_tests,
     judge,
     needs_no_test,
+    with_probability_interval,
     with_reason,
 )
 from crashfuse.condition import Condition
@@ -332,13 +333,16 @@ def certify_matrix(
     asked = campaign, criteria, plan.splits, config.approaches[0]
     left_out, left_out_with_runs = ([*left_out_tests(*asked, own)] for own in (at_trials, at_trials | with_runs))
 
-    def by(criteria: Criteria) -> Certification:
+    def by(criteria: Criteria, *, is_variant: bool = True) -> Certification:
         record = TrackRecord.of_tests(criteria, left_out)
         flattered = TrackRecord.of_tests(criteria, left_out_with_runs) if with_runs else None
         judged = tuple(
             judge(at_cells[cell], at, criteria, domain.outside(at), tests, domain.unshown(at))
             for cell, at, tests in zip(plan.cells, matrix.conditions, tests_run, strict=True)
         )
+        if not is_variant:
+            pairs = zip(plan.cells, judged, strict=True)
+            judged = tuple(tuple(with_probability_interval(v, at_cells[cell]) for v in row) for cell, row in pairs)
         verdicts = _hold(judged, campaign, criteria, record)
         found = Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
         checks = {
@@ -349,7 +353,7 @@ def certify_matrix(
         }
         return replace(found, record_with_runs=flattered, spot_checks=checks)
 
-    found = by(criteria)
+    found = by(criteria, is_variant=False)
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
 
 

@@ -146,21 +146,19 @@ def judge(
         word: Word = "outside" if why else _word(probability, criteria.confidence, COUNTED * error)
         run, drawn = dict.fromkeys(tests), forecast.drawn(criterion)
         numbers = *forecast.numbers(criterion), probability
-        interval = _widened(forecast.probability_interval(criterion), probability, COUNTED * error)
-        verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, chances, drawn, folds, interval)
+        verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, chances, drawn, folds)
         verdicts.append(verdict if why else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
 
 
-def _widened(
-    interval: tuple[float, float] | None, probability: float | None, error: float
-) -> tuple[float, float] | None:
-    """The interval of a probability with what seeds leave open, too."""
-    if interval is None or probability is None:
-        return None
-    away = probability - interval[0], interval[1] - probability
-    below, above = np.hypot(np.maximum(away, 0.0), error).tolist()
-    return max(probability - below, 0.0), min(probability + above, 1.0)
+def with_probability_interval(verdict: Verdict, forecast: Forecast) -> Verdict:
+    """The verdict with what left-out tests, being few, and seeds leave open of its probability."""
+    p, interval = verdict.probability, forecast.probability_interval(verdict.criterion)
+    if p is None or interval is None:
+        return verdict
+    away = np.maximum([p - interval[0], interval[1] - p], 0.0)
+    below, above = np.hypot(away, COUNTED * verdict.error).tolist()
+    return replace(verdict, probability_interval=(max(p - below, 0.0), min(p + above, 1.0)))
 
 
 def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:

@@ -63,7 +63,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
             rows[name] = rows[name].mask(again, "")
         return Table.of("credibility", rows.set_axis(_SHEET, axis=1))
 
-    told = {place: sentences(certification, place) for place in PLACES}
+    told: dict[str, tuple[str, ...]] = {place: sentences(certification, place) for place in PLACES}
     sealed = f"Sealed by the key {certification.key}." if certification.key else "Not sealed."
     return Result(
         kind="certification",

@@ -224,7 +224,7 @@ def _trials(name: str, certification: Certification, trials: Sequence[Trial]) ->
         }
         for trial in trials
     )
-    return Table.of(name, rows, _probability(certification)).without("Limit", "Reason")
+    return Table.of(name, rows, _probability(certification)).without("Limit", "Probability, 95 %", "Reason")
 
 
 def _record(certification: Certification) -> Table:
@@ -363,8 +363,8 @@ def _planned(certification: Certification) -> Table:
             "Planned test": own.id,
             **of_condition(own.condition),
             "Answer": own.word,
-            "Why": joined([own.why, *own.further], "; "),
             "spot_check": certification.spot_checks.get(own.id),
+            "Why": joined([own.why, *own.further], "; "),
         }
         for own in planned(certification)
     )

@@ -81,7 +81,7 @@ def test_a_spot_check_is_a_criterion_on_the_rating_of_one_planned_test(campaign:
     assert certification_record(good)["spot_check"] == told
     table = certification_table(good).groupby("id")["spot_check"].first()
     assert table.dropna().to_dict() == good.spot_checks
-    there = certify_matrix(campaign, CRITERIA, Matrix(("T",), (campaign.tests[2].condition,)), CONFIG)
+    there = certify_matrix(campaign, CRITERIA, Matrix(("T",), (campaign.tests[2].condition,)), CAE)
     assert (there.spot_checks, spot_check(there)) == ({}, {})
 
 
