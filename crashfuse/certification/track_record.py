@@ -1,7 +1,7 @@
 """The track record: the verdicts that left-out tests got from the others alone, compared with what was measured."""
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal, NamedTuple, Self
@@ -17,6 +17,7 @@ from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecasts import Forecast, Query, Split, quantity
 from crashfuse.certification.verdict import WORDS, Verdict, judge, needs_no_test, reaches
 from crashfuse.crash_test import CrashTest
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import counted, probability_text
 
 _LEVEL = 0.95
@@ -267,6 +268,8 @@ class TrackRecord:
     """Whether left-out tests lie inside their bands of whole pulses, where there are any."""
     tuned: tuple[Trial, ...] = ()
     """Of tests that the CAE model was tuned to; they support nothing and count nowhere."""
+    predicted_mps2: Mapping[tuple[str, LeftOut], FloatArray] = field(default_factory=dict)
+    """What was predicted of a test as it was left out, of shape (n_seeds, n_samples)."""
 
     @classmethod
     def of_tests(cls, criteria: Criteria, left_out: Sequence[LeftOutTest]) -> Self:
@@ -279,7 +282,8 @@ class TrackRecord:
                 if (value := measured[quantity(criterion)]) is not None:
                     (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, value, raw))
         whole = tuple((own.way, own.whole) for own in left_out if own.whole is not None)
-        return cls(tuple(trials), whole=whole, tuned=tuple(tuned))
+        predicted = {(own.test.id, own.way): own.forecast.accel_mps2 for own in left_out}
+        return cls(tuple(trials), whole=whole, tuned=tuple(tuned), predicted_mps2=predicted)
 
     def __repr__(self) -> str:
         decided, wrong = self.decided

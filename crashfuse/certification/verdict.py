@@ -40,6 +40,7 @@ class Verdict:
     # which draws of the prediction meet it, by seed; empty where it has none, and of a rating
     drawn: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool), compare=False, repr=False)
     folds: tuple[float, float] | None = None  # the probability if a test folds as most do, and as one that stands apart
+    probability_interval: tuple[float, float] | None = None  # central 95 % of the probability, left-out tests being few
 
     def __repr__(self) -> str:
         return f"<Verdict {self.word}: {self.criterion.name} {self.criterion.limits} at {self.condition}>"
@@ -148,6 +149,16 @@ def judge(
         verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, chances, drawn, folds)
         verdicts.append(verdict if why else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
+
+
+def with_probability_interval(verdict: Verdict, forecast: Forecast) -> Verdict:
+    """The verdict with what left-out tests, being few, and seeds leave open of its probability."""
+    p, interval = verdict.probability, forecast.probability_interval(verdict.criterion)
+    if p is None or interval is None:
+        return verdict
+    away = np.maximum([p - interval[0], interval[1] - p], 0.0)
+    below, above = np.hypot(away, COUNTED * verdict.error).tolist()
+    return replace(verdict, probability_interval=(max(p - below, 0.0), min(p + above, 1.0)))
 
 
 def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:

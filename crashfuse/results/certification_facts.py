@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain, groupby
-from typing import ClassVar, Literal
+from statistics import fmean
+from typing import Any, ClassVar, Literal
 
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.criteria import Criterion, likely_unit
 from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import (
     TrackRecord,
@@ -52,6 +53,13 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Already run: {run}."),
     "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, then certify again."),
+    "spot_check": (
+        "",
+        "Spot check: one of {tests} inside the validated domain, drawn at random and run, rates at least "
+        "{at_least:.2f} over 0–{window_ms:g} ms with probability {rates} (least at {weakest}: {least}), and meets all "
+        "criteria with {meets}.",
+        "Drawn of the {skipped} to be skipped: {rates_of_skipped} and {meets_of_skipped}.",
+    ),
     "test.stands_apart": ("Tests that stand apart",),
     "since.wrong": ("Verdicts contradicted since", _WRONG),
     "record.slower": (
@@ -59,18 +67,22 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "We skip {about} ({speeds}), but no hidden test with that answer was faster than {fastest}.",
     ),
     "record.none": ("No record", "There is no record: {why}."),
+    "criterion.unit": (
+        "Units of limits",
+        "{about}: {limits} is far from what tests show ({shown}); in {likely} it would be near. Check the unit.",
+    ),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
+    "record.decided": (
+        "",
+        "Near the limits, where it matters: {near_text}.",
+        f"In all {{n:,}} verdicts, {{outcome}} ({_BOUNDS}).",
+        "No bound holds for another vehicle.",
+    ),
     "record.waived": (
         "",
         "We hid each of {tests} in turn, also with all at its speed, and asked the same question. For {answered} the "
         "answer was skip.",
         "{outcome}, which allows an error rate of up to {bound} (exact one-sided 95 % bound).",
-    ),
-    "record.decided": (
-        "",
-        "Near the limits, where it matters: {near_n} verdicts on hidden tests, {near_outcome} (up to {near_bound}).",
-        f"In all {{n:,}} verdicts, {{outcome}} ({_BOUNDS}).",
-        "No bound holds for another vehicle.",
     ),
     "record.with_runs": (
         "",
@@ -97,6 +109,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
     "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
     "campaign.warning": ("Warnings",),
+    "cae.unchecked": ("Quality checks of the CAE runs not passed", "{checks}"),
     "condition.outside": ("Outside the validated domain", "{about}: {why}"),
     "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
     "criterion.occupant": ("Another occupant model", "{about} is computed with {model} (campaign.toml)."),
@@ -132,7 +145,7 @@ DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_togeth
 Place = Literal["answer", "verdicts", "costs", "summary", "record", "domain", "since"]
 _COSTS = ("costs.confidence", "costs.saving")
 _RECORD = (
-    *("record.waived", "record.decided", "record.with_runs", "record.no_gain", "record.none"),
+    *("record.decided", "record.waived", "record.with_runs", "record.no_gain", "record.none"),
     *("tests.cae_tuned", "since.outcomes"),
 )
 PLACES: Mapping[Place, tuple[str, ...]] = {
@@ -140,11 +153,11 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("matrix.saved", "matrix.skipping_loses", "since.outcomes", "record.none", "record.waived", "since.beside"),
         *("costs.saving", "matrix.run_first"),
     ),
-    "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first"),
+    "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first", "spot_check"),
     "costs": _COSTS,
     "summary": (
         *("matrix.saved", "matrix.skipping_loses", "matrix.counted_once", *_COSTS),
-        *("matrix.counts", "matrix.run_first", *_RECORD, "record.slower"),
+        *("matrix.counts", "matrix.run_first", "spot_check", *_RECORD, "record.slower"),
         *("test.not_used", "condition.no_factor", "condition.new_together"),
         *("criterion.unsupported", "criterion.untouched", "criterion.few"),
     ),
@@ -208,6 +221,8 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
     yield from (fact for fact in campaign_facts(campaign) if fact.code in SUBJECTS and fact.code != "tests.cae_tuned")
     if any(test.cae_tuned is not False for test in campaign.tests):
         yield tuning_fact(campaign)
+    if (quality := campaign.quality).unpassed:
+        yield _fact("cae.unchecked", checks=quality.checks, unpassed=quality.unpassed)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield _fact("test.extrapolated", test.id, notes=joined(notes))
@@ -225,6 +240,28 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
         yield _fact("matrix.counted_once", alike=once)
     if first := certification.run_first:
         yield _fact("matrix.run_first", first)
+    if drawn := spot_check(certification):
+        chances = {name: probability_text(p, 1.0) for name, p in drawn.items() if name in _CHANCES}
+        tests = {"tests": counted(drawn["tests"], "planned test"), "skipped": drawn["skipped"] or None}
+        yield _fact("spot_check", **drawn | chances | tests)
+
+
+_CHANCES = ("rates", "meets", "least", "rates_of_skipped", "meets_of_skipped")
+
+
+def spot_check(certification: Certification) -> dict[str, Any]:
+    """What to expect of a planned test, not run yet, that is drawn at random and run; empty if none can be told."""
+    asked = certification.criteria.spot_check
+    rates = {i: p for i, p in certification.spot_checks.items() if i in certification.rows}
+    if not rates:
+        return {}
+    meets = {i: all_met(certification.rows[i]).probability for i in rates}
+    skipped, weakest = [i for i in rates if i in certification.waived], min(rates, key=rates.__getitem__)
+    means = {"rates": fmean(rates.values()), "meets": fmean(meets.values())}
+    if skipped:
+        means |= {f"{n}_of_skipped": fmean(p[i] for i in skipped) for n, p in (("rates", rates), ("meets", meets))}
+    tests = {"tests": len(rates), "skipped": len(skipped), "weakest": weakest, "least": rates[weakest]}
+    return {"at_least": asked.at_least, "window_ms": asked.window_ms, **tests, **means}
 
 
 def _costs(certification: Certification) -> Iterator[Fact]:
@@ -250,8 +287,11 @@ def _record(certification: Certification) -> Iterator[Fact]:
         why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
         yield _fact("record.none", why=why)
         return
-    near = {f"near_{name}": value or None for name, value in _outcome(record.near_limit.bounds()).items()}
-    yield _fact("record.decided", **_outcome(record.bounds()), **near)
+    (near_wrong, near), outcome = record.near_limit.bounds()["verdicts"], _outcome(record.near_limit.bounds())
+    text = f"{counted(near, 'verdict')} on hidden tests, {outcome['outcome']} (up to {outcome['bound']})"
+    near_text = text if near else "no verdict on a hidden test, so the others prove little"
+    values = {"near": near, "near_wrong": near_wrong, "near_text": near_text}
+    yield _fact("record.decided", **_outcome(record.bounds()), **values)
     tests, saved, missed = record.waived(criteria)
     outcome = f"{missed} of these missed a criterion" if missed else f"All {saved} met every criterion"
     values = {"tests": counted(tests, "test"), "n": saved, "answered": saved or "none", "wrong": missed}
@@ -286,6 +326,11 @@ def _criteria(certification: Certification) -> Iterator[Fact]:
     names: dict[tuple[str, str], list[str]] = {}
     for criterion in certification.criteria.items:
         support = record.support(criterion)
+        predicted = (v.value for _, v in certification.cells if v.criterion == criterion)
+        values = [v for v in (*predicted, *(trial.measured for trial in record.of(criterion))) if v is not None]
+        if likely := likely_unit(criterion, values):  # all in the unit of the file
+            shown = f"{min(values):.4g} to {max(values):.4g} {criterion.unit}"
+            yield _fact("criterion.unit", criterion.name, limits=str(criterion.limits), shown=shown, likely=likely)
         if shortfall := support.shortfall(confidence):
             names.setdefault(("criterion.unsupported", shortfall), []).append(criterion.name)
         if record.trials and (reservation := support.reservation(confidence)) and not (support.near and shortfall):

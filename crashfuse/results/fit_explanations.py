@@ -251,8 +251,8 @@ def events_sentences(found: CaeEvents) -> list[str]:
         worth |= {"best": _range(best), "alone": best.rating_alone}
     return [
         *(
-            f"{_range(e)}: {_size(e)} ({Quantity(_ends_kn(e), '', '.0f')}) in {_which(e)} tests; mended alone, the CAE "
-            f"model rates {e.rating_alone:.3f}."
+            f"{_range(e)}: {_size(e)} ({Quantity(_ends_kn(e), '', '.0f')}) in {_which(e)} tests; mended alone: rating "
+            f"{e.rating_alone:.3f}."
             for e in named
         ),
         *([] if named else ["In no range of crush do two tests agree and would mending raise the rating."]),

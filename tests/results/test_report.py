@@ -69,7 +69,7 @@ def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
     assert re.search(r"<td>T1</td><td>–</td><td>–</td><td>0.950 \[0.91, 0.97\]</td><td>T9</td>", text)
     assert re.search(r"<td>A repeat</td><td>–</td><td>–</td><td>0.975 Excellent</td>", text)
     repeat = "A repeat of this test would rate 0.950 [0.91, 0.97] (95 %)"
-    assert f"{repeat}; the prediction&#39;s 1.000 (CAE) is above" in text
+    assert f"{repeat}. The prediction&#39;s 1.000 (CAE) is above" in text
     assert "How well tests repeat" not in study_report(study)
 
 

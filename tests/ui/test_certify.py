@@ -184,7 +184,7 @@ def test_other_pages_know_the_last_verdicts_or_what_they_take(visit: Visit, monk
 
     monkeypatch.setattr("crashfuse.ui.certify.results.last_verdicts", noted)
     visit("train", approach="lf_tcn")
-    assert known[-1] == (None, "3 planned tests are not judged yet")
+    assert known[-1] == (None, "3 planned tests not judged yet")
     visit("train", **LINK, criteria="peak~~~x~")
     assert "found 'x'" in known[-1][1]
 

@@ -63,6 +63,7 @@ class FiguresOfReport(NamedTuple):
     answers: tuple[str, ...] = ()
     table: tuple[tuple[str, ...], ...] = ()  # its headings, then its rows
     against: tuple[str, ...] = ()
+    evidence: tuple[str, ...] = ()  # what the answer rests on
 
 
 class Report(str):
@@ -85,7 +86,8 @@ def contents_of(result: Result, display: Display) -> FiguresOfReport:
     table = tuple(tuple(map(str, row)) for row in (rows.columns, *rows.to_numpy()[:_SLIDE_ROWS], *left) if len(rows))
     labels, doubts = tuple(fact.label for fact in result.facts), tuple(against_lines(result, display))
     others = tuple(text for text in notices if text not in answers)  # a fact may be an answer, too
-    return FiguresOfReport(display.words(result.heading), others, labels, figures, answers, table, doubts)
+    evidence = tuple(map(display.words, result.sentences.get("evidence", ())))
+    return FiguresOfReport(display.words(result.heading), others, labels, figures, answers, table, doubts, evidence)
 
 
 def slides(result: Result, display: Display) -> bytes:
@@ -111,6 +113,7 @@ def read_figures(path: Path) -> FiguresOfReport:
         values = json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))
         figures = tuple(ReportFigure(**figure) for figure in values["figures"])
         lines = {name: tuple(map(str, values[name])) for name in ("notices", "labels", "answers", "against")}
+        lines["evidence"] = tuple(map(str, values.get("evidence", ())))
         table = tuple(tuple(map(str, row)) for row in values["table"])
         report = FiguresOfReport(title=str(values["title"]), figures=figures, table=table, **lines)
     except (ValueError, TypeError, LookupError, RecursionError) as error:
@@ -131,7 +134,7 @@ def missing_for(formats: Sequence[FigureFormat]) -> str:
     instead = "Or save figures from the report in a browser."
     if any(importlib.util.find_spec(module) is None for form in formats for module in _NEEDS[form]):
         extra = "pptx" if "pptx" in formats else "figures"
-        wanted = f'need python -m pip install "crashfuse[{extra}]"'
+        wanted = f'need python -m pip install ".[{extra}]" in a checkout'
         return f"Figures as {', '.join(formats)} {wanted}. {instead}"
     if any(map(_NEEDS.__getitem__, formats)) and not _browser():
         return f"Figures are drawn by Chrome, Chromium or Edge, and none was found (BROWSER_PATH names one). {instead}"
@@ -207,7 +210,7 @@ def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str
 
 
 def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
-    """Slides in 16:9: the answer with notices, then a figure each, the answer's first."""
+    """Slides in 16:9: the answer with notices, what it rests on, then a figure each, the answer's first."""
     from pptx import Presentation
     from pptx.enum.text import PP_ALIGN
     from pptx.util import Emu, Inches, Pt
@@ -244,6 +247,10 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
         draw(first, *drawn[0], 2.4, 6.5, 3.6)
     _add_table(first, report.table, *((7.2, 5.5) if narrow else (0.6, 12.1)))
     below(first, "\n".join([*report.notices, *report.against]), 6.1, 1.2, 11)
+    if report.evidence:
+        slide = deck.slides.add_slide(only_title)
+        write(slide.shapes.title, "What it rests on", 0.3, 0.75, 20)
+        below(slide, "\n".join(report.evidence), 1.3, 5.5, 16)
     for figure, image in drawn:
         slide = deck.slides.add_slide(only_title)
         write(slide.shapes.title, figure.title, 0.3, 0.75, 20)

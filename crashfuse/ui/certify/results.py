@@ -78,7 +78,7 @@ def last_verdicts(view: View) -> tuple[Certification | None, str]:
     if matrix is None:
         return None, "no tests are planned yet"
     verdicts = judge(view.campaign, criteria, matrix).result
-    return verdicts, "" if verdicts is not None else f"{len(matrix.ids):,} planned tests are not judged yet"
+    return verdicts, "" if verdicts is not None else f"{len(matrix.ids):,} planned tests not judged yet"
 
 
 def question(criteria: Criteria, matrix: Matrix) -> str:

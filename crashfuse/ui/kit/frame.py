@@ -272,12 +272,11 @@ def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None)
         return view
     config = address.page_config()
     colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
-    label = f"{config.preset.capitalize()} settings"
-    label += f", seed {config.seed}" if address.acts("seed", address.here().page) else ""
+    seeded = f", seed {config.seed}" if config.seed and address.acts("seed", address.here().page) else ""
     with row:
         if text := detail(view):
             st.subheader(text, width="content", anchor=False)
-        st.badge(label, color=colour, help="As chosen on the page Train.")
+        st.badge(f"{config.preset.capitalize()} settings{seeded}", color=colour, help="As chosen on the page Train.")
         if address.acts("leave_out", address.here().page) and config.leave_out == "speed group":
             st.badge("All at its speed left out", color="orange")
     seed, seeds = st.session_state.get("seed", 0), address.CHOICES["seed"].options

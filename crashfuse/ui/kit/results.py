@@ -150,11 +150,6 @@ def ratings_table(
     return Table.of("ratings", rows, *grades, *parts, Column("Single draws", "range", form=".3f"))
 
 
-def show_recommendation(headline: str, reasons: Sequence[str]) -> None:
-    """Show the recommendation in a line; reasons unfold."""
-    show_with_reasons(f":material/lightbulb: **{plain(headline)}**", reasons)
-
-
 def show_with_reasons(text: str, reasons: Sequence[str]) -> None:
     """Show what is known, in Markdown; reasons unfold."""
     with st.container(horizontal=True, wrap=False, vertical_alignment="center", key="recommendation"):
@@ -165,7 +160,7 @@ def show_with_reasons(text: str, reasons: Sequence[str]) -> None:
 
 
 def show_metrics(about: Result, *hidden: str, beside: bool = False) -> None:
-    """Show the main pulse metrics of test and approaches, but for those hidden; in few words beside a figure."""
+    """Show the main pulse metrics, but for those hidden; in few words beside a figure."""
     main = about.tables["metrics"].without(*hidden)
     headings = main.frame["label"]
     if beside:
