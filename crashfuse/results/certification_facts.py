@@ -287,11 +287,10 @@ def _record(certification: Certification) -> Iterator[Fact]:
         why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
         yield _fact("record.none", why=why)
         return
-    (near_wrong, near), outcome = record.near_limit.bounds()["verdicts"], _outcome(record.near_limit.bounds())
-    text = f"{counted(near, 'verdict')} on hidden tests, {outcome['outcome']} (up to {outcome['bound']})"
-    near_text = text if near else "no verdict on a hidden test, so the others prove little"
-    values = {"near": near, "near_wrong": near_wrong, "near_text": near_text}
-    yield _fact("record.decided", **_outcome(record.bounds()), **values)
+    near = record.near_limit.bounds()["verdicts"]
+    text = f"{counted(near.n, 'verdict')} on hidden tests, {counted_wrong(near.wrong)} (up to {percent_at_most(*near)})"
+    near_text = text if near.n else "no verdict on a hidden test, so the others prove little"
+    yield _fact("record.decided", **_outcome(record.bounds()), near=near.n, near_wrong=near.wrong, near_text=near_text)
     tests, saved, missed = record.waived(criteria)
     outcome = f"{missed} of these missed a criterion" if missed else f"All {saved} met every criterion"
     values = {"tests": counted(tests, "test"), "n": saved, "answered": saved or "none", "wrong": missed}

@@ -114,7 +114,6 @@ def show_record(view: View, certification: Certification) -> None:
     with st.expander("Earlier verdicts", icon=":material/history:", expanded=certification.since is not None):
         _choose_earlier(certification)
         if certification.since is None:
-            st.caption("Tests run since are held against earlier verdicts.")
             return
         _show_sentences(result.sentences["since"])
         if certification.since.trials:
@@ -235,7 +234,7 @@ def _show_planned(view: View, certification: Certification, chosen: str) -> None
             )  # fmt: skip
     with right:
         draw = partial(planned_scales, certification, view.display, slice(_MOST), names=False)
-        alt = "Interval or measured value and limit by test"
+        alt = "Interval, measured value and limit by test"
         show_clickable(draw, alt, _choose, "planned scales", _key(certification), view.display, name="planned")
     more = f" The slowest {_MOST} of {len(rows)}." if len(rows) > _MOST else ""
     st.caption(f"Bar: 95 of 100 tests. Line: limit, missed where shaded. Dot: measured.{more}")
