@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack
+
+import numpy as np
 
 from crashfuse import views
 from crashfuse.approaches.mixture import AboutFused
@@ -38,6 +40,7 @@ from crashfuse.certification.verdict import (
     beside_tests,
     judge,
     needs_no_test,
+    with_probability_interval,
     with_reason,
 )
 from crashfuse.condition import Condition
@@ -95,6 +98,8 @@ class Certification:
     key: str = ""  # that seals its files, if one does
     # by the first seed, its error not counted, each test with its paired CAE run; None where the record has these, too
     record_with_runs: TrackRecord | None = None
+    # by condition inside the domain that no test was made for: the probability that a pulse there passes a spot check
+    spot_checks: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {word}" for word, n in self.n_by_word.items() if n)
@@ -328,18 +333,27 @@ def certify_matrix(
     asked = campaign, criteria, plan.splits, config.approaches[0]
     left_out, left_out_with_runs = ([*left_out_tests(*asked, own)] for own in (at_trials, at_trials | with_runs))
 
-    def by(criteria: Criteria) -> Certification:
+    def by(criteria: Criteria, *, is_variant: bool = True) -> Certification:
         record = TrackRecord.of_tests(criteria, left_out)
         flattered = TrackRecord.of_tests(criteria, left_out_with_runs) if with_runs else None
         judged = tuple(
             judge(at_cells[cell], at, criteria, domain.outside(at), tests, domain.unshown(at))
             for cell, at, tests in zip(plan.cells, matrix.conditions, tests_run, strict=True)
         )
+        if not is_variant:
+            pairs = zip(plan.cells, judged, strict=True)
+            judged = tuple(tuple(with_probability_interval(v, at_cells[cell]) for v in row) for cell, row in pairs)
         verdicts = _hold(judged, campaign, criteria, record)
         found = Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
-        return replace(found, record_with_runs=flattered)
+        checks = {
+            i: float(np.mean(chances))
+            for (i, at), cell, tests in zip(matrix.items, plan.cells, tests_run, strict=True)
+            if not (tests or domain.outside(at) or domain.unshown(at))
+            and (chances := at_cells[cell].chances(criteria.spot_check))
+        }
+        return replace(found, record_with_runs=flattered, spot_checks=checks)
 
-    found = by(criteria)
+    found = by(criteria, is_variant=False)
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
 
 
