@@ -367,36 +367,29 @@ def without_each_test(certification: Certification, run: Run) -> Certification:
 
 
 def recompute(folder: str | Path, campaign: Campaign, **run: Unpack[RunOptions]) -> pd.DataFrame:
-    """Compute a certification again from its campaign and the settings that it records, and compare each value.
+    """Certify again by the settings in a folder that ``crashfuse certify`` wrote, and compare each value.
 
-    Tests that were run since are put aside. Without a ``cache`` nothing that was kept before is believed.
-
-    Parameters
-    ----------
-    folder : path
-        What ``crashfuse certify`` wrote.
+    Tests run since are put aside. Without a ``cache`` nothing kept before is believed.
 
     Returns
     -------
     DataFrame
-        One row a value: file, place, recorded, recomputed, and agreement: ``to the last digit``, ``within rounding``
-        (1e-5 of the value: tables have six digits), ``not``, or ``not derived``, such as of the date.
+        file, place, recorded, recomputed, and agreement: ``to the last digit``, ``within rounding`` (1e-5 of the
+        value), ``not``, or ``not derived``, such as of the date.
 
     Raises
     ------
     DataError
-        If it is no certification of this campaign as it is today.
+        If it is no certification of this campaign as it is.
     """
     import pandas as pd
 
-    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
-    folder = Path(folder)
-    earlier, config, campaign = recorded(folder, campaign)
+    earlier, config, campaign = recorded(folder := Path(folder), campaign)
     with TemporaryDirectory() as kept, running(campaign, **{"cache": Cache(Path(kept)), **run}) as started:
         again = certify_matrix(campaign, earlier.criteria, earlier.matrix, config, started)
         record = replace(again.record, since=LaterTests(earlier, campaign).held_against(again.criteria))
-        verdicts = _hold(again.judged, again.campaign, again.criteria, record)
-        made = views.certification_result(replace(again, verdicts=verdicts, record=record)).files
+        again = replace(again, verdicts=_hold(again.judged, again.campaign, again.criteria, record), record=record)
+        made = views.certification_result(again).files
         rows = [row for name in COMPARED for row in compared(name, seal.read(folder / name, "this file"), made[name]())]
     return pd.DataFrame(rows, columns=["file", "place", "recorded", "recomputed", "agreement"])
 

@@ -154,7 +154,7 @@ _MOST_CRITERIA = 100
 _LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
 """Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
 _OTHER_UNITS = {"km/h": {"mph": MPH / KPH, "m/s": 1 / KPH}, "mm": {"inches": 25.4, "cm": 10.0}, "g": {"m/s²": 1 / G}}
-_NEAR = 1.2
+_NEAR = 1.2  # below the least or above the largest: a mile per hour is 1.6 km/h
 CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria
 """``criteria.toml``, its tables as rows of a frame or as mappings, or criteria as they are judged."""
 _TO_START = {"crush": "max_crush", "peak": "peak", "velocity change": "delta_v", "OLC": "olc"}
@@ -357,10 +357,7 @@ def _criterion(item: dict[str, Any], where: str, problems: list[Problem]) -> Cri
 
 
 def likely_unit(criterion: Criterion, values: Sequence[float]) -> str:
-    """The unit in which a limit would lie near these values of the metric, though in the metric's it does not; or none.
-
-    Near is up to a fifth below the least or above the largest value: a mile per hour is 1.6 km/h.
-    """
+    """Another unit than the metric's, if a limit lies near these values in that unit alone; else empty."""
     low, high = min(values, default=0.0) / _NEAR, max(values, default=0.0) * _NEAR
     ends = [end for end in (criterion.at_least, criterion.at_most) if end is not None]
     factors = {"": 1.0, **_OTHER_UNITS.get(criterion.unit, {})}

@@ -68,7 +68,7 @@ def _ed25519() -> Any:  # noqa: ANN401 - a module of the extra
     try:
         from cryptography.hazmat.primitives.asymmetric import ed25519
     except ImportError as error:
-        raise UsageError('A seal needs the extra "seal": python -m pip install ".[seal]" in a checkout.') from error
+        raise UsageError('A seal needs, in a checkout: python -m pip install ".[seal]".') from error
     return ed25519
 
 

@@ -5,6 +5,8 @@ import hashlib
 from contextlib import suppress
 from dataclasses import replace
 
+import pandas as pd
+
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import read_notes
@@ -67,7 +69,7 @@ def make_key(arguments: argparse.Namespace) -> None:
 
 
 def verify(arguments: argparse.Namespace) -> None:
-    """Hold a certification against its seal; compute it again, or sign it as reviewer, if asked to."""
+    """Hold a certification against its seal, recompute it, or sign it as reviewer."""
     folder, reviewing = arguments.folder, None if arguments.seal is None else seal.read_key(arguments.seal, "private")
     sealed = None
     if arguments.recompute is None or reviewing or arguments.key or (folder / seal.SEAL).exists():
@@ -75,7 +77,7 @@ def verify(arguments: argparse.Namespace) -> None:
     if arguments.recompute is not None:
         _recompute(arguments)
     if sealed is None:
-        print(f"There is no {seal.SEAL}: nothing shows whether files were changed.")
+        print(f"There is no {seal.SEAL}.")
         return
     if reviewing is not None:
         seal.review(folder, reviewing)
@@ -96,26 +98,23 @@ def verify(arguments: argparse.Namespace) -> None:
             print(f"Not compared, as not beside the campaign: {', '.join(lacking)}.")
     if others := {path.name for path in folder.iterdir()} - {FILE, seal.SEAL, seal.REVIEW, *sealed.files}:
         print(f"Not sealed: {', '.join(printable(name) for name in sorted(others))}.")
-    print("A seal proves that nothing was changed since; that the numbers are right, only --recompute proves.")
+    print("A seal proves that nothing was changed since. Only --recompute proves the numbers.")
 
 
 def _recompute(arguments: argparse.Namespace) -> None:
     campaign = load_campaign(arguments.recompute, arguments.archive)
     with watching() as watch:
-        options = {"watch": watch, "workers": arguments.workers, "scheduler": arguments.scheduler}
-        values = recompute(arguments.folder, campaign, **options)
-    is_verdict, is_derived = values["place"].str.startswith(VERDICTS), values["agreement"] != UNDERIVED
-    for what, rows in (("verdicts", values[is_verdict]), ("other values", values[is_derived & ~is_verdict])):
-        counts = rows["agreement"].value_counts()
-        shares = (f"{counts.get(words, 0):,} {words}" for words in AGREEMENTS)
-        print(f"{len(rows):,} {what} recomputed from {campaign.name} agree: {', '.join(shares)}.")
-    others = dict.fromkeys(place.partition(", ")[0] for place in values.loc[~is_derived, "place"])
-    print(f"Not derived again: {', '.join(others)}; report.html and credibility.csv.")
-    print("Recomputing proves that verdicts follow from the campaign, not that its records are those of the tests.")
-    wrong = values[values["agreement"] == AGREEMENTS[-1]].itertuples()
-    if problems := [
-        Problem(f"{own.file}, {own.place}", f"{own.recomputed}", f"{own.recorded}", seal.ASK) for own in wrong
-    ]:
+        how = {name: getattr(arguments, name) for name in ("workers", "scheduler")}
+        values = recompute(arguments.folder, campaign, watch=watch, **how)
+    places, agreement = values["place"], values["agreement"].rename("agree")
+    kinds = places.str.startswith(VERDICTS).map({True: "verdicts", False: "other values"}).rename("recomputed")
+    print(pd.crosstab(kinds, agreement).to_string())
+    others = dict.fromkeys(places[agreement == UNDERIVED].str.partition(", ")[0])
+    print(f"Not derived: {', '.join(others)}, report.html, credibility.csv.")
+    print("Recomputing proves that verdicts follow from these records, not that tests gave them.")
+    wrong = values[agreement == AGREEMENTS[-1]].itertuples()
+    problems = [Problem(f"{own.file}, {own.place}", str(own.recomputed), str(own.recorded), seal.ASK) for own in wrong]
+    if problems:
         raise DataError(shortened(problems))
 
 

@@ -69,7 +69,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "record.none": ("No record", "There is no record: {why}."),
     "criterion.unit": (
         "Units of limits",
-        "{about}: {limits} is far from what tests show ({shown}); in {likely} it would be near. Check the unit.",
+        "{about}: {limits}, but tests show {shown}: is it in {likely}?",
     ),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
     "record.decided": (
