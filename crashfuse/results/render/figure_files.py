@@ -28,7 +28,7 @@ FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido", "pptx")}  # modules, by format
 _BEGIN, _END = '<script type="application/json" id="report">', "</script>"
 _WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
-_SLIDE_ROWS, _ANSWERS = 12, 3  # of the table that answers; sentences of the first slide
+_SLIDE_ROWS, _ANSWERS, _LONG = 12, 3, 100  # rows of the first slide's table, its sentences; letters of a headline
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
     "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
@@ -229,7 +229,7 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
             write(slide.shapes.add_textbox(0, 0, 0, 0), text, top, height, size)
 
     first, (headline, *details) = deck.slides.add_slide(only_title), report.answers[:_ANSWERS] or ("",)
-    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28)
+    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28 if len(headline) < _LONG else 20)
     below(first, report.title if headline else "", 1.1, 0.3, 14)
     below(first, "\n".join(details), 1.5, 0.9, 14)
     _add_table(first, report.table)
