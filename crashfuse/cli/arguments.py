@@ -93,6 +93,9 @@ def parser() -> argparse.ArgumentParser:
     verify.add_argument("--key", type=Path, metavar="PUB", help="the public key of its maker")
     verify.add_argument("--campaign", type=Path, metavar="CAMPAIGN", help="compare its files, too")
     verify.add_argument("--seal", type=Path, metavar="KEY", help="sign as reviewer")
+    verify.add_argument("--recompute", type=Path, metavar="CAMPAIGN", help="compute its verdicts again, and compare")
+    _add_archive(verify)
+    _add_workers(verify)
 
     curve = command("learning-curve", "studies.learning_curve", "predict tests from 1, 2, 3 … of the others")
     _add_out(curve)
@@ -177,15 +180,13 @@ def _add_import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cae", nargs="+", default=(), metavar="NAME", help="CAE runs among them, by file or id")
     parser.add_argument("--cae-tuned", choices=("yes", "no"), help="was the CAE model tuned to these tests?")
     parser.add_argument("--id", metavar="ID", help="id for a source of one record")
-    parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
+    _add_channel_options(parser)
     parser.add_argument("--column", nargs="+", default=(), metavar="COLUMN=ROLE[:UNIT]", help="such as Zeit=time:ms")
     parser.add_argument("--conditions", type=Path, metavar="TABLE", help="a table with the conditions by id")
-    parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
     parser.add_argument("--deceleration-sign", choices=("negative", "positive"), help="default: detected")
     parser.add_argument("--travel", choices=TRAVELS, help="direction in the source's axes (default: found)")
     parser.add_argument("--time-zero-ms", type=number, metavar="T", help="first contact, in the source's own time")
     parser.add_argument("--gap-mm", type=in_si(MS), metavar="G", help="to the barrier at the start of CAE runs")
-    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help='60, 180 or so, or "none"')
     axes = {**AXES, "mass_kg": {"--mass-lb": LB, "--mass-kg": 1.0}}
     for name, what in CONDITION.items():
         group, metavar = parser.add_mutually_exclusive_group(), "V" if name == "speed_mps" else "W"
@@ -218,14 +219,18 @@ def _add_rating_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--explain", action="store_true", help="what ratings are made of")
     _add_windows(parser)
     _add_also(parser)
-    parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
+    _add_channel_options(parser)
     parser.add_argument("--comparison-channel", nargs="+", default=(), metavar="NAME", help="if named otherwise")
-    parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
-    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help="60, 180 or so, or none")
     parser.add_argument("--as-given", action="store_true", help="move, turn and filter nothing")
     printed = parser.add_mutually_exclusive_group()
     printed.add_argument("--json", action="store_true", help="print JSON instead of a table")
     printed.add_argument("--csv", action="store_true", help="print CSV instead of a table")
+
+
+def _add_channel_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
+    parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
+    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help="60, 180 or so, or none")
 
 
 def _add_out(parser: argparse.ArgumentParser, what: str = "folder for the results") -> None:

@@ -60,7 +60,7 @@ def campaign_result(campaign: Campaign) -> Result:
         shown=("tests", "cae_errors"),
         sentences={
             "library": (library,),
-            "quality": (quality.summary, *quality.named),
+            "quality": (quality.summary, quality.checks, *quality.named),
             "archive": () if past.empty else (record_sentence(past),),
         },
         tables=Deferred[Table](

@@ -193,7 +193,7 @@ def about_table(campaign: Campaign) -> Table:
     """Where tests and CAE runs come from, as far as that is stated; empty if it is not."""
     rows = [(test.id, [test.about]) for test in campaign.tests if test.about]
     rows += [(f"{len(campaign.cae):,} CAE runs", list(campaign.cae.about))] if any(campaign.cae.about) else []
-    return Table.of("origins", ({"Of": of, **_about_cells(about)} for of, about in rows))
+    return Table.of("origins", ({"Of": of, **about_cells(about)} for of, about in rows))
 
 
 _WALLS = (
@@ -217,7 +217,8 @@ def wall_table(campaign: Campaign) -> Table:
     return Table("walls", pd.DataFrame(rows, columns=[column.title for column in _WALLS]), _WALLS)
 
 
-def _about_cells(about: Sequence[About]) -> dict[str, str]:
+def about_cells(about: Sequence[About]) -> dict[str, str]:
+    """What is stated of where rows come from, each value with the number of its rows."""
     counts: dict[str, Counter[str]] = {}
     for name, value in chain.from_iterable(about):
         counts.setdefault(about_label(name).capitalize(), Counter())[value] += 1
