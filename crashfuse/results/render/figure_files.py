@@ -29,7 +29,6 @@ _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido
 _BEGIN, _END = '<script type="application/json" id="report">', "</script>"
 _WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
 _SLIDE_ROWS, _ANSWERS, _NARROW = 12, 3, 4  # of the first slide: rows of its table, sentences, columns beside a figure
-_LONG = 100  # letters of a headline that take two lines or more
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
     "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
@@ -239,7 +238,7 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
         picture.left, picture.name = Emu(left + (Inches(width) - picture.width) // 2), figure.title
 
     first, (headline, *details) = deck.slides.add_slide(only_title), report.answers[:_ANSWERS] or ("",)
-    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28 if len(headline) < _LONG else 20)
+    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28 if len(headline) < 100 else 20)
     below(first, report.title if headline else "", 1.1, 0.3, 14)
     below(first, "\n".join(details), 1.5, 0.9, 14)
     drawn = sorted(zip(report.figures, images, strict=True), key=lambda own: not own[0].is_answer)
