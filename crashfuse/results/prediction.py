@@ -174,7 +174,7 @@ def side_by_side(predictions: Sequence[PredictedPulse], base: int = 0) -> Table:
     for name, own in sorted(zip(names, predictions, strict=True), key=lambda pair: pair[0] != names[base]):
         metrics = own.preferred.metrics
         folds = {Sentence("{} if it folds as {}", name, to): [m.folds[to] for m in metrics] for to in metrics[0].folds}
-        shown |= folds or {name: metrics}
+        shown |= folds or {name: [*metrics]}
     table, _ = metrics_shown(shown.items(), predictions[0].campaign)
     label, first, *others = table.columns
     minus = [replace(own, kind="difference", source=own.title, further=(first.title,)) for own in others]
