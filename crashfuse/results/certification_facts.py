@@ -67,10 +67,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "We skip {about} ({speeds}), but no hidden test with that answer was faster than {fastest}.",
     ),
     "record.none": ("No record", "There is no record: {why}."),
-    "criterion.unit": (
-        "Units of limits",
-        "{about}: {limits}, but tests show {shown}: is it in {likely}?",
-    ),
+    "criterion.unit": ("Units of limits", "{about}: {limits}, but tests show {shown}: is it in {likely}?"),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
     "record.decided": (
         "",
