@@ -18,7 +18,7 @@ from crashfuse.certification.forecasts import Forecast, Query, Split, quantity
 from crashfuse.certification.verdict import WORDS, Verdict, judge, needs_no_test, reaches
 from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import counted, probability_text
+from crashfuse.units import Quantity, Sentence, counted, probability_text
 
 _LEVEL = 0.95
 MOST_OF_A_TEST = 5
@@ -132,6 +132,12 @@ class Support:
             f"at most {MOST_OF_A_TEST} a test, {counted_wrong(self.wrong)}."
         )
 
+    def text(self, confidence: float) -> str:
+        """What it says at this confidence."""
+        verdicts, wrong = counted(self.own_decided, "verdict"), counted_wrong(self.own_wrong)
+        supported = f"It supports the confidence: {verdicts}, one a test, {wrong}."
+        return self.shortfall(confidence) or self.reservation(confidence) or supported
+
 
 LeftOut = Literal["test", "speed group", "planned"]
 
@@ -158,6 +164,15 @@ class Trial:
     def wrong(self) -> bool:
         """Whether a verdict was given that the test contradicts."""
         return self.verdict.decided and (self.verdict.word == "met") != self.met
+
+    @property
+    def measured_text(self) -> Quantity | Sentence:
+        """What the test measured and, if run off its condition, what that is there by the CAE model."""
+        shown = self.verdict.criterion.shown
+        if not self.shift:
+            return shown(self.measured)
+        off = shown(self.measured + self.shift), shown(self.measured)
+        return Sentence("{} ({} at its condition, by the CAE model)", *off)
 
     @property
     def held(self) -> bool:

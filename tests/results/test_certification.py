@@ -31,7 +31,6 @@ from crashfuse.results.certification_facts import (
     exceptions,
     facts,
     sentences,
-    support_text,
 )
 from crashfuse.results.certification_tables import certification_table, planned, turned_texts
 from crashfuse.results.display import DEFAULT, Display
@@ -329,7 +328,7 @@ def test_each_criterion_stands_beside_what_its_own_record_supports(certification
     record, asked = certification.record, certification.criteria
     table = certification_result(certification).tables["record"].frame
     first, *told, _, with_runs = table["What this record supports"]
-    assert told == [support_text(record, own, asked.confidence) for own in asked.items]
+    assert told == [record.support(own).text(asked.confidence) for own in asked.items]
     assert (first, with_runs, len({*told})) == ("", "", 2 + 1)
     near, *_, all_of_it, _ = table[["Met", "Not met"]].sum(axis=1)
     assert (near, all_of_it) == (record.near_limit.decided[0], record.decided[0])
@@ -467,7 +466,7 @@ def test_left_out_tests_stand_beside_the_cae_model_and_what_was_predicted_withou
         np.testing.assert_allclose(drawn["Test"], test.pulse.accel_mps2 / G, rtol=1e-6)
         np.testing.assert_allclose(drawn["CAE"], pulse.accel_mps2 / G, rtol=1e-6)
     kept = certification_record(certification)["track_record"]["ratings"]  # type: ignore[index]
-    assert {test: own["cae"] for test, own in kept.items()} == pytest.approx(of_cae.to_dict())
+    assert kept == table.to_dict("records")
 
 
 def test_a_single_test_makes_a_dossier_that_says_so(alone: Certification) -> None:
