@@ -442,7 +442,7 @@ def test_notes_on_tests_stand_in_the_dossier_as_text(certification: Certificatio
 
 
 def test_left_out_tests_stand_beside_the_cae_model_and_what_was_predicted_without_them(
-    certification: Certification,
+    certification: Certification, text: str
 ) -> None:
     """The CAE pulse is that of the run; the ratings of predictions are those by which the record judges."""
     campaign, result = certification.campaign, certification_result(certification)
@@ -462,6 +462,7 @@ def test_left_out_tests_stand_beside_the_cae_model_and_what_was_predicted_withou
         assert of_cae[test.id] == pytest.approx(rate_iso18571(test.pulse, pulse, 60.0).overall, abs=1e-9)
         lines = part.figures["overlay"].draw(DEFAULT).figure().data
         drawn = {line.name: line.y for line in lines if line.mode == "lines"}
+        assert f"<h3>{part.title}</h3>" in text
         assert test.id in part.title
         np.testing.assert_allclose(drawn["Test"], test.pulse.accel_mps2 / G, rtol=1e-6)
         np.testing.assert_allclose(drawn["CAE"], pulse.accel_mps2 / G, rtol=1e-6)
