@@ -14,7 +14,7 @@ import pandas as pd
 from crashfuse.campaign import Campaign
 from crashfuse.errors import NO_FILE, DataError, Problem, printable, require_a, several
 from crashfuse.files.toml_text import read_toml, shown, toml_text
-from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, metric_values
+from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, in_sentence, metric_values
 from crashfuse.signals.rating import STANDARD
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.units import KPH, MPH, G, Quantity, Sentence, UnitSystem, joined
@@ -48,19 +48,19 @@ class Criterion:
 
     @property
     def title(self) -> str:
-        """The name that was given, else the metric in words."""
-        return self.label if self.name == self.metric != RATING else self.name
+        """The name that was given, else the metric as within a sentence."""
+        return in_sentence(self.label) if self.name == self.metric != RATING else self.name
 
     @property
     def limits(self) -> str:
         """The limits in words, such as ``at most 650 mm``, with all the digits that were declared."""
-        ends = (("at least", self.at_least), ("at most", self.at_most))
-        known = [
-            Sentence("{} {}", word, Quantity((end,), self.unit, self._form(f"{end:.10g}")))
-            for word, end in ends
-            if end is not None
-        ]
-        return joined(known, " and ")
+        return self.limits_by("at least", "at most")
+
+    def limits_by(self, least: str, most: str) -> str:
+        """The limits by such words or signs."""
+        ends = {word: end for word, end in ((least, self.at_least), (most, self.at_most)) if end is not None}
+        shown = {word: Quantity((end,), self.unit, self._form(f"{end:.10g}")) for word, end in ends.items()}
+        return joined([Sentence("{} {}", *own) for own in shown.items()], " and ")
 
     def _form(self, declared: str) -> str:
         if self.unit:
@@ -86,9 +86,8 @@ class Criterion:
         """An expected value with its interval, and the limits, in words."""
         interval = self.interval(lower, upper)
         if value is None:
-            found = "{} in 95 % of tests, no single value expected (record too short); the limit is {}"
-            return Sentence(found, interval, self.limits)
-        return Sentence("{} expected, {} in 95 % of tests; the limit is {}", self.shown(value), interval, self.limits)
+            return Sentence("95 % of tests: {}, no single value expected (record too short); {}", interval, self.limits)
+        return Sentence("We expect {} (95 % of tests: {}); {}", self.shown(value), interval, self.limits)
 
     def is_met_by(self, value: float) -> bool:
         """Whether a value lies within the limits."""

@@ -40,9 +40,10 @@ def largest_share(count: int, n: int) -> float:
     return float(betaincinv(count + 1, n - count, _LEVEL)) if count < n else 1.0
 
 
-def at_most(wrong: int, n: int) -> str:
-    """That bound in words: ``at most 4.5 %``."""
-    return f"at most {100 * largest_share(wrong, n):.1f} %"
+def percent_at_most(wrong: int, n: int) -> str:
+    """That bound for readers: ``4.5 %``, ``35 %``."""
+    share = largest_share(wrong, n)
+    return f"{100 * share:.{int(share < 0.0995)}f} %"
 
 
 def counted_wrong(wrong: int) -> str:
@@ -100,42 +101,40 @@ class Support:
         """What record would support this confidence, or what refutes it; None if this one supports it."""
         for n, wrong, of in (
             (self.own_decided, self.own_wrong, "on this metric, one a test,"),
-            (self.before, self.wrong_before, "given before tests were run"),
+            (self.before, self.wrong_before, "given before the tests were run"),
         ):
             if wrong and float(betainc(wrong, n - wrong + 1, 1 - confidence)) < 1 - _LEVEL:
-                return f"{wrong} of {n} verdicts {of} were wrong: that refutes a confidence of {confidence:g}."
+                return f"{wrong} of {n} verdicts {of} were wrong: too many for a confidence of {confidence:g}."
         if reaches(self.confidence, confidence):
             return None
         if not reaches(self.most, confidence):
-            why = "About every tenth verdict on this metric was wrong on random vehicles"
-            return f"{why}: no record supports more than {self.most:g}."
+            why = "On random vehicles about one verdict in ten on this metric was wrong"
+            return f"{why}, so no record supports a confidence above {self.most:g}."
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
         return (
-            f"The record ({self.wrong} of {self.decided} verdicts wrong, at most {MOST_OF_A_TEST} a test) supports a "
-            f"confidence of {probability_text(self.confidence, confidence)}, not {confidence:g}; that takes "
-            f"{needed} verdicts with at most {self.wrong} wrong."
+            f"{counted(self.decided, 'verdict')} on hidden tests, {counted_wrong(self.wrong)}: enough for a confidence "
+            f"of {probability_text(self.confidence, confidence)}, not of {confidence:g}, which takes {needed} with "
+            f"{f'at most {self.wrong}' if self.wrong else 'none'} wrong."
         )
 
     def reservation(self, confidence: float) -> str | None:
         """What supports this confidence where the criterion's own verdicts do not; None where they do."""
         if self.near and reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
             return None
-        tests, alone = counted(self.own_decided, "left-out test"), "Checked on no left-out test."
+        tests, alone = counted(self.own_decided, "hidden test"), "Not checked on any hidden test."
         if self.own_decided:
-            alone = f"Checked on {tests}, {counted_wrong(self.own_wrong)}: too little alone."
+            alone = f"Checked on {tests}, {counted_wrong(self.own_wrong)}: alone too few."
         if not self.near:
-            alone = "No left-out test came near this limit: its own verdicts prove nothing."
+            alone = "No hidden test came near this limit, so its own verdicts prove nothing."
         if not reaches(self.confidence, confidence):
             return alone
-        return (
-            f"{alone} Verdicts on this and other criteria support a confidence of {confidence:g}: {self.decided}, "
-            f"at most {MOST_OF_A_TEST} a test, {counted_wrong(self.wrong)}."
-        )
+        verdicts = f"{counted(self.decided, 'verdict')}, {counted_wrong(self.wrong)}"
+        return f"{alone} With other criteria it is {verdicts}: enough for a confidence of {confidence:g}."
 
     def text(self, confidence: float) -> str:
         """What it says at this confidence."""
         verdicts, wrong = counted(self.own_decided, "verdict"), counted_wrong(self.own_wrong)
-        supported = f"It supports the confidence: {verdicts}, one a test, {wrong}."
+        supported = f"{verdicts}, one a test, {wrong}: enough for this confidence."
         return self.shortfall(confidence) or self.reservation(confidence) or supported
 
 

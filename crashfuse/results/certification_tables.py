@@ -22,14 +22,12 @@ from crashfuse.execution.run import Run
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.certification_facts import new_together, unused_at
 from crashfuse.results.figures import LEFT_OUT, WITH_GROUP
-from crashfuse.results.plots.canvas import tick_name
 from crashfuse.results.table import CONDITION, Column, Table, frame_of, of_condition
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import WEIGHTS, rate_iso18571
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import MASS, SPEED, Sentence, UnitSystem, joined, probability_text, read_out, unbroken
 
-ANSWER = "A test there"
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
@@ -147,19 +145,6 @@ def counts_frame(certification: Certification) -> pd.DataFrame:
     )
 
 
-def answer_texts(certification: Certification) -> dict[str, str]:
-    """The answer at each condition in short: tests there, what it counts as, what is apart."""
-    run, same, texts = certification.run, certification.counted_once, {}
-    for i, condition in certification.matrix.items:
-        tests = run.get(i, ())
-        by = f"{len(tests)} tests" if len(tests) > 1 else "".join(map(tick_name, tests))
-        alike = f", as {tick_name(same[i])}" if i in same else ""
-        apart = [tick_name(departure.test) for departure in departures_near(certification.campaign, condition)]
-        texts[i] = certification.answers[i] + (f": {by}" if tests else "") + alike
-        texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
-    return texts
-
-
 def changed_text(variant: Variant) -> str:
     """Which answers a variant changes, in words; empty if none."""
     return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in variant.changed.items())
@@ -182,11 +167,11 @@ def turned_texts(usual: Certification, other: Certification) -> list[Sentence]:
 
 
 def at_once_text(certification: Certification, condition: str) -> str:
-    """The probability that all criteria are met at once, and whether skipping pays."""
+    """The probability that a test meets all criteria, and whether skipping pays."""
     only, but = ("", ", but skipping does not pay") if condition in certification.sure else ("only ", "")
     but *= condition in certification.uncertain
     probability = all_met(certification.rows[condition]).probability
-    return f"all met at once: {only}{probability_text(probability, certification.criteria.confidence)}{but}"
+    return f"meets all: {only}{probability_text(probability, certification.criteria.confidence)}{but}"
 
 
 def _cells(verdict: Verdict) -> dict[str, object]:
@@ -229,9 +214,9 @@ def _trials(name: str, certification: Certification, trials: Sequence[Trial]) ->
 def _record(certification: Certification) -> Table:
     record, confidence = certification.record, certification.criteria.confidence
     bounds = {unit: unbroken(f"Wrong at most (95 %), by {unit[:-1]}") for unit in record.bounds()}
-    of_all = {"Near a limit, one a test and metric": record.near_limit, "All": record}
+    of_all = {"Near a limit": record.near_limit, "All": record}
     if (with_runs := certification.record_with_runs) is not None:
-        of_all["All, with the tests' CAE runs"] = with_runs
+        of_all["All, with CAE runs"] = with_runs
     near, *others = ((name, own, None) for name, own in of_all.items())
     rows = (
         {
@@ -305,9 +290,8 @@ def _counts(certification: Certification) -> Table:
 def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Table]]:
     """What makes each table for readers, by name."""
     makers = {"planned": _planned, "counts": _counts, "criteria": _criteria, "verdicts": _verdicts, "record": _record}
-    trials = {"trials": certification.record.counted}
-    if (since := certification.since) is not None:
-        trials["since"] = since.trials
+    since = certification.since
+    trials = {"trials": certification.record.counted} | ({} if since is None else {"since": since.trials})
     return {
         **{name: partial(make, certification) for name, make in makers.items()},
         "left_out": partial(left_out_ratings, certification),
@@ -316,12 +300,13 @@ def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Tab
 
 
 class Planned(NamedTuple):
-    """A planned test: the answer, what decides it, and what else matters."""
+    """A planned test: the answer, what decides it, the same in a few words, and what else matters."""
 
     id: str
     condition: Condition
     word: Answer
     why: Sentence
+    brief: Sentence
     further: tuple[str, ...] = ()
 
 
@@ -341,18 +326,16 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
             further.append(f"run as {read_out(unused[i])}, not used")
         if i in certification.counted_once:
             further.append(f"counts as {certification.counted_once[i]}")
-        rows.append(Planned(i, condition, certification.answers[i], _why(certification, i), tuple(further)))
+        why, brief = _why(certification, i), _why(certification, i, most=1)
+        rows.append(Planned(i, condition, certification.answers[i], why, brief, tuple(further)))
     return tuple(rows)
 
 
 def _planned(certification: Certification) -> Table:
     rows = (
         {
-            "Planned test": own.id,
-            **of_condition(own.condition),
-            "Answer": own.word,
-            "spot_check": certification.spot_checks.get(own.id),
-            "Why": joined([own.why, *own.further], "; "),
+            **{"Planned test": own.id, **of_condition(own.condition), "Answer": own.word},
+            **{"spot_check": certification.spot_checks.get(own.id), "Why": joined([own.why, *own.further], "; ")},
         }
         for own in planned(certification)
     )
@@ -360,26 +343,35 @@ def _planned(certification: Certification) -> Table:
     return Table.of("planned tests", rows, *CONDITION, rated)
 
 
-def _why(certification: Certification, i: str) -> Sentence:
+def _why(certification: Certification, i: str, most: int = 100) -> Sentence:
     answer, row = certification.answers[i], certification.rows[i]
     if answer == "was run":
-        return _tests_there(certification, row)
+        return _tests_there(certification, row, most)
     if answer == "skip" or i in certification.uncertain:
-        return joined([at_once_text(certification, i)])
+        loses = answer == "run" and i in certification.sure
+        return Sentence("skipping does not pay" if loses and most == 1 else at_once_text(certification, i))
     if answer == "cannot say" and any(verdict.word == "outside" for verdict in row):
-        return Sentence("outside what the tests check")
-    template = {"would miss": "misses {}", "run": "open: {}", "cannot say": "records too short for {}"}[answer]
+        return Sentence("not covered by tests")
+    template = {"would miss": "misses {}", "run": "open: {}", "cannot say": "records end early: {}"}[answer]
     word, unknown = "not met" if answer == "would miss" else "open", answer == "cannot say"
-    names = (v.criterion.title for v in row if v.word == word and (v.probability is None) is unknown)
-    return Sentence(template, ", ".join(names))
+    names = [v.criterion.title for v in row if v.word == word and (v.probability is None) is unknown]
+    return Sentence(template, _listed(names, row, most))
 
 
-def _tests_there(certification: Certification, row: Sequence[Verdict]) -> Sentence:
-    tests = []
+def _listed(names: Sequence[str], row: Sequence[Verdict], most: int) -> str:
+    return ", ".join(names) if len(names) <= most else f"{len(names)} of {len(row)}"
+
+
+def _tests_there(certification: Certification, row: Sequence[Verdict], most: int) -> Sentence:
+    tests, missing = [], 0
     for test_id in row[0].run:
         known = [(own.criterion, value) for own in row if (value := own.run[test_id]) is not None]
-        missed = ", ".join(limit.title for limit, value in known if not limit.is_met_by(value))
+        missed = _listed([limit.title for limit, value in known if not limit.is_met_by(value)], row, most)
+        missing += bool(missed)
         shown = f"missed {missed}" if missed else "met all" if len(known) == len(row) else "missed none"
         faults = joined([fault.text for fault in certification.campaign.test(test_id).faults], "; ")
-        tests.append(Sentence("{} {}{}", test_id, shown, Sentence(", in doubt as {}", faults) if faults else ""))
+        doubt = Sentence(", in doubt as {}", faults) if faults and most > 1 else ", in doubt" * bool(faults)
+        tests.append(Sentence("{} {}{}", test_id, shown, doubt))
+    if len(tests) > most:
+        return Sentence("{} of {} tests missed a limit", missing or "none", len(tests))
     return joined(tests, "; ")

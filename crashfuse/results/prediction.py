@@ -85,7 +85,7 @@ def prediction_result(
 
 
 def _drawn(prediction: PredictedPulse, figure: str = "motion") -> Callable[[Display], Drawing]:
-    return lambda display: prediction.draw(figure, display=display)
+    return lambda display: prediction.draw(figure, average=False, display=display)
 
 
 def _of_format(pulses: Callable[..., PulseFiles], name: PulseFormat, units: UnitSystem) -> Content:

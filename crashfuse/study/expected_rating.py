@@ -111,7 +111,7 @@ class ExpectedRating:
         n, rated = len(self.tests), rating_range(self.lowest, self.highest)
         where = f"up to {{}} {self.side}" if self.side else "within {}"
         return Sentence(
-            f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {self.likely}); "
+            f"We expect a rating of {self.range} over 0–{self.window_ms:g} ms (80 %, {self.likely}): "
             f"{n} left-out test{'s' * (n > 1)} {where} rated {rated}.",
             speed(self.reach_mps),
         )

@@ -123,7 +123,7 @@ def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) ->
     user.wait(lambda: "confidence=0.85" in user.browser.current_url)
     user.press(" · change", "summary")
     user.press("would miss", ".st-key-planned_tests button")
-    user.sees("Peak deceleration, at most 25")
+    user.sees("at most 25 g is missed")
     assert "cell=M2" in user.browser.current_url
     places = [user.find(f'[class*="st-key-{key}"]').rect["y"] for key in ("planned_tests", "criterion")]
     assert abs(places[0] - places[1]) < 400

@@ -288,7 +288,7 @@ def test_a_confidence_that_the_record_does_not_support_leaves_every_verdict_open
     assert {own.word for own in inside} == {"open"}
     sure = [own for own in inside if own.probability is not None and not 0.001 < own.probability < 0.999]
     assert sure
-    assert all("supports a confidence of" in own.reason and "not 0.999" in own.reason for own in sure)
+    assert all("enough for a confidence of" in own.reason and "not of 0.999" in own.reason for own in sure)
 
 
 def test_a_limit_that_no_test_comes_near_is_named(campaign: Campaign) -> None:
@@ -296,7 +296,7 @@ def test_a_limit_that_no_test_comes_near_is_named(campaign: Campaign) -> None:
     far = Criterion("far", "max_crush", at_most=3000.0)
     verdict = certified(campaign, Criteria((CRUSH, PEAK, RATING, far), 0.8)).verdicts[0][3]
     assert verdict.word == "met"
-    assert "No left-out test came near this limit" in verdict.reason
+    assert "No hidden test came near this limit" in verdict.reason
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -318,7 +318,7 @@ def test_a_metric_that_no_pulse_is_long_enough_for_leaves_the_others_judged(camp
     found = certify_matrix(campaign, both, matrix(campaign, 20.0), CAE)
     [[slow, wide]] = found.verdicts
     assert (slow.word, slow.probability, wide.word) == ("open", None, "met")
-    assert "too short for the OLC" in slow.reason
+    assert "too early to tell the OLC" in slow.reason
     assert (found.waived, found.run_first) == ({}, None)
     assert found.answers == {"M20": "cannot say"}
 
@@ -391,7 +391,7 @@ def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_littl
     tests = tuple(failed if one.id == test.id else one for one in campaign.tests)
     doubtful = replace(found, campaign=replace(campaign, tests=tests))
     assert "spike of 60.0 g at 30.0 ms" in run_already(doubtful)["P1"]
-    ran = f"Test {test.id} was run for it, at {test.condition}, and measured "
+    ran = f"Test {test.id} was run for it, at {test.condition}: it measured "
     assert ran in found.verdicts[0][0].reason
     assert certify_matrix(campaign, loose, Matrix(("P3",), (other,)), CAE).run == {}
 

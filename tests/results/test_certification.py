@@ -35,7 +35,6 @@ from crashfuse.results.certification_facts import (
 from crashfuse.results.certification_tables import certification_table, planned, turned_texts
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.figures import how_left_out
-from crashfuse.results.plots.certification import verdict_matrix
 from crashfuse.results.provenance import certify_command
 from crashfuse.results.render.figure_files import contents_of
 from crashfuse.results.render.html import report
@@ -204,14 +203,14 @@ def test_answers_have_what_decides_them(certification: Certification) -> None:
     met = row_as(first, "met", 0.9, 0.99, 1)
     missed, undecided = replace(first[0], word="not met"), replace(second[1], word="open", probability=0.5)
     rest = tuple(replace(own, word="met") for own in second[2:])
-    outside = "cannot say: outside what the tests check"
+    outside = "cannot say: not covered by tests"
     assert told(met, (missed, undecided, *rest), third) == [
-        "skip: all met at once: 0.890",
+        "skip: meets all: 0.890",
         "would miss: misses crush",
         outside,
     ]
     assert told(met, (replace(missed, word="met"), undecided, *rest), third)[1] == "run: open: OLC"
-    short = "cannot say: records too short for crush, OLC, rating"
+    short = "cannot say: records end early: crush, OLC, rating"
     assert told(met, row_as(second, "open", None), third)[1] == short
 
 
@@ -226,7 +225,7 @@ def test_skips_faster_than_any_that_was_checked_are_named(certification: Certifi
     (fact,) = (fact for fact in facts(found) if fact.code == "record.slower")
     faster = [i for i, condition in met.matrix.items if condition.speed_mps > slow + KPH]
     assert list(fact.about) == faster
-    assert "slower" in fact.sentence
+    assert "faster" in fact.sentence
     assert fact.sentence in against(found).values()
     assert fact.sentence in certification_record(found)["sentences"]  # type: ignore[operator]
     assert not values(certification, "record.slower")
@@ -251,9 +250,9 @@ def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confid
     ids, rows = certification.matrix.ids, all_as(certification, "met", 0.93, 0.94, 0.99)
     found = replace(certification, verdicts=rows)
     assert (list(found.uncertain), list(found.waived), found.run_first) == ([ids[0]], [ids[1], ids[2]], None)
-    assert [(own.word, own.why) for own in planned(found)][:1] == [("run", "all met at once: only 0.790")]
+    assert [(own.word, own.why) for own in planned(found)][:1] == [("run", "meets all: only 0.790")]
     reasons = certification_table(found).set_index("id")["reason"]
-    assert reasons.str.contains("all met at once: only 0.790").tolist() == [True] * 3 + [False] * 6
+    assert reasons.str.contains("meets all: only 0.790").tolist() == [True] * 3 + [False] * 6
     assert list(certification_record(found)["waived"]) == [ids[1], ids[2]]  # type: ignore[call-overload]
 
 
@@ -295,11 +294,10 @@ def test_of_conditions_to_be_tested_the_fastest_is_run_first(certification: Cert
 
 
 def test_what_stands_apart_is_named_beside_the_answer(certification: Certification) -> None:
-    """Where it does, and nowhere else: in the figure, in the table, and in the list by speed."""
+    """Where it does, and nowhere else: in the table, and in the list by speed."""
     found = near(certification)
-    beside = verdict_matrix(found).figure().layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
-    assert list(beside) == ["run", "run", "run; T1 stands apart"]
-    assert certification_result(found).tables["planned"].frame["Answer"].tolist() == ["run"] * 3
+    reasons = certification_result(found).tables["planned"].frame["Why"]
+    assert reasons.str.contains("T1 stands apart").tolist() == [False, False, True]
     *_, last = planned(found)
     told = ("M70", "run", "open: crush, OLC, rating", ("T1 stands apart there",))
     assert (last.id, last.word, last.why, last.further) == told
@@ -477,7 +475,7 @@ def test_a_single_test_makes_a_dossier_that_says_so(alone: Certification) -> Non
     assert [fact.code for fact in facts(alone) if fact.code.startswith("record")] == ["record.none"]
     assert not re.findall("<h2>(How well tests repeat)</h2>", text)
     assert "Each test was left out in turn" not in text
-    assert set(result.tables["planned"].texts()["Why"]) == {"outside what the tests check"}
+    assert set(result.tables["planned"].texts()["Why"]) == {"not covered by tests"}
 
 
 def test_limits_stand_as_declared_beside_the_readers_units(certification: Certification) -> None:

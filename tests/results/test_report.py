@@ -153,7 +153,7 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert len(text.contents.figures) == 3
     assert '"name":"Test"' not in text
     assert "by speed</h2>" in text
-    assert "Expected over 0–60 ms: 1.00 (80 %, Excellent)" in text
+    assert "We expect a rating of 1.00 over 0–60 ms (80 %, Excellent)" in text
     assert "Nearest tests by speed and weights: T1 (0.0 mph" in text
     assert "crashfuse predict CAMPAIGN --out DIR --speed-mph 15 " in text
 
@@ -163,7 +163,7 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
     beside = [predicted(campaign, other)]
     text = report(prediction_result(predicted(campaign, here), beside, "short"))
     assert len(text.contents.figures) == 2
-    for kept in ("Expected over 0–60 ms", "Pulse metric", "Beside other predictions", "Limits</h2>", "--speed-mph 15 "):
+    for kept in ("We expect a rating", "Pulse metric", "Beside other predictions", "Limits</h2>", "--speed-mph 15 "):
         assert kept in text
     for left in ("Data: ", "Method and settings", "by speed</h2>", "Over displacement", "How the fit went"):
         assert left not in text

@@ -103,7 +103,8 @@ def test_figures_become_files_in_every_format() -> None:
     titles = ["Skip one.", "What it rests on", "Limits", "Result", "Result: By test"]
     assert [slide.shapes.title.text for slide in slides] == titles
     assert slides[1].shapes[-1].text_frame.text == "None wrong.\nNot sealed."
-    _, below, table, notices = slides[0].shapes
+    _, below, pulse, table, notices = slides[0].shapes
+    assert pulse.left + pulse.width <= table.left, "a narrow table stands beside the figure that answers"
     assert (below.text_frame.text, notices.text_frame.text) == (
         "Tiny: a study",
         "It is odd.\nMade up & small.\nOdd: so.",
