@@ -108,7 +108,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
     "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
     "campaign.warning": ("Warnings",),
-    "cae.unchecked": ("Quality checks of the CAE runs not passed", "{checks}"),
+    "cae.unchecked": ("Quality checks not passed", "{checks}"),
     "condition.outside": ("Outside the validated domain", "{about}: {why}"),
     "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
     "criterion.occupant": ("Another occupant model", "{about} is computed with {model} (campaign.toml)."),
@@ -221,7 +221,7 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
     if any(test.cae_tuned is not False for test in campaign.tests):
         yield tuning_fact(campaign)
     if (quality := campaign.quality).unpassed:
-        yield _fact("cae.unchecked", checks=quality.checks, unpassed=quality.unpassed)
+        yield _fact("cae.unchecked", checks=quality.checks)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield _fact("test.extrapolated", test.id, notes=joined(notes))
