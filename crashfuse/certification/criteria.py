@@ -14,10 +14,10 @@ import pandas as pd
 from crashfuse.campaign import Campaign
 from crashfuse.errors import NO_FILE, DataError, Problem, printable, require_a, several
 from crashfuse.files.toml_text import read_toml, shown, toml_text
-from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, metric_values
+from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, in_sentence, metric_values
 from crashfuse.signals.rating import STANDARD
 from crashfuse.study.config import WINDOWS_MS
-from crashfuse.units import Quantity, Sentence, UnitSystem, joined
+from crashfuse.units import KPH, MPH, G, Quantity, Sentence, UnitSystem, joined
 
 RATING = "rating"
 CONFIDENCE = 0.95
@@ -48,19 +48,19 @@ class Criterion:
 
     @property
     def title(self) -> str:
-        """The name that was given, else the metric in words."""
-        return self.label if self.name == self.metric != RATING else self.name
+        """The name that was given, else the metric as within a sentence."""
+        return in_sentence(self.label) if self.name == self.metric != RATING else self.name
 
     @property
     def limits(self) -> str:
         """The limits in words, such as ``at most 650 mm``, with all the digits that were declared."""
-        ends = (("at least", self.at_least), ("at most", self.at_most))
-        known = [
-            Sentence("{} {}", word, Quantity((end,), self.unit, self._form(f"{end:.10g}")))
-            for word, end in ends
-            if end is not None
-        ]
-        return joined(known, " and ")
+        return self.limits_by("at least", "at most")
+
+    def limits_by(self, least: str, most: str) -> str:
+        """The limits by such words or signs."""
+        ends = {word: end for word, end in ((least, self.at_least), (most, self.at_most)) if end is not None}
+        shown = {word: Quantity((end,), self.unit, self._form(f"{end:.10g}")) for word, end in ends.items()}
+        return joined([Sentence("{} {}", *own) for own in shown.items()], " and ")
 
     def _form(self, declared: str) -> str:
         if self.unit:
@@ -86,9 +86,8 @@ class Criterion:
         """An expected value with its interval, and the limits, in words."""
         interval = self.interval(lower, upper)
         if value is None:
-            found = "{} in 95 % of tests, no single value expected (record too short); the limit is {}"
-            return Sentence(found, interval, self.limits)
-        return Sentence("{} expected, {} in 95 % of tests; the limit is {}", self.shown(value), interval, self.limits)
+            return Sentence("95 % of tests: {}, no single value expected (record too short); {}", interval, self.limits)
+        return Sentence("We expect {} (95 % of tests: {}); {}", self.shown(value), interval, self.limits)
 
     def is_met_by(self, value: float) -> bool:
         """Whether a value lies within the limits."""
@@ -142,11 +141,20 @@ class Criteria:
         """All windows of ratings, ascending."""
         return tuple(sorted({c.window_ms for c in self.items if c.window_ms is not None}))
 
+    @property
+    def spot_check(self) -> Criterion:
+        """What a test that is drawn and run has to rate: the limit of the longest window, else 0.80 over 0–60 ms."""
+        usual = Criterion(RATING, RATING, at_least=_GOOD, window_ms=WINDOW_MS)
+        rated = (own for own in self.items if own.window_ms is not None and own.at_least is not None)
+        return max(rated, key=lambda own: own.window_ms or 0.0, default=usual)
+
 
 LEAST_SURE, MOST_SURE = 0.5, 0.999999
 _MOST_CRITERIA = 100
 _LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
 """Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
+_OTHER_UNITS = {"km/h": {"mph": MPH / KPH, "m/s": 1 / KPH}, "mm": {"inches": 25.4, "cm": 10.0}, "g": {"m/s²": 1 / G}}
+_NEAR = 1.2
 CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria
 """``criteria.toml``, its tables as rows of a frame or as mappings, or criteria as they are judged."""
 _TO_START = {"crush": "max_crush", "peak": "peak", "velocity change": "delta_v", "OLC": "olc"}
@@ -341,10 +349,23 @@ def _criterion(item: dict[str, Any], where: str, problems: list[Problem]) -> Cri
         return None
     at_least, at_most = limits.get("at_least"), limits.get("at_most")
     if at_least is not None and at_most is not None and at_most < at_least:
-        wrong(f"at_most of at least {at_least:g}, which is at_least", at_most, "correct or exchange the limits")
+        ends = [Quantity((end,), unit, "g") for end in (at_least, at_most)]
+        wrong(f"at_most of at least {ends[0]}, which is at_least", str(ends[1]), "correct or exchange the limits")
         return None
     numbers = (None if value is None else float(value) for value in (at_least, at_most, window))
     return Criterion(str(name).strip(), metric, *numbers)
+
+
+def likely_unit(criterion: Criterion, values: Sequence[float]) -> str:
+    """The unit in which a limit would lie near these values of the metric, though in the metric's it does not; or none.
+
+    Near is up to a fifth below the least or above the largest value: a mile per hour is 1.6 km/h.
+    """
+    low, high = min(values, default=0.0) / _NEAR, max(values, default=0.0) * _NEAR
+    ends = [end for end in (criterion.at_least, criterion.at_most) if end is not None]
+    factors = {"": 1.0, **_OTHER_UNITS.get(criterion.unit, {})}
+    near = [unit for unit, factor in factors.items() if any(low <= factor * end <= high for end in ends)]
+    return "" if "" in near else next(iter(near), "")
 
 
 def is_number(value: object) -> TypeGuard[float]:

@@ -1,8 +1,11 @@
 """An earlier certification, as its ``certification.json`` tells it, and whether tests run since prove it right."""
 
+import csv
 import hashlib
+import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -21,13 +24,22 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import Trial
 from crashfuse.certification.verdict import WORDS, Verdict, reaches
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, DataError, Problem, printable
+from crashfuse.errors import CrashfuseError, DataError, Problem, printable, refusal
 from crashfuse.execution.run import Run
 from crashfuse.signals.metrics import METRIC_UNITS, metric_values
 from crashfuse.signals.occupant import OccupantModel
+from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import is_beyond
+from crashfuse.units import read_out
 
 FILE = seal.FILE
+COMPARED = (FILE, "certification.csv", "track_record.csv")
+"""Files whose values are computed again."""
+VERDICTS = "cells, "  # begins their places
+AGREEMENTS, UNDERIVED = ("to the last digit", "within rounding", "not"), "not derived"
+_ROUNDING = 1e-5  # of a value; tables have six digits
+_OF_MACHINE = ("date", "seconds", "platform", "python", "packages", "crashfuse", "settings, version")
+_NOT_DERIVED = (*_OF_MACHINE, "command", "seal", "since", "reason")
 _LONGEST = 200  # characters of a setting
 _WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, CrashfuseError
 
@@ -149,6 +161,64 @@ def parse_earlier(content: bytes, path: Path = Path(FILE)) -> Earlier:
         found = "another file, or a damaged one" if content.strip() else "an empty file"
         advice = f"give the {FILE} that crashfuse certify writes"
         raise DataError(Problem(path.name, "the record of a certification", found, advice)) from None
+
+
+def recorded(folder: Path, campaign: Campaign) -> tuple[Earlier, StudyConfig, Campaign]:
+    """What a certification was computed by: itself, its configuration and the campaign as it was then."""
+    earlier, values = read_earlier(folder), json.loads((folder / FILE).read_bytes())
+    earlier.require_of(campaign)
+    then = replace(campaign.without(LaterTests(earlier, campaign).new), name=earlier.settings["campaign"])
+    if then.fingerprint != values.get("fingerprint"):
+        digests = {test.id: test.digest for test in then.tests}
+        others = [test for test, digest in earlier.tests.items() if digests.get(test) != digest]
+        found = f"another record of {read_out(others)}" if others else "other CAE runs, conditions or past vehicles"
+        raise refusal(FILE, "the campaign that it was computed from", found, "give that one")
+    try:
+        return earlier, StudyConfig.parse(values["config"]), then
+    except _WRONG:
+        raise refusal(FILE, "the settings of a certification", "others", "give the file as it was written") from None
+
+
+def compared(file: str, then: bytes, now: bytes) -> Iterator[tuple[str, str, object, object, str]]:
+    """Each value of one of :data:`COMPARED`: file, place, recorded, recomputed, and how they agree."""
+    before, again = (dict(_values(file, content)) for content in (then, now))
+    for place in dict.fromkeys([*before, *again]):
+        pair = before.get(place), again.get(place)
+        is_derived = not place.startswith(_NOT_DERIVED)
+        yield file, place, *pair, AGREEMENTS[_agreement(*pair)] if is_derived else UNDERIVED
+
+
+def _values(file: str, content: bytes) -> Iterator[tuple[str, object]]:
+    if file == FILE:
+        yield from _leaves(json.loads(content))
+    else:
+        for number, row in enumerate(csv.DictReader(io.StringIO(content.decode())), start=2):
+            yield from ((f"{name}, row {number}", _number(str(cell))) for name, cell in row.items())
+
+
+def _leaves(values: dict[str, Any], above: str = "") -> Iterator[tuple[str, object]]:
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{above}{name}, ")
+        else:
+            yield above + name, value
+
+
+def _number(cell: str) -> object:
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
+
+
+def _agreement(then: object, now: object) -> int:
+    if isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
+        return max(map(_agreement, then, now), default=0)
+    if isinstance(then, dict) and isinstance(now, dict) and then.keys() == now.keys():
+        return max((_agreement(then[name], now[name]) for name in then), default=0)
+    if then == now:
+        return 0
+    return 1 if is_number(then) and is_number(now) and math.isclose(then, now, rel_tol=_ROUNDING) else 2
 
 
 def _of(values: dict[str, Any], digest: str) -> Earlier:

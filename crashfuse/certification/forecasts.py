@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import lru_cache, partial
+from itertools import starmap
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from crashfuse.approaches.metric_calibration import Distribution, mean_quantiles, metric_distributions
 from crashfuse.approaches.registry import BASELINE, CLASSES
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.criteria import RATING, WINDOW_MS, Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
@@ -85,6 +86,20 @@ class Forecast:
             else float(np.average(ways, weights=(1 - share, share)))
             for part, ways, share in zip(parts, folds, self.apart_share.tolist(), strict=bool(parts))
         )
+
+    def probability_interval(self, criterion: Criterion) -> tuple[float, float] | None:
+        """Central 95 % of the probability itself, as left-out tests leave it open; None as :meth:`chances` is empty."""
+        if not (parts := self._distributions(criterion)):
+            return None
+        place, by_seed = self.names.index(quantity(criterion)), []
+        for part, folds, apart in zip(parts, self.folds[:, :, place].tolist(), self.apart_share.tolist(), strict=True):
+            ways = [(1.0, part)]
+            if not np.isnan(folds).any():
+                ways = [*zip((1 - apart, apart), starmap(Distribution, folds), strict=True)]
+            laws = [share * way.probabilities(criterion.at_least, criterion.at_most) for share, way in ways]
+            by_seed.append(np.sum(laws, axis=0))
+        lower, upper = np.quantile(np.mean(by_seed, axis=0), [0.025, 0.975]).tolist()
+        return lower, upper
 
     def by_fold(self, criterion: Criterion) -> tuple[float, float] | None:
         """Probability of meeting a criterion if a test folds as most do, and as the one that stands apart, if any."""
@@ -350,5 +365,6 @@ class Plan(NamedTuple):
         tests = sorted({test for trial in with_runs for test in trial.held_out})
         if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
             campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
-        forecasts = Forecasts(campaign, criteria.windows_ms, config, run)
+        windows_ms = {*criteria.windows_ms, criteria.spot_check.window_ms or WINDOW_MS}
+        forecasts = Forecasts(campaign, tuple(sorted(windows_ms)), config, run)
         return cls(splits, trials, with_runs, cells, forecasts)

@@ -93,6 +93,9 @@ def parser() -> argparse.ArgumentParser:
     verify.add_argument("--key", type=Path, metavar="PUB", help="the public key of its maker")
     verify.add_argument("--campaign", type=Path, metavar="CAMPAIGN", help="compare its files, too")
     verify.add_argument("--seal", type=Path, metavar="KEY", help="sign as reviewer")
+    verify.add_argument("--recompute", type=Path, metavar="CAMPAIGN", help="compute its verdicts again, and compare")
+    _add_archive(verify)
+    _add_workers(verify)
 
     curve = command("learning-curve", "studies.learning_curve", "predict tests from 1, 2, 3 … of the others")
     _add_out(curve)

@@ -13,12 +13,12 @@ from crashfuse.certification.criteria import Criteria, Criterion, varied
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.verdict import Verdict, Word
+from crashfuse.certification.verdict import Verdict, Word, all_met
 from crashfuse.errors import DataError, UsageError
 from crashfuse.execution.run import Run
 from crashfuse.execution.workers import Local
 from crashfuse.results.certification import certification_record
-from crashfuse.results.certification_facts import facts
+from crashfuse.results.certification_facts import facts, spot_check
 from crashfuse.results.certification_tables import certification_table, planned, track_record_table
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -58,6 +58,31 @@ def estimates(campaign: Campaign, verdict: Verdict) -> list[Estimate]:
     """The prediction there by each seed that the verdict is averaged over."""
     seeds = [replace(CONFIG, seed=seed) for seed in range(2)]
     return [estimate_at(campaign, verdict.condition, "displacement_domain", seed) for seed in seeds]
+
+
+def test_a_spot_check_is_a_criterion_on_the_rating_of_one_planned_test(campaign: Campaign) -> None:
+    """Each has the probability of a rating criterion; one drawn at random the mean, as simulated draws come out."""
+    found = certified(campaign)
+    of_rating = {i: row[2].probability for i, row in found.rows.items() if row[2].word != "outside"}
+    assert found.spot_checks == of_rating
+    assert list(of_rating) == ["M20", "M30"]
+    without = certified(campaign, Criteria((CRUSH, PEAK)))
+    good = certified(campaign, Criteria((CRUSH, PEAK, replace(RATING, at_least=0.8))))
+    assert without.spot_checks == good.spot_checks
+    assert all(good.spot_checks[i] < p for i, p in of_rating.items() if p)
+    assert without.judged[0] == good.judged[0][:2]
+    told, met = spot_check(good), [all_met(good.rows[i]).probability for i in good.spot_checks]
+    rng = np.random.default_rng(0)
+    drawn = rng.integers(2, size=100_000)
+    chances = np.array([[*good.spot_checks.values()], met])[:, drawn]
+    shares = (rng.random(chances.shape) < chances).mean(axis=1)
+    assert [told["rates"], told["meets"]] == pytest.approx(shares, abs=0.005)
+    assert (told["tests"], told["least"]) == (2, min(good.spot_checks.values()))
+    assert certification_record(good)["spot_check"] == told
+    table = certification_table(good).groupby("id")["spot_check"].first()
+    assert table.dropna().to_dict() == good.spot_checks
+    there = certify_matrix(campaign, CRITERIA, Matrix(("T",), (campaign.tests[2].condition,)), CAE)
+    assert (there.spot_checks, spot_check(there)) == ({}, {})
 
 
 def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) -> None:
@@ -221,7 +246,7 @@ def test_a_confidence_that_the_record_does_not_support_leaves_every_verdict_open
     assert {own.word for own in inside} == {"open"}
     sure = [own for own in inside if own.probability is not None and not 0.001 < own.probability < 0.999]
     assert sure
-    assert all("supports a confidence of" in own.reason and "not 0.999" in own.reason for own in sure)
+    assert all("enough for a confidence of" in own.reason and "not of 0.999" in own.reason for own in sure)
 
 
 def test_a_limit_that_no_test_comes_near_is_named(campaign: Campaign) -> None:
@@ -229,7 +254,7 @@ def test_a_limit_that_no_test_comes_near_is_named(campaign: Campaign) -> None:
     far = Criterion("far", "max_crush", at_most=3000.0)
     verdict = certified(campaign, Criteria((CRUSH, PEAK, RATING, far), 0.8)).verdicts[0][3]
     assert verdict.word == "met"
-    assert "No left-out test came near this limit" in verdict.reason
+    assert "No hidden test came near this limit" in verdict.reason
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -251,7 +276,7 @@ def test_a_metric_that_no_pulse_is_long_enough_for_leaves_the_others_judged(camp
     found = certify_matrix(campaign, both, matrix(campaign, 20.0), CAE)
     [[slow, wide]] = found.verdicts
     assert (slow.word, slow.probability, wide.word) == ("open", None, "met")
-    assert "too short for the OLC" in slow.reason
+    assert "too early to tell the OLC" in slow.reason
     assert (found.waived, found.run_first) == ({}, None)
     assert found.answers == {"M20": "cannot say"}
 
@@ -324,7 +349,7 @@ def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_littl
     tests = tuple(failed if one.id == test.id else one for one in campaign.tests)
     doubtful = replace(found, campaign=replace(campaign, tests=tests))
     assert "spike of 60.0 g at 30.0 ms" in run_already(doubtful)["P1"]
-    ran = f"Test {test.id} was run for it, at {test.condition}, and measured "
+    ran = f"Test {test.id} was run for it, at {test.condition}: it measured "
     assert ran in found.verdicts[0][0].reason
     assert certify_matrix(campaign, loose, Matrix(("P3",), (other,)), CAE).run == {}
 
