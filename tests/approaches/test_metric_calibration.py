@@ -94,13 +94,13 @@ def test_a_probability_is_the_mean_of_those_that_the_tests_leave_open(errors: Fl
 
 def test_the_interval_of_a_probability_holds_the_true_one() -> None:
     """Of 400 vehicles whose errors scatter as usual vehicles' do, 11 tests each: 95 % of them."""
-    rng, held = np.random.default_rng(1), []
+    rng, held, usual = np.random.default_rng(1), [], spread().scale
     for _ in range(400):
-        scale = 0.88 * np.sqrt(8 / rng.chisquare(8))
+        scale = np.sqrt(8 / rng.chisquare(8))
         moved = scale * rng.standard_normal() / np.sqrt(8)
         found = spread(errors=rng.normal(moved, scale, 11))
         lower, upper = np.quantile(found.probabilities(None, 107.0), [0.025, 0.975])
-        held.append(lower <= stats.norm(100 + 5 * moved, 5 * scale).cdf(107.0) <= upper)
+        held.append(lower <= stats.norm(100 + usual * moved, usual * scale).cdf(107.0) <= upper)
     assert np.mean(held) == pytest.approx(0.95, abs=0.03)
 
 
@@ -130,7 +130,9 @@ def test_a_metric_is_known_no_better_than_a_share_of_it(metric: str) -> None:
     assert 0.01 < sure / 300 < 0.03
     assert standardised_error(np.full(400, 300.0), 300 + 2 * sure, metric) == pytest.approx(2.0)
     of_spread = np.sqrt(wide**2 - (sure / 3) ** 2)
-    assert spread(100 + 3 * (DRAWS - 100), metric=metric).scale == pytest.approx(np.hypot(sure / 3, 3 * of_spread), rel=1e-3)
+    assert spread(100 + 3 * (DRAWS - 100), metric=metric).scale == pytest.approx(
+        np.hypot(sure / 3, 3 * of_spread), rel=1e-3
+    )
     assert spread(np.full(400, 300.0), metric="g1").scale == 0.0
 
 
