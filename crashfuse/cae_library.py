@@ -234,25 +234,17 @@ class QualityVerdict:
         return f"CAE runs by {self.limits}: {judged}{unknown}."
 
     @property
-    def unpassed(self) -> dict[str, str]:
-        """Why a check is not passed, by quantity: runs fail or are not recorded, or there is no limit."""
-        rows = {row["quantity"]: row for row in self.table.to_dict("records")}
-        found = {}
-        for name in QUALITIES.values():
-            row = rows.get(name, {"passed": 0, "failed": 0, "not_recorded": self.runs})
-            reasons = [f"{row['failed']:,} fail"] * bool(row["failed"])
-            if missing := row["not_recorded"]:
-                reasons.append("not recorded" + f" for {missing:,} of {self.runs:,} runs" * (missing < self.runs))
-            if row["passed"] < self.runs:
-                found[name] = ", ".join(reasons) or "no limit"
-        return found
+    def unpassed(self) -> tuple[str, ...]:
+        """The quantities that not every run is known to pass: without a limit or a record none does."""
+        passed = dict(zip(self.table["quantity"], self.table["passed"], strict=True))
+        return tuple(name for name in QUALITIES.values() if passed.get(name, 0) < self.runs)
 
     @property
     def checks(self) -> str:
-        """How many of the checks are passed, and why others are not."""
-        reasons = "; ".join(f"{name}: {why}" for name, why in self.unpassed.items())
-        passed = f"{len(QUALITIES) - len(self.unpassed)} of {len(QUALITIES)} quality checks of the CAE runs are passed"
-        return f"{passed} ({reasons})." if reasons else f"{passed}."
+        """How many of the checks are passed."""
+        passed, n = len(QUALITIES) - len(self.unpassed), len(QUALITIES)
+        others = f" (not: {', '.join(self.unpassed)})" if self.unpassed else ""
+        return f"The CAE runs pass {passed} of {n} quality checks{others}."
 
     @property
     def named(self) -> tuple[str, ...]:

@@ -299,13 +299,11 @@ def test_every_public_name_is_documented_once_where_users_look_first() -> None:
 
 
 def _signature(call: Callable[..., object]) -> str:
-    parts = list[str]()
-    for one in inspect.signature(call).parameters.values():
-        parts += ["*"] if one.kind is one.KEYWORD_ONLY and "*" not in parts else []
-        is_short = one.default in ((), None) or isinstance(one.default, int | float | str)
-        shown = "" if one.default is one.empty else f"={one.default!r}" if is_short else "=…"
-        parts.append("**" * (one.kind is one.VAR_KEYWORD) + one.name + shown)
-    return f"({', '.join(parts)})"
+    known, parts = inspect.signature(call), list[inspect.Parameter]()
+    for one in known.parameters.values():
+        is_short = one.default in ((), None, one.empty) or isinstance(one.default, int | float | str)
+        parts.append(one.replace(annotation=one.empty, default=one.default if is_short else ...))
+    return str(known.replace(parameters=parts, return_annotation=known.empty)).replace("Ellipsis", "…")
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -327,7 +327,7 @@ def certify_matrix(
     at_trials = forecasts.averaged(plan.trials, _LEARN, learn_for=plan.cells)
     with_runs = forecasts.all(plan.with_runs, _WITH_RUNS)
     learned = time.perf_counter()
-    at_cells = forecasts.averaged(plan.cells, _JUDGE)
+    at_cells = plan.widened(forecasts.averaged(plan.cells, _JUDGE), criteria.tolerances)
     seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     domain, tests_run = Domain.of(campaign), matrix.run((test.id, test.condition) for test in campaign.tests)
     asked = campaign, criteria, plan.splits, config.approaches[0]

@@ -119,12 +119,26 @@ class Costs:
 
 
 @dataclass(frozen=True, slots=True)
+class Tolerances:
+    """Standard deviations of what a planned test is run and measured with, each normal: of shares but for the speed."""
+
+    speed_kph: float = 0.0
+    weight: float = 0.0  # of each axle
+    acceleration: float = 0.0  # of the sensors
+
+    def __str__(self) -> str:
+        shares = f"{100 * self.weight:g} % of each weight, {100 * self.acceleration:g} % of the acceleration"
+        return f"{self.speed_kph:g} km/h, {shares}"
+
+
+@dataclass(frozen=True, slots=True)
 class Criteria:
-    """Criteria with unique names, and the confidence and costs that were declared with them."""
+    """Criteria with unique names, and the confidence, costs and tolerances that were declared with them."""
 
     items: tuple[Criterion, ...]
     declared: float | None = None  # confidence
     costs: Costs | None = None
+    tolerances: Tolerances | None = None
 
     @property
     def confidence(self) -> float:
@@ -132,6 +146,13 @@ class Criteria:
         if self.declared is None and self.costs is not None:
             return min(max(self.costs.confidence, LEAST_SURE), MOST_SURE)
         return CONFIDENCE if self.declared is None else self.declared
+
+    @property
+    def scatter(self) -> str:
+        """Which tolerances probabilities have in them, in words."""
+        if self.tolerances is None:
+            return "No tolerance of speed, weights or sensors is stated, so the probabilities have none in them."
+        return f"Tests are run and measured to {self.tolerances} (standard deviations): it is in their probabilities."
 
     def __repr__(self) -> str:
         return f"<Criteria at {self.confidence:g}: {', '.join(f'{own.name} {own.limits}' for own in self.items)}>"
@@ -161,6 +182,7 @@ _TO_START = {"crush": "max_crush", "peak": "peak", "velocity change": "delta_v",
 _GOOD = 0.8  # the grade of ISO/TS 18571
 _KEYS = ("name", "metric", "unit", "window_ms", "at_least", "at_most")
 COSTS = ("test", "wrong_answer")
+_LARGEST = {"speed_kph": 5.0, "weight": 0.1, "acceleration": 0.1}  # tolerances
 
 
 def read_criteria(path: Path) -> Criteria:
@@ -168,21 +190,24 @@ def read_criteria(path: Path) -> Criteria:
     if not path.is_file():
         raise DataError(Problem(path.name, "this file", NO_FILE, "declare the acceptance criteria in it"))
     values = read_toml(path, 1, "keep the criteria alone")
-    items, declared, costs = values.pop("criterion", []), values.pop("confidence", None), values.pop("costs", None)
-    problems = []
+    items, problems = values.pop("criterion", []), list[Problem]()
+    declared, costs, tolerances = (values.pop(key, None) for key in ("confidence", "costs", "tolerances"))
     if values:
-        known = "confidence, [costs] and [[criterion]]"
+        known = "confidence, [costs], [tolerances] and [[criterion]]"
         problems.append(Problem(path.name, known, ", ".join(values), "remove or rename it"))
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise DataError(Problem(path.name, "tables [[criterion]]", "another value", "begin each with [[criterion]]"))
-    return _checked(items, declared, costs, path.name, problems)
+    return _checked(items, declared, costs, tolerances, path.name, problems)
 
 
 def criteria_of(
-    criteria: Sequence[Mapping[str, Any]], confidence: float | None = None, costs: Mapping[str, Any] | None = None
+    criteria: Sequence[Mapping[str, Any]],
+    confidence: float | None = None,
+    costs: Mapping[str, Any] | None = None,
+    tolerances: Mapping[str, Any] | None = None,
 ) -> Criteria:
     """Create criteria from mappings with the keys of ``criteria.toml``; raises as :func:`read_criteria`."""
-    return _checked([dict(item) for item in criteria], confidence, costs, "the criteria", [])
+    return _checked([dict(item) for item in criteria], confidence, costs, tolerances, "the criteria", [])
 
 
 def with_costs(criteria: Criteria, costs: Mapping[str, object]) -> Criteria:
@@ -213,6 +238,8 @@ def criteria_text(criteria: Criteria) -> str:
     costs = criteria.costs
     lines = [f"confidence = {criteria.confidence!r}"] if criteria.declared is not None or costs is None else []
     lines += [] if costs is None else ["", "[costs]", *(f"{key} = {getattr(costs, key)!r}" for key in COSTS)]
+    if (tolerances := criteria.tolerances) is not None:
+        lines += ["", "[tolerances]", *(f"{key} = {getattr(tolerances, key)!r}" for key in _LARGEST)]
     for criterion in criteria.items:
         values = {key: getattr(criterion, key) for key in _KEYS}
         lines += ["", "[[criterion]]", *(f"{k} = {toml_text(v)}" for k, v in values.items() if v not in (None, ""))]
@@ -262,13 +289,19 @@ def ratings_wanted() -> list[dict[str, Any]]:
 
 
 def _checked(
-    items: list[dict[str, Any]], confidence: object, costs: object, where: str, problems: list[Problem]
+    items: list[dict[str, Any]],
+    confidence: object,
+    costs: object,
+    tolerances: object,
+    where: str,
+    problems: list[Problem],
 ) -> Criteria:
     declared = float(confidence) if is_number(confidence) else None
     if confidence is not None and (declared is None or not LEAST_SURE <= declared <= MOST_SURE):
         expected = f"a confidence from {LEAST_SURE} to {MOST_SURE}"
         problems.append(Problem(where, expected, shown(confidence), "0.95 is usual"))
     checked_costs = None if costs is None else _costs(costs, where, problems)
+    checked_tolerances = None if tolerances is None else _tolerances(tolerances, where, problems)
     if not items:
         problems.append(Problem(where, "at least one criterion", "none", "add a table [[criterion]]"))
     if len(items) > _MOST_CRITERIA:
@@ -284,7 +317,17 @@ def _checked(
     problems += [problem for pair in combinations(found.values(), 2) if (problem := _at_odds(*pair, where)) is not None]
     if problems:
         raise DataError(problems)
-    return Criteria(tuple(found.values()), declared, checked_costs)
+    return Criteria(tuple(found.values()), declared, checked_costs, checked_tolerances)
+
+
+def _tolerances(values: object, where: str, problems: list[Problem]) -> Tolerances | None:
+    given = values if isinstance(values, dict) else {"": values}
+    if all(key in _LARGEST and is_number(own) and 0 <= own <= _LARGEST[key] for key, own in given.items()):
+        return Tolerances(**given)
+    expected = f"tolerances from 0 to {', '.join(f'{most:g} ({key})' for key, most in _LARGEST.items())}"
+    found = ", ".join(f"{key} {shown(own)}" for key, own in given.items())
+    problems.append(Problem(where, expected, found, "give standard deviations: in km/h, and as shares (0.01 for 1 %)"))
+    return None
 
 
 def _costs(values: object, where: str, problems: list[Problem]) -> Costs | None:

@@ -211,7 +211,7 @@ def _agreement(then: object, now: object) -> str:
 def _of(values: dict[str, Any], digest: str) -> Earlier:
     conditions, asked, before = [dict(row) for row in values["matrix"]], values["criteria"], values.get("since", {})
     declared = None if asked.get("confidence_by_costs") else asked["confidence"]
-    criteria = _criteria(asked["criterion"], declared, asked.get("costs"))
+    criteria = _criteria(asked["criterion"], declared, asked.get("costs"), asked.get("tolerances"))
     matrix = Matrix(_ids(row.pop("id") for row in conditions), tuple(Condition.of(**row) for row in conditions))
     _require(not any(map(is_beyond, matrix.conditions)))
     digests, problems = values["tests_sha256"], list[Problem]()

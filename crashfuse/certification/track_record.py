@@ -18,7 +18,7 @@ from crashfuse.certification.forecasts import Forecast, Query, Split, quantity
 from crashfuse.certification.verdict import WORDS, Verdict, judge, needs_no_test, reaches
 from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import counted, probability_text
+from crashfuse.units import Quantity, Sentence, counted, probability_text
 
 _LEVEL = 0.95
 MOST_OF_A_TEST = 5
@@ -131,6 +131,12 @@ class Support:
         verdicts = f"{counted(self.decided, 'verdict')}, {counted_wrong(self.wrong)}"
         return f"{alone} With other criteria it is {verdicts}: enough for a confidence of {confidence:g}."
 
+    def text(self, confidence: float) -> str:
+        """What it says at this confidence."""
+        verdicts, wrong = counted(self.own_decided, "verdict"), counted_wrong(self.own_wrong)
+        supported = f"{verdicts}, one a test, {wrong}: enough for this confidence."
+        return self.shortfall(confidence) or self.reservation(confidence) or supported
+
 
 LeftOut = Literal["test", "speed group", "planned"]
 
@@ -157,6 +163,15 @@ class Trial:
     def wrong(self) -> bool:
         """Whether a verdict was given that the test contradicts."""
         return self.verdict.decided and (self.verdict.word == "met") != self.met
+
+    @property
+    def measured_text(self) -> Quantity | Sentence:
+        """What the test measured and, if run off its condition, what that is there by the CAE model."""
+        shown = self.verdict.criterion.shown
+        if not self.shift:
+            return shown(self.measured)
+        off = shown(self.measured + self.shift), shown(self.measured)
+        return Sentence("{} ({} at its condition, by the CAE model)", *off)
 
     @property
     def held(self) -> bool:

@@ -64,6 +64,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         return Table.of("credibility", rows.set_axis(_SHEET, axis=1))
 
     told: dict[str, tuple[str, ...]] = {place: sentences(certification, place) for place in PLACES}
+    told["verdicts"] += (criteria.scatter,)
     sealed = f"Sealed by the key {certification.key}." if certification.key else "Not sealed."
     return Result(
         kind="certification",
@@ -203,6 +204,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "criteria": {
             "confidence": criteria.confidence,
             **({} if costs is None else {"confidence_by_costs": criteria.declared is None, "costs": asdict(costs)}),
+            **({"tolerances": asdict(criteria.tolerances)} if criteria.tolerances else {}),
             "criterion": [_criterion(criterion) for criterion in criteria.items],
         },
         **({"costs": _costs(certification)} if costs else {}),
@@ -248,7 +250,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "saved": {test: list(ways) for test, ways in record.saved(criteria).items()},
             "intervals": {"n": intervals, "inside": inside},
             "intervals_outside": {"n": outside, "inside": inside_outside},
-            "ratings": tables.left_out_ratings(certification),
+            "ratings": tables.left_out_ratings(certification).frame.to_dict("records"),
             "tuned": {unit: tables.share_columns(share) for unit, share in trial_bounds(record.tuned).items()},
             "whole_pulses": {way: {"n": n, "inside": inside} for way, (inside, n) in record.whole_pulses.items()},
             **({} if with_runs is None else {"with_paired_runs": tables.record_counts(with_runs)}),

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.criteria import Criterion, likely_unit
+from crashfuse.certification.criteria import likely_unit
 from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import (
     TrackRecord,
@@ -25,7 +25,7 @@ from crashfuse.execution.cache import remembered
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import whole_sentence
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
-from crashfuse.units import KPH, Quantity, Sentence, counted, joined, probability_text, speed, weight
+from crashfuse.units import KPH, Sentence, counted, joined, probability_text, speed, weight
 
 _INTERVALS = (
     "{inside} of {n} intervals (95 %) held what the hidden test measured.",
@@ -58,7 +58,6 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "Spot check: one of {tests} inside the validated domain, drawn at random and run, rates at least "
         "{at_least:.2f} over 0–{window_ms:g} ms with probability {rates} (least at {weakest}: {least}), and meets all "
         "criteria with {meets}.",
-        "Drawn of the {skipped} to be skipped: {rates_of_skipped} and {meets_of_skipped}.",
     ),
     "test.stands_apart": ("Tests that stand apart",),
     "since.wrong": ("Verdicts contradicted since", _WRONG),
@@ -67,10 +66,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "We skip {about} ({speeds}), but no hidden test with that answer was faster than {fastest}.",
     ),
     "record.none": ("No record", "There is no record: {why}."),
-    "criterion.unit": (
-        "Units of limits",
-        "{about}: {limits}, but tests show {shown}: is it in {likely}?",
-    ),
+    "criterion.unit": ("Units of limits", "{about}: {limits}, but tests show {shown}: is it in {likely}?"),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
     "record.decided": (
         "",
@@ -109,7 +105,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
     "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
     "campaign.warning": ("Warnings",),
-    "cae.unchecked": ("Quality checks of the CAE runs not passed", "{checks}"),
+    "cae.unchecked": ("Quality checks not passed", "{checks}"),
     "condition.outside": ("Outside the validated domain", "{about}: {why}"),
     "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
     "criterion.occupant": ("Another occupant model", "{about} is computed with {model} (campaign.toml)."),
@@ -222,7 +218,7 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
     if any(test.cae_tuned is not False for test in campaign.tests):
         yield tuning_fact(campaign)
     if (quality := campaign.quality).unpassed:
-        yield _fact("cae.unchecked", checks=quality.checks, unpassed=quality.unpassed)
+        yield _fact("cae.unchecked", checks=quality.checks)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield _fact("test.extrapolated", test.id, notes=joined(notes))
@@ -241,27 +237,20 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     if first := certification.run_first:
         yield _fact("matrix.run_first", first)
     if drawn := spot_check(certification):
-        chances = {name: probability_text(p, 1.0) for name, p in drawn.items() if name in _CHANCES}
-        tests = {"tests": counted(drawn["tests"], "planned test"), "skipped": drawn["skipped"] or None}
-        yield _fact("spot_check", **drawn | chances | tests)
-
-
-_CHANCES = ("rates", "meets", "least", "rates_of_skipped", "meets_of_skipped")
+        texts = {name: probability_text(drawn[name], 1.0) for name in ("rates", "meets", "least")}
+        yield _fact("spot_check", **drawn | texts | {"tests": counted(drawn["tests"], "planned test")})
 
 
 def spot_check(certification: Certification) -> dict[str, Any]:
     """What to expect of a planned test, not run yet, that is drawn at random and run; empty if none can be told."""
-    asked = certification.criteria.spot_check
-    rates = {i: p for i, p in certification.spot_checks.items() if i in certification.rows}
+    asked, rows = certification.criteria.spot_check, certification.rows
+    rates = {i: p for i, p in certification.spot_checks.items() if i in rows}
     if not rates:
         return {}
-    meets = {i: all_met(certification.rows[i]).probability for i in rates}
-    skipped, weakest = [i for i in rates if i in certification.waived], min(rates, key=rates.__getitem__)
-    means = {"rates": fmean(rates.values()), "meets": fmean(meets.values())}
-    if skipped:
-        means |= {f"{n}_of_skipped": fmean(p[i] for i in skipped) for n, p in (("rates", rates), ("meets", meets))}
-    tests = {"tests": len(rates), "skipped": len(skipped), "weakest": weakest, "least": rates[weakest]}
-    return {"at_least": asked.at_least, "window_ms": asked.window_ms, **tests, **means}
+    weakest = min(rates, key=rates.__getitem__)
+    means = {"rates": fmean(rates.values()), "meets": fmean(all_met(rows[i]).probability for i in rates)}
+    limit = {"at_least": asked.at_least, "window_ms": asked.window_ms}
+    return {"tests": len(rates), **limit, **means, "weakest": weakest, "least": rates[weakest]}
 
 
 def _costs(certification: Certification) -> Iterator[Fact]:
@@ -341,14 +330,6 @@ def _criteria(certification: Certification) -> Iterator[Fact]:
         yield _fact(code, *criteria, why=why)
 
 
-def support_text(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
-    """What the record says of a criterion at this confidence."""
-    support = record.support(criterion)
-    verdicts, wrong = counted(support.own_decided, "verdict"), counted_wrong(support.own_wrong)
-    supported = f"{verdicts}, one a test, {wrong}: enough for this confidence."
-    return support.shortfall(confidence) or support.reservation(confidence) or supported
-
-
 def _domain(certification: Certification) -> Iterator[Fact]:
     domain = certification.domain
     if not domain.speed_ranges_mps:
@@ -405,28 +386,20 @@ def _wrong(code: str, trials: Iterable[Trial], confidence: float) -> Iterator[Fa
             condition=verdict.condition,
             said=verdict.word,
             probability=probability_text(verdict.probability, confidence),
-            measured=measured_text(trial),
+            measured=trial.measured_text,
         )
 
 
 def _intervals(record: TrackRecord) -> Iterator[Fact]:
     (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
     missed = [
-        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured_text(trial), limit.interval(v.lower, v.upper))
+        Sentence("{} {} {}, not {}", trial.held_out, limit.name, trial.measured_text, limit.interval(v.lower, v.upper))
         for trial in record.missed_intervals
         for v, limit in [(trial.verdict, trial.verdict.criterion)]
     ]
     code = "record.too_narrow" if record.too_narrow else "record.intervals"
     if n:
         yield _fact(code, inside=inside, n=n, missed=missed, inside_outside=inside_outside, n_outside=n_outside or None)
-
-
-def measured_text(trial: Trial) -> Quantity | Sentence:
-    """What a test measured and, if run off its condition, what that is there by the CAE model."""
-    shown, value, shift = trial.verdict.criterion.shown, trial.measured, trial.shift
-    if value is None or not shift:
-        return shown(value)
-    return Sentence("{} ({} at its condition, by the CAE model)", shown(value + shift), shown(value))
 
 
 def new_together(certification: Certification) -> dict[str, str]:

@@ -20,12 +20,11 @@ from crashfuse.condition import Condition
 from crashfuse.execution.cache import remembered
 from crashfuse.execution.run import Run
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.results.certification_facts import measured_text, new_together, support_text, unused_at
+from crashfuse.results.certification_facts import new_together, unused_at
 from crashfuse.results.figures import LEFT_OUT, WITH_GROUP
 from crashfuse.results.table import CONDITION, Column, Table, frame_of, of_condition
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import WEIGHTS, rate_iso18571
-from crashfuse.study.expected_rating import overall_rating
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import MASS, SPEED, Sentence, UnitSystem, joined, probability_text, read_out, unbroken
 
@@ -204,7 +203,7 @@ def _trials(name: str, certification: Certification, trials: Sequence[Trial]) ->
             "Test": trial.held_out,
             "Left out": {"test": "alone", "planned": "before it was run"}.get(trial.left_out, trial.left_out),
             **_cells(trial.verdict),
-            "Measured": measured_text(trial),
+            "Measured": trial.measured_text,
             "The test": ("met it" if trial.met else "missed it") + ", wrong" * trial.wrong,
         }
         for trial in trials
@@ -215,9 +214,9 @@ def _trials(name: str, certification: Certification, trials: Sequence[Trial]) ->
 def _record(certification: Certification) -> Table:
     record, confidence = certification.record, certification.criteria.confidence
     bounds = {unit: unbroken(f"Wrong at most (95 %), by {unit[:-1]}") for unit in record.bounds()}
-    of_all = {"Near a limit, one a test and metric": record.near_limit, "All": record}
+    of_all = {"Near a limit": record.near_limit, "All": record}
     if (with_runs := certification.record_with_runs) is not None:
-        of_all["All, with the tests' CAE runs"] = with_runs
+        of_all["All, with CAE runs"] = with_runs
     near, *others = ((name, own, None) for name, own in of_all.items())
     rows = (
         {
@@ -228,7 +227,7 @@ def _record(certification: Certification) -> Table:
                 for word, (n, wrong) in own.counts(criterion).items()
             },
             **{bounds[unit]: share.at_most for unit, share in own.bounds(criterion).items()},
-            "What this record supports": "" if criterion is None else support_text(record, criterion, confidence),
+            "What this record supports": "" if criterion is None else record.support(criterion).text(confidence),
         }
         for name, own, criterion in (near, *((c.name, record, c) for c in certification.criteria.items), *others)
     )
@@ -255,19 +254,8 @@ PULSE_OF = {BASELINE: "CAE", "test": LEFT_OUT["test"], "speed group": WITH_GROUP
 """What each of these is called."""
 
 
-def left_out_ratings(certification: Certification) -> dict[str, dict[str, float]]:
-    """The overall rating of each over the longest window, the mean over the seeds."""
-    campaign, window = certification.campaign, certification.config.windows_ms[-1]
-    return {
-        test: {
-            way: float(np.mean([overall_rating(campaign.test(test).pulse, own, window) for own in accel_mps2]))
-            for way, accel_mps2 in pulses.items()
-        }
-        for test, pulses in left_out_pulses(certification).items()
-    }
-
-
-def _left_out(certification: Certification) -> Table:
+@remembered
+def left_out_ratings(certification: Certification) -> Table:
     """The ratings of these pulses with their parts, means over the seeds, as the record has them."""
     campaign, window = certification.campaign, certification.config.windows_ms[-1]
     rows = [
@@ -302,10 +290,11 @@ def _counts(certification: Certification) -> Table:
 def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Table]]:
     """What makes each table for readers, by name."""
     makers = {"planned": _planned, "counts": _counts, "criteria": _criteria, "verdicts": _verdicts, "record": _record}
-    makers["left_out"], since = _left_out, certification.since
+    since = certification.since
     trials = {"trials": certification.record.counted} | ({} if since is None else {"since": since.trials})
     return {
         **{name: partial(make, certification) for name, make in makers.items()},
+        "left_out": partial(left_out_ratings, certification),
         **{name: partial(_trials, name, certification, rows) for name, rows in trials.items()},
     }
 

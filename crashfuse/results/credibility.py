@@ -129,6 +129,7 @@ def _of_answers(certification: Certification) -> dict[str, object]:
     ]
     return {
         "planned": len(conditions),
+        ("tolerances" if certification.criteria.tolerances else "no_tolerances"): certification.criteria.scatter,
         "no_costs": "Not declared." if certification.criteria.costs is None else None,
         "criteria": ", ".join(criterion.name for criterion in criteria),
         **{name: score and f"{score:.4f}" for name, score in zip(("brier", "brier_cae"), brier, strict=True)},

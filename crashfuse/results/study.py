@@ -193,7 +193,7 @@ def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Re
     came_out = [expected.outcome(rating.overall)] if expected is not None and several else []
     about = estimates_result(study.campaign, fold.estimates, test, advice.sentences)
     draw = partial(study.draw, test.id)
-    figures = {"motion": Figure("Pulses over time", _drawn(window, partial(draw, notes=notes)))}
+    figures = {"motion": Figure("Pulses over time", _drawn(window, partial(draw, notes=notes)), not several)}
     if options.form == "whole":
         missed = expected is not None and expected.is_missed_by(rating.overall)
         if missed or test.id == worst_test(study, window).test.id:

@@ -183,13 +183,13 @@ def _field(rows: Sequence[Sequence[CrushZone | Coupling]], name: str) -> npt.NDA
 
 
 _ELEMENTS = get_type_hints(Vehicle)
-_VEHICLES = tomllib.loads(Path(__file__).with_name("vehicles.toml").read_text(encoding="utf-8"))
+CONSTANTS = tomllib.loads(Path(__file__).with_name("vehicles.toml").read_text(encoding="utf-8"))
 
 
 def _vehicle(name: str) -> Vehicle:
-    parts = {part: own for part, own in _VEHICLES[name].items() if isinstance(own, dict)}
+    parts = {part: own for part, own in CONSTANTS[name].items() if isinstance(own, dict)}
     tuples = {part: {k: tuple(v) if isinstance(v, list) else v for k, v in own.items()} for part, own in parts.items()}
-    return Vehicle(**_VEHICLES[name] | {part: _ELEMENTS[part](**own) for part, own in tuples.items()})
+    return Vehicle(**CONSTANTS[name] | {part: _ELEMENTS[part](**own) for part, own in tuples.items()})
 
 
 CAE_MODEL, TRUTH = map(_vehicle, ("cae_model", "truth"))

@@ -7,21 +7,25 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Answer, Certification, Variant, certify_matrix, without_each_test
-from crashfuse.certification.criteria import Criteria, Criterion, varied
+from crashfuse.certification.criteria import Criteria, Criterion, Tolerances, varied
 from crashfuse.certification.domain import Domain
+from crashfuse.certification.earlier import parse_earlier
+from crashfuse.certification.forecasts import Plan, spreads
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word, all_met
+from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
 from crashfuse.execution.run import Run
 from crashfuse.execution.workers import Local
-from crashfuse.results.certification import certification_record
+from crashfuse.results.certification import certification_json, certification_record, certification_result
 from crashfuse.results.certification_facts import facts, spot_check
 from crashfuse.results.certification_tables import certification_table, planned, track_record_table
 from crashfuse.signals.metrics import metric_values
-from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.config import StudyConfig
@@ -83,6 +87,44 @@ def test_a_spot_check_is_a_criterion_on_the_rating_of_one_planned_test(campaign:
     assert table.dropna().to_dict() == good.spot_checks
     there = certify_matrix(campaign, CRITERIA, Matrix(("T",), (campaign.tests[2].condition,)), CAE)
     assert (there.spot_checks, spot_check(there)) == ({}, {})
+
+
+def test_tolerances_scatter_what_a_planned_test_shows(campaign: Campaign) -> None:
+    """Each is a normal: of a pulse whose metrics are known as formulas, and in the probability by simulation."""
+
+    def half_sine(at: Condition) -> FloatArray:
+        """A vehicle on a spring: peak v0 w, crush v0 / w, w the root of stiffness over mass."""
+        w = np.sqrt(5e5 / at.mass_kg)
+        return np.asarray(-at.speed_mps * w * np.sin(w * GRID_S) * (w * GRID_S < np.pi))
+
+    at = Condition.of_vector([12.0, 900.0, 700.0])
+    told = spreads(half_sine, at, Tolerances(0.5, 0.02, 0.01), campaign.occupant)
+    peak, by_weight = np.sqrt(5e5 / 1600) * 12.0, 0.02 * np.array([900, 700]) / 1600 / 2
+    parts = [0.5 * KPH / 12.0, *by_weight]
+    assert told["peak"] == pytest.approx(peak / G * np.hypot.reduce([*parts, 0.01]), rel=0.01)
+    of_speed = spreads(half_sine, at, Tolerances(0.5), campaign.occupant)
+    assert of_speed["max_crush"] == pytest.approx(1e3 * 0.5 * KPH / np.sqrt(5e5 / 1600), rel=0.01)
+    none = spreads(half_sine, at, Tolerances(), campaign.occupant)
+    assert {none[name] for name in ("peak", "max_crush", "mean")} == {0.0}
+
+    criteria = Criteria((CRUSH, PEAK, RATING), tolerances=Tolerances(1.0, 0.02, 0.02))
+    plain, asked = (certify_matrix(campaign, own, matrix(campaign, 20.0), CAE) for own in (CRITERIA, criteria))
+    emulator = CaeModel().fit(campaign.cae).emulator_
+    here, rng = plain.matrix.conditions[0], np.random.default_rng(0)
+    for number, limit in enumerate((CRUSH, PEAK)):
+        (before, after) = (own.judged[0][number] for own in (plain, asked))
+        sd = spreads(emulator.predict, here, criteria.tolerances or Tolerances(), campaign.occupant)[limit.metric]
+        forecast = Plan.of(campaign, CRITERIA, plain.matrix, replace(CAE, windows_ms=(60.0,)), Run.of(campaign))
+        (known,) = forecast.forecasts.averaged(forecast.cells, "").values()
+        centre, scale, freedom, *_ = known.distributions[0, known.names.index(limit.metric)]
+        drawn = centre + scale * rng.standard_t(freedom, 200_000) + sd * rng.standard_normal(200_000)
+        assert after.probability == pytest.approx((drawn <= limit.at_most).mean(), abs=0.005)
+        assert after.upper - after.lower > before.upper - before.lower  # type: ignore[operator]
+    assert asked.judged[0][2] == plain.judged[0][2]  # a rating has no tolerance
+    assert parse_earlier(certification_json(asked)).criteria.tolerances == criteria.tolerances
+    assert "1 km/h, 2 % of each weight" in certification_result(asked).sentences["verdicts"][-1]
+    assert "No tolerance" in certification_result(plain).sentences["verdicts"][-1]
+    assert asked.record.decided == plain.record.decided
 
 
 def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) -> None:

@@ -5,7 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from crashfuse.certification.criteria import Costs, Criterion, criteria_of, criteria_text, likely_unit, read_criteria
+from crashfuse.certification.criteria import (
+    Costs,
+    Criterion,
+    Tolerances,
+    criteria_of,
+    criteria_text,
+    likely_unit,
+    read_criteria,
+)
 from crashfuse.errors import DataError
 from tests.conftest import problems_of
 
@@ -46,6 +54,9 @@ def test_a_file_declares_criteria_and_their_confidence(tmp_path: Path) -> None:
         Criterion("rating", "rating", at_least=0.8, window_ms=60.0),
     )
     assert found.windows_ms == (60.0,)
+    asked = read_criteria(criteria_file(tmp_path, f"[tolerances]\nspeed_kph = 0.5\n{CRUSH}at_most = 650"))
+    assert asked.tolerances == Tolerances(0.5, 0.0, 0.0)
+    assert read_criteria(criteria_file(tmp_path, criteria_text(asked))) == replace(asked, declared=0.95)
 
 
 @pytest.mark.parametrize(
@@ -127,8 +138,11 @@ NO_COSTS = "expected costs test and wrong_answer, above 0, the wrong answer the 
         (f"confidence = 0.4\n{CRUSH}at_most = 650", "expected a confidence from 0.5 to 0.999999, found 0.4"),
         (f'confidence = "0.95"\n{CRUSH}at_most = 650', "from 0.5 to 0.999999, found '0.95'"),
         (f'confidence = "high"\n{CRUSH}at_most = 650', "expected a confidence from 0.5 to 0.999999, found 'high'"),
-        (f"sure = 0.95\n{CRUSH}at_most = 650", "expected confidence, [costs] and [[criterion]], found sure; remove"),
+        (f"sure = 0.95\n{CRUSH}at_most = 650", "expected confidence, [costs], [tolerances] and [[criterion]], found"),
         (f"costs = 3\n{CRUSH}at_most = 650", f"{NO_COSTS}3"),
+        (f"tolerances = 3\n{CRUSH}at_most = 650", "tolerances from 0 to 5 (speed_kph), 0.1 (weight)"),
+        (f"[tolerances]\nweight = 2.0\n{CRUSH}at_most = 650", "found weight 2"),
+        (f"[tolerances]\nspeed_mph = 1.0\n{CRUSH}at_most = 650", "found speed_mph 1"),
         (f"[costs]\ntest = 5\n{CRUSH}at_most = 650", f"{NO_COSTS}test 5"),
         (f"[costs]\ntest = -1\nwrong_answer = 5\n{CRUSH}at_most = 650", f"{NO_COSTS}test -1, wrong_answer 5"),
         (f"[costs]\ntest = 5\nwrong_answer = 5\n{CRUSH}at_most = 650", f"{NO_COSTS}test 5, wrong_answer 5"),

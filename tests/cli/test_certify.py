@@ -70,7 +70,8 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, t
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert "bracket came loose" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
-    assert list(verdicts) == [*CONTRACT, "basis", "need_not_be_run", "all_met_at_least", "answer", "all_met"]
+    further = ["basis", "need_not_be_run", "all_met_at_least", "answer", "all_met", "spot_check"]
+    assert list(verdicts) == [*CONTRACT, *further, "probability_lower", "probability_upper"]
     assert verdicts["id"].tolist() == [i for i in "ABC" for _ in range(3)]
     assert verdicts["window_ms"].dropna().unique().tolist() == [60.0]
     assert (verdicts["lower"] <= verdicts["value"]).all()

@@ -123,7 +123,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert tab(session, "Validated domain").charts == 1
     assert tab(session, "Track record").charts == 1
     (record,) = [own for own in session.tables if "What this record supports" in own]
-    assert record["Criterion"].tolist() == ["crush", "rating", "All"]
+    assert record["Criterion"].tolist() == ["Near a limit", "crush", "rating", "All", "All, with CAE runs"]
     session.app.button_group(key="record").set_value("Are the probabilities right?")
     assert session.run().charts == 1
 

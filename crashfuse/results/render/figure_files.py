@@ -238,7 +238,7 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
         picture.left, picture.name = Emu(left + (Inches(width) - picture.width) // 2), figure.title
 
     first, (headline, *details) = deck.slides.add_slide(only_title), report.answers[:_ANSWERS] or ("",)
-    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28)
+    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28 if len(headline) < 100 else 20)
     below(first, report.title if headline else "", 1.1, 0.3, 14)
     below(first, "\n".join(details), 1.5, 0.9, 14)
     drawn = sorted(zip(report.figures, images, strict=True), key=lambda own: not own[0].is_answer)

@@ -74,7 +74,7 @@ def last_verdicts(view: View) -> tuple[Certification | None, str]:
     except CrashfuseError as error:
         return None, f"the criteria or planned tests cannot be read: {error}"
     if criteria is None:
-        return None, "criteria are not declared: start with limits of these tests"
+        return None, "no criteria declared yet"
     if matrix is None:
         return None, "no tests are planned yet"
     verdicts = judge(view.campaign, criteria, matrix).result
