@@ -171,8 +171,8 @@ def _ends_of_scale(
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
-    name = [f"<b>{line}</b>" for line in wrap(criterion.title, width, break_long_words=False)]
-    return "<br>".join([*name, *wrap(unbroken(display.words(criterion.limits_by("≥", "≤"))), width)])
+    asked = wrap(unbroken(display.words(criterion.limits_by("≥", "≤"))), width, break_long_words=False)
+    return "<br>".join([*(f"<b>{line}</b>" for line in wrap(criterion.title, width, break_long_words=False)), *asked])
 
 
 def _cell(verdict: Verdict, confidence: float, between: str) -> str:
