@@ -13,7 +13,7 @@ to rows that agree in one column, such as the test number or the powertrain.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, reduce
 
 import numpy as np
 
@@ -47,25 +47,29 @@ class Part:
 class Covariance:
     """Covariance between rows x, shape (n, n_columns + 1), and z, shape (m, n_columns + 1).
 
-    Distances and factors, which no hyperparameter changes, are computed once.
+    Distances and factors, which no hyperparameter changes, are computed once, and only where a part is not zero.
     """
 
     def __init__(self, parts: Sequence[Part], x: FloatArray, z: FloatArray) -> None:
-        self._ends = np.cumsum([len(part.priors) for part in parts])
-        self._factors = [_factor(part, x, z) for part in parts]
-        self._squares = [
-            [[np.subtract.outer(x[:, column], z[:, column]) ** 2 for column, _ in group] for group in part.groups]
-            for part in parts
-        ]
+        self._ends, self._shape = np.cumsum([len(part.priors) for part in parts]), (len(x), len(z))
+        self._parts = []
+
+        @cache
+        def squares(column: int, rows: tuple[int, int], columns: tuple[int, int]) -> FloatArray:
+            return np.asarray(np.subtract.outer(x[slice(*rows), column], z[slice(*columns), column]) ** 2)
+
+        for part in parts:
+            ends = _reach(part, x, z), _reach(part, z, x)
+            place = slice(*ends[0]), slice(*ends[1])
+            groups = [[squares(column, *ends) for column, _ in group] for group in part.groups]
+            self._parts.append((place, _factor(part, x[place[0]], z[place[1]]), groups))
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
-        return reduce(np.add, self.terms(log_hyperparameters))
-
-    def terms(self, log_hyperparameters: FloatArray) -> list[FloatArray]:
-        """Terms of the parts, shape (n, m) each."""
-        logs = np.split(log_hyperparameters, self._ends[:-1])
-        return [_term(*part)[0] for part in zip(self._factors, self._squares, logs, strict=True)]
+        covariance = np.zeros(self._shape)
+        for (place, *part), logs in zip(self._parts, np.split(log_hyperparameters, self._ends[:-1]), strict=True):
+            covariance[place] += _term(*part, logs)[0]
+        return covariance
 
 
 class TrainingCovariance:
@@ -113,6 +117,14 @@ def _term(
         common = reduce(np.multiply, matern[:g] + matern[g + 1 :], scaled * slope)
         derivatives.extend(common * share for share in group)
     return term, derivatives
+
+
+def _reach(part: Part, x: FloatArray, z: FloatArray) -> tuple[int, int]:  # rows from, to where it may not be zero
+    reached = np.ones(len(x), dtype=bool) if part.times is None else x[:, part.times] != 0
+    if part.same is not None:
+        reached &= np.isin(x[:, part.same], z[:, part.same])
+    places = np.flatnonzero(reached)
+    return (int(places[0]), int(places[-1]) + 1) if places.size else (0, 0)
 
 
 def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:
