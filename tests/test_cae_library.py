@@ -118,6 +118,8 @@ def test_networks_are_trained_without_the_runs_of_tests_that_are_left_out(campai
     assert marked.for_networks.fingerprint == others.fingerprint
     assert len({cae.fingerprint, marked.fingerprint, others.fingerprint}) == 3
     assert cae.for_networks is cae
+    known = replace(cae, paired_only=paired)
+    assert known.learned_from.fingerprint == known.for_networks.fingerprint == others.fingerprint != known.fingerprint
 
 
 EURO_NCAP, NCHRP = NAMED_LIMITS["euro-ncap-vt-2025"], NAMED_LIMITS["nchrp-179"]

@@ -11,6 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Answer, Certification, Variant, certify_matrix, without_each_test
 from crashfuse.certification.criteria import Criteria, Criterion, varied
 from crashfuse.certification.domain import Domain
+from crashfuse.certification.forecasts import Plan, Query, training
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
@@ -209,7 +210,7 @@ def test_other_limits_take_no_new_prediction(
     """Forecasts are kept; only the window of a rating is part of them."""
     certified(campaign)
     fitting_is_an_error()
-    monkeypatch.setattr("crashfuse.certification.forecasts.Forecaster.at", None)
+    monkeypatch.setattr("crashfuse.certification.forecasts.Forecast.of", None)
     other = Criteria((replace(CRUSH, at_most=500.0), replace(PEAK, at_most=20.0), replace(RATING, at_least=0.9)), 0.8)
     assert certified(campaign, other).criteria == other
 
@@ -388,5 +389,24 @@ def test_each_test_is_left_out_if_asked_for(campaign: Campaign) -> None:
     found = certify_matrix(campaign, *asked)
     first, *others = without_each_test(found, Run()).variants[len(found.variants) :]
     assert [(own.name, own.left_out) for own in others] == [(f"without {i}", i) for i in campaign.test_ids[1:]]
-    assert first == Variant.of("without T1", found, certify_matrix(campaign.without(("T1",)), *asked))
+    assert first == Variant.of("without T1", found, certify_matrix(found.without("T1"), *asked))
     assert first.left_out == "T1"
+
+
+@pytest.mark.parametrize("approach", ["cae", "displacement_domain", "time_domain", "fused"])
+def test_with_its_cae_run_and_in_a_what_if_a_test_is_left_out_of_the_same_fit(
+    campaign: Campaign, approach: str
+) -> None:
+    """Equal keys are one fit; with its run, the CAE pulse is known where a test is predicted, and no test's changes."""
+    config, planned = StudyConfig(approaches=(approach,)), matrix(campaign, 20.0)
+    plan, key = Plan.of(campaign, CRITERIA, planned, config, Run()), config.create(approach).fit_key
+    for asked in plan.with_runs:
+        without, known = (
+            training(plan.forecasts.campaign, asked._replace(runs=runs)) for runs in ("dropped", "paired")
+        )
+        assert key(without) == key(known)
+        assert without.cae.paired_run(asked.condition) is None is not known.cae.paired_run(asked.condition)
+    what_if = Plan.of(plan.without("T4"), CRITERIA, planned, config, Run())
+    assert key(training(what_if.forecasts.campaign, what_if.cells[0])) == key(plan.without("T4"))
+    twins = replace(campaign, tests=(*campaign.tests, replace(campaign.tests[0], id="T0")))
+    assert not training(twins, Query(("T0",), approach, twins.tests[0].condition, "paired")).cae.paired_only

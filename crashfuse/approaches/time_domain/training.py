@@ -183,11 +183,6 @@ def load_weights(network: Tcn, weights: Entry) -> None:
     network.load_state_dict({name: torch.from_numpy(weight) for name, weight in weights.items()})
 
 
-def predict(network: Tcn, scaling: Scaling, vectors: FloatArray) -> FloatArray:
-    """Mean pulses of the members at conditions of shape (n, 3), on the study grid: shape (n, 1250), m/s²."""
-    return scaling.pulses(mean_outputs(network, scaling.inputs(vectors)), vectors)
-
-
 def mean_outputs(network: Tcn, inputs: Tensor) -> FloatArray:
     """Mean outputs of the members, shape (n, n_times), for inputs of shape (n_times, n, n_inputs)."""
     network.eval()

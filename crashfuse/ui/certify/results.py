@@ -278,14 +278,16 @@ def _deciding(row: Planned, certification: Certification) -> str:
     return min(deciding, key=lambda own: 0.0 if own.probability is None else own.probability).criterion.name
 
 
-def _variants(certification: Certification) -> dict[str, tuple[Campaign, Criteria]]:
-    campaign, criteria, tests = certification.campaign, certification.criteria, certification.campaign.test_ids
-    apart = [own.test for own in departures(campaign)]
+def _variants(certification: Certification) -> dict[str, Criteria | str]:
+    apart, tests = [own.test for own in departures(certification.campaign)], certification.campaign.test_ids
     without = dict.fromkeys((*apart, *tests)) if len(tests) > 1 else ()
-    return {
-        **{name: (campaign, other) for name, other in varied(criteria).items()},
-        **{f"{_WITHOUT}{test}": (campaign.without((test,)), criteria) for test in without},
-    }
+    return {**varied(certification.criteria), **{f"{_WITHOUT}{test}": test for test in without}}
+
+
+def _what_if(certification: Certification, other: Criteria | str) -> Request[Certification]:
+    if isinstance(other, Criteria):
+        return judge(certification.campaign, other, certification.matrix)
+    return judge(certification.without(other), certification.criteria, certification.matrix)
 
 
 def _show_variants(certification: Certification) -> None:
@@ -293,7 +295,7 @@ def _show_variants(certification: Certification) -> None:
     address.put(key, [name for name in state[key] if name in variants])
     usual = "another confidence, limits, a test less"
     for name in st.multiselect("What if …", [*variants], placeholder=usual, **kept(key)):
-        request = judge(*variants[name], certification.matrix)
+        request = _what_if(certification, variants[name])
         if request.find() is None:
             request.start()
         if (job := request.find()) is None:
@@ -316,7 +318,7 @@ def show_files(view: View, certification: Certification) -> None:
     """
     variants, matrix, asked = _variants(certification), certification.matrix, st.session_state["what_if"]
     without = [name for name in variants if name in asked and name.startswith(_WITHOUT)]
-    known = {name: other for name in without if (other := judge(*variants[name], matrix).result) is not None}
+    known = {name: other for name in without if (other := _what_if(certification, variants[name]).result) is not None}
     others = (Variant.of(name, certification, other) for name, other in known.items())
     with_all = replace(certification, variants=(*certification.variants, *others))
     result = certification_result(with_all, notes_of(view))
