@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
-_LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
+_LEARN, _JUDGE = "Left-out tests", "Planned tests"  # steps
 Rows = tuple[tuple[Verdict, ...], ...]
 Answer = Literal["was run", "skip", "run", "would miss", "cannot say"]
 """The first that is true: a test was made for it; it would meet all criteria at once, and skipping pays; it would miss
@@ -270,7 +270,7 @@ def certify(
     costs : (float, float), optional
         Of a test and of a wrong answer, in one currency, in place of those of the criteria.
     robustness : bool
-        Whether to judge without each test, too. It computes all of it again.
+        Whether to judge without each test, too.
     approach : str
         Whose predictions are judged.
     config : StudyConfig
@@ -348,9 +348,10 @@ def without_each_test(certification: Certification, run: Run) -> Certification:
     """The certification with the variants that lack a test."""
     asked = certification.criteria, certification.matrix, certification.config, run
     tests = certification.campaign.test_ids if len(certification.campaign.tests) > 1 else ()
-    others = ((f"without {test}", certify_matrix(certification.without(test), *asked)) for test in tests)
-    variants = (Variant.of(name, certification, other) for name, other in others)
-    return replace(certification, variants=(*certification.variants, *variants))
+    others = [
+        Variant.of(f"without {i}", certification, certify_matrix(certification.without(i), *asked)) for i in tests
+    ]
+    return replace(certification, variants=(*certification.variants, *others))
 
 
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig) -> bool:

@@ -191,17 +191,15 @@ class Query(NamedTuple):
     held_out: tuple[str, ...]
     approach: str
     condition: Condition
-    runs: Literal["kept", "paired", "dropped"] = "dropped"  # CAE runs at the tests held out
+    runs: Literal["kept", "paired", "dropped"]  # CAE runs at the tests held out
     seed: int = 0
 
 
 def training(campaign: Campaign, asked: Query) -> Campaign:
     """What a forecast is learned from."""
-    others, cae = campaign.without(asked.held_out), campaign.cae
-    if asked.runs == "kept":
-        return others
-    if (runs := paired_runs(campaign, asked.held_out)) and asked.runs == "dropped":
-        return replace(others, cae=cae.without(runs))
+    others, cae, runs = campaign.without(asked.held_out), campaign.cae, paired_runs(campaign, asked.held_out)
+    if asked.runs != "paired":
+        return replace(others, cae=cae.without(runs)) if asked.runs == "dropped" else others
     of_others = (cae.ids[row] for test in others.tests if (row := cae.paired_run(test.condition)) is not None)
     return replace(others, cae=replace(cae, paired_only=runs.difference(of_others)))
 
@@ -337,10 +335,10 @@ class Plan(NamedTuple):
         with_runs = [trial._replace(runs="paired") for trial in trials if trial.held_out in lacking]
         cells = [Query((), approach, condition, "kept") for condition in matrix.conditions]
         # networks, which all trials share, are trained on none of the runs that one of these lacks
-        tests = sorted({test for out in lacking for test in out})
-        if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
-            cae = replace(campaign.cae, untrained=campaign.cae.untrained | untrained)
-            campaign = replace(campaign, cae=cae)
+        if CLASSES[approach].trains_networks:
+            tests = sorted({test for out in lacking for test in out})
+            untrained = campaign.cae.untrained | paired_runs(campaign, tests)
+            campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
         forecasts = Forecasts(campaign, criteria.windows_ms, config, run)
         return cls(splits, trials, with_runs, cells, forecasts)
 

@@ -188,9 +188,7 @@ def test_nobody_can_choose_the_seed(campaign: Campaign) -> None:
 
 
 @pytest.mark.parametrize("all_have_runs", [False, True])
-def test_left_out_tests_have_a_cae_run_where_all_planned_conditions_have_one(
-    campaign: Campaign, *, all_have_runs: bool
-) -> None:
+def test_left_out_tests_have_a_cae_run_where_all_planned_ones_do(campaign: Campaign, *, all_have_runs: bool) -> None:
     """Else the record is made without, and that with these runs stands beside it."""
     planned = Matrix(("P",), (campaign.tests[1].condition,)) if all_have_runs else matrix(campaign, 20.0)
     found = certify_matrix(campaign, CRITERIA, planned, CAE)
@@ -294,15 +292,10 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
     found = certify_matrix(campaign, CRITERIA, Matrix(("P1", "P2", "P3"), (test.condition, rounded, apart)), CAE)
     assert found.run == {"P1": (test.id,), "P2": (test.id,)}
     crush, _, rating = found.verdicts[0]
-    assert crush.run[test.id] == pytest.approx(
-        metric_values(test.pulse.accel_mps2, test.condition.speed_mps)["max_crush"]
-    )
-    [trial] = [
-        one
-        for one in found.record.trials
-        if (one.held_out, one.left_out, one.verdict.criterion) == (test.id, "test", RATING)
-    ]
-    assert rating.run == {test.id: trial.measured}
+    measured = metric_values(test.pulse.accel_mps2, test.condition.speed_mps)
+    assert crush.run[test.id] == pytest.approx(measured["max_crush"])
+    trials = {(one.held_out, one.left_out, one.verdict.criterion): one for one in found.record.trials}
+    assert rating.run == {test.id: trials[test.id, "test", RATING].measured}
     assert (found.answers["P1"], found.answers["P2"]) == ("was run", "was run")
     assert [*run_already(found).values()] == [f"{test.id} missed Peak deceleration"] * 2
     assert certification_table(found)["test"].tolist() == [test.id] * 6 + [""] * 3
@@ -394,9 +387,7 @@ def test_each_test_is_left_out_if_asked_for(campaign: Campaign) -> None:
 
 
 @pytest.mark.parametrize("approach", ["cae", "displacement_domain", "time_domain", "fused"])
-def test_with_its_cae_run_and_in_a_what_if_a_test_is_left_out_of_the_same_fit(
-    campaign: Campaign, approach: str
-) -> None:
+def test_a_fit_without_a_test_serves_its_cae_run_and_what_if(campaign: Campaign, approach: str) -> None:
     """Equal keys are one fit; with its run, the CAE pulse is known where a test is predicted, and no test's changes."""
     config, planned = StudyConfig(approaches=(approach,)), matrix(campaign, 20.0)
     plan, key = Plan.of(campaign, CRITERIA, planned, config, Run()), config.create(approach).fit_key

@@ -13,7 +13,7 @@ to rows that agree in one column, such as the test number or the powertrain.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, reduce
+from functools import reduce
 
 import numpy as np
 
@@ -53,16 +53,10 @@ class Covariance:
     def __init__(self, parts: Sequence[Part], x: FloatArray, z: FloatArray) -> None:
         self._ends, self._shape = np.cumsum([len(part.priors) for part in parts]), (len(x), len(z))
         self._parts = []
-
-        @cache
-        def squares(column: int, rows: tuple[int, int], columns: tuple[int, int]) -> FloatArray:
-            return np.asarray(np.subtract.outer(x[slice(*rows), column], z[slice(*columns), column]) ** 2)
-
         for part in parts:
-            ends = _reach(part, x, z), _reach(part, z, x)
-            place = slice(*ends[0]), slice(*ends[1])
-            groups = [[squares(column, *ends) for column, _ in group] for group in part.groups]
-            self._parts.append((place, _factor(part, x[place[0]], z[place[1]]), groups))
+            rows, columns = _reach(part, x, z), _reach(part, z, x)
+            squares = [[np.subtract.outer(x[rows, i], z[columns, i]) ** 2 for i, _ in group] for group in part.groups]
+            self._parts.append(((rows, columns), _factor(part, x[rows], z[columns]), squares))
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
@@ -119,12 +113,12 @@ def _term(
     return term, derivatives
 
 
-def _reach(part: Part, x: FloatArray, z: FloatArray) -> tuple[int, int]:  # rows from, to where it may not be zero
+def _reach(part: Part, x: FloatArray, z: FloatArray) -> slice:  # of rows x, outside of which it is zero
     reached = np.ones(len(x), dtype=bool) if part.times is None else x[:, part.times] != 0
     if part.same is not None:
         reached &= np.isin(x[:, part.same], z[:, part.same])
     places = np.flatnonzero(reached)
-    return (int(places[0]), int(places[-1]) + 1) if places.size else (0, 0)
+    return slice(places[0], places[-1] + 1) if places.size else slice(0)
 
 
 def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:

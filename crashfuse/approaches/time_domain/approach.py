@@ -94,7 +94,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         return self
 
     def fit_key(self, campaign: Campaign) -> dict[str, object]:
-        """Runs that it is not trained on change no number of it."""
+        """Of the runs that it is trained on."""
         return super().fit_key(replace(campaign, cae=campaign.cae.for_networks))
 
     def _learn(self, campaign: Campaign, watch: Watch) -> None:
