@@ -168,10 +168,11 @@ def _tables(shown: pd.DataFrame, of_metrics: pd.DataFrame) -> tuple[pd.DataFrame
         fall = by_approach["below CAE"]["fused"]
         ratings.append(row | {"largest fall, 0–80 ms": f"{fall:.2f}" if round(fall, 2) > 0 else ""})
     metrics = []
-    for (left_out, approach, metric), row in of_metrics.xs("tests", level="of").iterrows():
-        further = of_metrics["inside"].get((left_out, "repeats", approach, metric), np.nan)
+    for (left_out, series, approach, metric), row in of_metrics.xs("tests", level="of").iterrows():
+        further = of_metrics["inside"].get((left_out, "repeats", series, approach, metric), np.nan)
         metrics.append(
             {
+                "series": _TITLES.get(series, series),
                 "metric": titles[metric],
                 "left out": way[left_out],
                 "approach": names.get(approach, approach),
@@ -179,13 +180,12 @@ def _tables(shown: pd.DataFrame, of_metrics: pd.DataFrame) -> tuple[pd.DataFrame
                 "mean error of the averaged pulse (%)": _signed(row["of_pulse"]),
                 "width of the interval (%)": f"{100 * row['width']:.0f}" if row["open"] < 0.5 else "mostly open",
                 "inside (%)": f"{100 * row['inside']:.0f}",
-                "further repeats inside (%)": f"{100 * further:.0f}",
+                "further repeats inside (%)": "" if np.isnan(further) else f"{100 * further:.0f}",
             }
         )
     order = [*titles.values()]
-    return pd.DataFrame(ratings), pd.DataFrame(metrics).sort_values(
-        "metric", key=lambda c: c.map(order.index), kind="stable"
-    )
+    by = pd.DataFrame(metrics).sort_values("metric", key=lambda column: column.map(order.index), kind="stable")
+    return pd.DataFrame(ratings), by.sort_values("series", kind="stable")
 
 
 def _signed(share: float) -> str:
@@ -228,9 +228,9 @@ def main() -> None:
         by = pd.DataFrame(verdicts).groupby(keys, sort=False)
         print(by[["decided", "wrong"]].sum().join(by.size().rename("n")).to_string())
     if given.data:
-        ratings, of_metrics = _tables(shown, by_metric[0])
+        ratings, of_metrics = _tables(shown, by_metric[1])
         write(ratings, given.data / "impacts.csv", key="series")
-        write(of_metrics, given.data / "impacts_metrics.csv", key="metric")
+        write(of_metrics, given.data / "impacts_metrics.csv", key="series")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ written to ``record_alarms.csv``.
 """
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -163,6 +163,24 @@ def _standing_apart(campaign: Campaign, tests: Sequence[CrashTest]) -> set[str]:
     return {one.test for one in departures(replace(campaign, tests=tuple(tests)))}
 
 
+def alarms(folder: Path, seed: int, campaigns: Mapping[Path, Campaign]) -> pd.DataFrame:
+    """What is found in the records of one of the campaigns, a row each."""
+    campaign, further = campaigns[folder], further_repeats(folder, campaigns[folder])
+    kind, others = folder.name.partition("_")[0], list[CrashTest]()
+    for other, one in campaigns.items():
+        if other != folder and other.name.startswith(kind):
+            others += [*one.tests, *further_repeats(other, one)]
+    found = [*_sensors(folder, campaign, further, seed), *_apart(campaign, [*campaign.tests, *further], others, seed)]
+    return pd.DataFrame([{"series": folder.name, "seen": "as recorded", **row} for row in found])
+
+
+def counted(frame: pd.DataFrame) -> pd.DataFrame:
+    """How many were found of how many, by fault."""
+    by = frame.groupby(["record", "seen"], sort=False)["found"].agg(["sum", "size"]).unstack()
+    by.columns = [f"{'found' if what == 'sum' else 'records'}, {seen}" for what, seen in by.columns]
+    return by.astype("Int64").reset_index().rename(columns={"record": "fault"})
+
+
 def main() -> None:
     """Check all records and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
@@ -171,28 +189,14 @@ def main() -> None:
     add_data_option(parser)
     given = parser.parse_args()
     campaigns = {path.parent: load_campaign(path.parent) for path in sorted(given.folder.glob("*/tests.csv"))}
-    records = {folder: (*one.tests, *further_repeats(folder, one)) for folder, one in campaigns.items()}
-    rows: list[dict[str, object]] = []
-    for folder, campaign in campaigns.items():
-        kind = folder.name.partition("_")[0]
-        others = [
-            test for other in campaigns if other != folder and other.name.startswith(kind) for test in records[other]
-        ]
-        further = records[folder][len(campaign.tests) :]
-        found = [*_sensors(folder, campaign, further, given.seed)]
-        found += _apart(campaign, records[folder], others, given.seed)
-        rows += [{"series": folder.name, "seen": "as recorded", **row} for row in found]
-    frame = pd.DataFrame(rows)
+    frame = pd.concat([alarms(folder, given.seed, campaigns) for folder in campaigns])
     accused = frame[frame["record"].isin([_NONE, _APART]) & frame["found"]]
     print(accused[["series", "record", "seen", "test", "kinds"]].drop_duplicates().to_string(index=False))
     by_series = frame.groupby(["record", "seen", "series"], sort=False)["found"].mean().unstack()
     print(by_series.to_string(float_format="{:.3f}".format))
-    by = frame.groupby(["record", "seen"], sort=False)["found"].agg(["sum", "size"]).unstack()
-    by.columns = [f"{'found' if what == 'sum' else 'records'}, {seen}" for what, seen in by.columns]
-    table = by.astype("Int64").reset_index().rename(columns={"record": "fault"})
-    print(table.to_string(index=False))
+    print(counted(frame).to_string(index=False))
     if given.data:
-        write(table, given.data / "record_alarms.csv", key="fault")
+        write(counted(frame), given.data / "record_alarms.csv", key="fault")
 
 
 if __name__ == "__main__":

@@ -125,8 +125,9 @@ def _draw_scale(
     ends = np.array([(own.value, own.lower, own.upper) for own in verdicts], dtype=np.float64) * factor
     measured = [(row, factor * v) for row, own in enumerate(verdicts) for v in own.run.values() if v is not None]
     low, high = _ends_of_scale(criterion, factor, ends, [value for _, value in measured])
-    drawing.axis(x, range=[low, high], fixedrange=True)
-    for limit, missed in ((criterion.at_least, low), (criterion.at_most, high)):
+    first, last = low - 0.03 * (high - low), high + 0.03 * (high - low)  # what is moved to an end is seen whole
+    drawing.axis(x, range=[first, last], fixedrange=True)
+    for limit, missed in ((criterion.at_least, first), (criterion.at_most, last)):
         if limit is not None:
             start, end = sorted((factor * limit, missed))
             drawing.shade(start, end, y, xref=x, fillcolor=Sheer(_DISAGREES, 0.13))
@@ -147,7 +148,7 @@ def _draw_scale(
         places, values = zip(*measured, strict=True)
         drawn = np.clip(values, low, high)
         sides = ["middle right" if value < (low + high) / 2 else "middle left" for value in drawn]
-        look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip", cliponaxis=False)
+        look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip")
         texts = [f" {replace(criterion.shown(v / factor), values=(v,), unit='')} " for v in values]
         look["textfont"] = {"size": 11, "shadow": "auto"}  # of the page's colour, over a limit
         look |= Look(text=texts, textposition=sides, name=f"{criterion.title}: measured")
