@@ -23,6 +23,7 @@ from crashfuse.certification.verdict import all_met
 from crashfuse.execution.cache import remembered
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import whole_sentence
+from crashfuse.study.config import has_speed_groups
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.units import KPH, Quantity, Sentence, counted, joined, probability_text, speed, weight
 
@@ -62,8 +63,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
     "record.waived": (
         "",
-        "We hid each of {tests} in turn, alone and with its speed group, and asked the same question: for {n} the "
-        "answer was skip.",
+        "We hid each of {tests} in turn, {way}, and asked the same question: for {n} the answer was skip.",
         "Of these {wrong} missed a criterion: the error rate may be up to {bound:.1f} % (exact one-sided 95 % bound).",
     ),
     "record.decided": (
@@ -94,6 +94,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "tests.left_out_of_use": ("Tests left out of use",),
     "test.not_used": ("Tests that are not used", "{about} was run at {condition}, but is not used ({reason})."),
     "tests.cae_tuned": ("What the CAE model has seen",),
+    "tests.one_speed": ("One speed tested",),
     "campaign.archive": ("What past vehicles teach",),
     "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
     "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
@@ -256,7 +257,8 @@ def _record(certification: Certification) -> Iterator[Fact]:
     yield _fact("record.decided", n=n, wrong=wrong, **near, **_bounds(record.bounds()))
     tests, saved, missed = record.waived(criteria)
     bound = 100 * largest_share(missed, saved) if saved else None
-    yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)
+    way = "alone and with its speed group" if has_speed_groups(certification.campaign) else "alone"
+    yield _fact("record.waived", tests=counted(tests, "test"), way=way, n=saved, wrong=missed, bound=bound)
     hidden = record.saved(criteria)
     fastest = max((t.verdict.condition.speed_mps for t in record.counted if t.held_out in hidden), default=float("inf"))
     if faster := {i: v for i in certification.waived if (v := rows[i][0].condition.speed_mps) > fastest + KPH}:
