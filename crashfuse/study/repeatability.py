@@ -39,7 +39,7 @@ REPEATABILITY = "Repeatability"  # name of this step in progress reports
 _KIND = "repeatability"  # of cache entry
 _N_DRAWS = 100
 _LEAST_LACK = 1e-4  # of a rating to 1: identical pulses lack nothing, and have no logarithm
-_LEAST_SPREAD = 0.1
+_LEAST_SPREAD, _USUAL = 0.1, 4  # of draws; as many repeats as say that others scatter like these
 _REACH = 1.96  # standard deviations on each side of a central 95 % interval
 _ANYWHERE, _AT_A_CONDITION, _SPREAD_OF_A_TEST, _UNREPEATED = 0.5, 0.5, 2.0, 1.0  # of the log of what ratings lack
 _STEPS = 200  # of the displacement grid on which a difference is drawn
@@ -140,32 +140,29 @@ def combined(
 ) -> tuple[float, float, float]:
     """Value, lower and upper end of a rating, from what ratings of drawn pulses and of real repeats lack to 1.
 
-    That is log-normal. Draws may be off in the whole campaign, and further at a condition: learned from repeats, here
-    and ``elsewhere`` (drawn, measured). Without any, repeats may lack far less.
+    That is log-normal. Draws may be off in the whole campaign, and further at a condition, or scatter
+    otherwise: learned from repeats, here and ``elsewhere`` (drawn, measured). Without any, repeats may lack far less.
     """
-    spread, offset = _offset(drawn, measured)
+    logs = [(np.log(of_draws), np.log(of_repeats)) for of_draws, of_repeats in ((drawn, measured), *elsewhere)]
+    spreads = np.array([max(float(of_draws.std()), _LEAST_SPREAD) for of_draws, _ in logs])
+    squares = sum(y.size * y.var() / s**2 for (_, y), s in zip(logs, spreads, strict=True) if y.size)
+    spreads *= np.sqrt((_USUAL + squares) / (_USUAL + sum(max(y.size - 1, 0) for _, y in logs)))
     few = (_SPREAD_OF_A_TEST / n_tests) ** 2
     shift, unknown = 0.0, _ANYWHERE**2 + few
-    for own_spread, own_offset, n in ((*_offset(*pair), len(pair[1])) for pair in elsewhere):
-        share = unknown / (unknown + (n + 1) * (_AT_A_CONDITION**2 + own_spread**2 / n))  # n + 1 tests say the same
-        shift, unknown = shift + share * (own_offset - shift), (1 - share) * unknown
-    unknown += _AT_A_CONDITION**2
-    if measured.size:
-        share = unknown / (unknown + spread**2 / measured.size)
-        shift, unknown = shift + share * (offset - shift), (1 - share) * unknown
+    for (of_draws, y), spread in zip(logs[1:], spreads[1:], strict=True):
+        share = unknown / (unknown + (y.size + 1) * (_AT_A_CONDITION**2 + spread**2 / y.size))  # n + 1 tests say it
+        shift, unknown = shift + share * (y.mean() - of_draws.mean() - shift), (1 - share) * unknown
+    unknown, spread, (of_draws, y) = unknown + _AT_A_CONDITION**2, spreads[0], logs[0]
+    if y.size:
+        share = unknown / (unknown + spread**2 / y.size)
+        shift, unknown = shift + share * (y.mean() - of_draws.mean() - shift), (1 - share) * unknown
     is_known = measured.size or elsewhere
     more, less = (unknown, unknown) if is_known else (unknown - _ANYWHERE**2, unknown + _UNREPEATED**2)
-    middle = float(np.log(drawn).mean()) + shift
-    value = 1 - float(drawn.mean()) * np.exp(shift)
+    middle = float(of_draws.mean()) + shift
+    value = 1 - float(drawn.mean() * np.exp(shift))
     lower = 1 - np.exp(middle + _REACH * np.sqrt(spread**2 + more))
     upper = 1 - np.exp(middle - _REACH * np.sqrt(spread**2 + less))
     return max(value, 0.0), max(float(lower), 0.0), float(upper)
-
-
-def _offset(drawn: FloatArray, measured: FloatArray) -> tuple[float, float]:
-    logs = np.log(drawn)
-    offset = float(np.log(measured).mean() - logs.mean()) if measured.size else 0.0
-    return max(float(logs.std()), _LEAST_SPREAD), offset
 
 
 class _ScatterBias(HierarchicalBias):

@@ -45,27 +45,27 @@ def test_without_any_repeat_real_ones_may_lack_far_less_than_drawn_ones() -> Non
 
 
 def test_repeats_decide_of_the_test_and_elsewhere_as_far_as_conditions_are_alike() -> None:
-    """Many here: their mean. Many at another condition: their offset, uncertain by what conditions differ."""
-    drawn, measured = lacking(0.08), np.full(10**6, 0.02)
+    """Many here: their mean and scatter. Many at another condition: the same, uncertain by what conditions differ."""
+    drawn, measured = lacking(0.08, 0.2), lacking(0.02).repeat(1000)
     here = combined(drawn, measured, (), 10**9)
-    assert here == pytest.approx([1 - 0.02 * np.exp(e) for e in (0.045, 1.96 * 0.3, -1.96 * 0.3)], abs=1e-3)
-    there = combined(drawn, np.empty(0), [(2 * drawn, 2 * np.full(4, 0.02))] * 10**5, 10**9)
+    assert here == pytest.approx([1 - 0.02 * np.exp(e) for e in (0.02, 1.96 * 0.3, -1.96 * 0.3)], abs=1e-3)
+    there = combined(drawn, np.empty(0), [(2 * drawn, 0.04 * np.exp([-0.3 / 2**0.5, 0.3 / 2**0.5]))] * 10**5, 10**9)
     reach = 1.96 * np.sqrt(0.3**2 + 0.5**2)
-    assert there == pytest.approx([1 - 0.02 * np.exp(e) for e in (0.045, reach, -reach)], abs=1e-3)
+    assert there == pytest.approx([1 - 0.02 * np.exp(e) for e in (0.02, reach, -reach)], abs=1e-3)
     assert combined(drawn, measured, [(drawn, drawn[:9])] * 9, 11) == pytest.approx(here, abs=1e-3)
 
 
 def test_the_estimate_is_the_joint_gaussian_posterior() -> None:
     """By NumPy's linear algebra: a shift of all, one of each condition, the mean of each condition's ratings."""
-    drawn, few = lacking(0.08), (2 / 6) ** 2
+    drawn, few, scatter = lacking(0.08), (2 / 6) ** 2, 0.3**2 * 4 / 7  # 4 that scatter as drawn, 3 that do not
     offsets, counts = np.array([-0.9, -0.2, 0.4]), np.array([2, 1, 3])  # the last is the condition's own
-    noise = 0.3**2 / counts + np.array([*counts[:2] * 0.5**2 + 0.3**2, 0.0])  # a pair's tests say the same
+    noise = scatter / counts + np.array([*counts[:2] * 0.5**2 + scatter, 0.0])  # a pair's tests say the same
     latent = np.full((3, 3), 0.5**2 + few) + 0.5**2 * np.eye(3)
     gain = np.linalg.solve(latent + np.diag(noise), latent[:, 2])
     unknown, shift = latent[2, 2] - gain @ latent[:, 2], gain @ offsets
     pairs = [(drawn, np.full(n, 0.08 * np.exp(offset))) for n, offset in zip(counts, offsets, strict=True)]
     found = combined(drawn, pairs[2][1], pairs[:2], 6)
-    ends = (0.3**2 / 2, *(side * 1.96 * np.sqrt(0.3**2 + unknown) for side in (1, -1)))
+    ends = (0.3**2 / 2, *(side * 1.96 * np.sqrt(scatter + unknown) for side in (1, -1)))
     assert found == pytest.approx([1 - 0.08 * np.exp(shift + end) for end in ends], abs=1e-3)
 
 
