@@ -308,8 +308,7 @@ def _nearest(speeds_mps: FloatArray, speed_mps: float) -> npt.NDArray[np.intp]:
 
 
 def _alike(tests: ConditionTable, row: int) -> npt.NDArray[np.intp]:
-    near = np.abs(tests.speeds_mps - tests.speeds_mps[row]) < SPEED_STEP_MPS
-    return np.setdiff1d(np.flatnonzero(near), row)
+    return np.setdiff1d(np.flatnonzero(np.abs(tests.speeds_mps - tests.speeds_mps[row]) < SPEED_STEP_MPS), row)
 
 
 def _expected(tests: ConditionTable, runs: ConditionTable, row: int) -> FloatArray:

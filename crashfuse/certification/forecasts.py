@@ -1,9 +1,10 @@
 """Forecasts of many conditions by approaches that learned from parts of the tests: computed side by side, and kept."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import lru_cache, partial
+from itertools import starmap
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -11,8 +12,9 @@ import numpy.typing as npt
 
 from crashfuse.approaches.metric_calibration import Distribution, mean_quantiles, metric_distributions
 from crashfuse.approaches.registry import BASELINE, CLASSES
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.criteria import RATING, WINDOW_MS, Criteria, Criterion, Tolerances
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
@@ -25,8 +27,10 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.study.expected_rating import RatingDistribution, overall_rating
 from crashfuse.study.running import prepare
+from crashfuse.units import KPH
 
 _UNKNOWN = (np.nan,) * len(fields(Distribution))
+_SCALE = [own.name for own in fields(Distribution)].index("scale")
 
 
 def quantity(criterion: Criterion) -> str:
@@ -46,6 +50,38 @@ class Forecast:
     whole_mps2: FloatArray  # (n_seeds, 2 or 0, n_samples): band of whole pulses, if any
     folds: FloatArray  # (n_seeds, 2, n_names, n_fields): as distributions, of tests alike and of one that stands apart
     apart_share: FloatArray  # (n_seeds,): of draws that fold as that one
+
+    @classmethod
+    def of(cls, fit: Fit, condition: Condition, windows_ms: Sequence[float]) -> Self:
+        """What a fit predicts at a condition, and its rating over windows as those of its left-out tests."""
+        (estimate,) = estimates_at([fit], condition, with_state=False)
+        drawn, apart = estimate.drawn, estimate.apart
+        found = metric_distributions(drawn, fit.metric_errors)
+        known = {name: None if own is None else own.median for name, own in found.items()}
+        unknown = [name for name, own in found.items() if own is None]
+        of_pulse = metric_values(estimate.accel_mps2, condition.speed_mps, occupant=estimate.occupant, names=unknown)
+        known |= {name: float(value) for name, value in of_pulse.items() if np.isfinite(value)}
+        pairs = [(fit.campaign.test(test_id), own.accel_mps2) for test_id, own in fit.left_out.items()]
+        away = np.abs(np.array([test.condition.speed_mps for test, _ in pairs]) - condition.speed_mps)
+        agreements, here = np.array(list(fit.agreements.values())), estimate.agreement
+        for window in windows_ms:
+            ratings = np.array([overall_rating(test.pulse, own, window) for test, own in pairs])
+            rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
+            name = f"{RATING} {window:g}"
+            found[name], known[name] = rating, None if rating is None else rating.median
+        ways = () if apart is None else (~apart, apart)
+        by_way = [{name: values[way] for name, values in drawn.items()} for way in ways]
+        folds = [metric_distributions(values, fit.metric_errors) for values in by_way] or [{}, {}]
+        arrays = {
+            "accel_mps2": estimate.accel_mps2,
+            "values": np.array([np.nan if known[name] is None else known[name] for name in found], dtype=np.float64),
+            "distributions": _rows(found, found),
+            "ranks": _ranks(np.array(list(drawn.values()))),
+            "whole_mps2": np.array(estimate.whole_band() or np.empty((0, N_SAMPLES))),
+            "folds": np.array([_rows(fold, found) for fold in folds]),
+            "apart_share": np.array(0.0 if apart is None else apart.mean()),
+        }
+        return cls(tuple(found), **{name: array[np.newaxis] for name, array in arrays.items()})
 
     @classmethod
     def mean(cls, by_seed: Sequence[Self]) -> Self:
@@ -86,6 +122,20 @@ class Forecast:
             for part, ways, share in zip(parts, folds, self.apart_share.tolist(), strict=bool(parts))
         )
 
+    def probability_interval(self, criterion: Criterion) -> tuple[float, float] | None:
+        """Central 95 % of the probability itself, as left-out tests leave it open; None as :meth:`chances` is empty."""
+        if not (parts := self._distributions(criterion)):
+            return None
+        place, by_seed = self.names.index(quantity(criterion)), []
+        for part, folds, apart in zip(parts, self.folds[:, :, place].tolist(), self.apart_share.tolist(), strict=True):
+            ways = [(1.0, part)]
+            if not np.isnan(folds).any():
+                ways = [*zip((1 - apart, apart), starmap(Distribution, folds), strict=True)]
+            laws = [share * way.probabilities(criterion.at_least, criterion.at_most) for share, way in ways]
+            by_seed.append(np.sum(laws, axis=0))
+        lower, upper = np.quantile(np.mean(by_seed, axis=0), [0.025, 0.975]).tolist()
+        return lower, upper
+
     def by_fold(self, criterion: Criterion) -> tuple[float, float] | None:
         """Probability of meeting a criterion if a test folds as most do, and as the one that stands apart, if any."""
         alike, apart = self._folds(criterion).mean(axis=0).tolist()
@@ -109,6 +159,14 @@ class Forecast:
         ranks = self.ranks[:, place]
         return np.asarray((shares[:, :1] < ranks) & (ranks <= shares[:, 1:]))
 
+    def widened(self, spreads: Mapping[str, float]) -> Self:
+        """The forecast with a further normal scatter of its metrics, by name, of these standard deviations."""
+        further = np.array([spreads.get(name, 0.0) for name in self.names])
+        distributions, folds = self.distributions.copy(), self.folds.copy()
+        for array in (distributions, folds):
+            array[..., _SCALE] = np.hypot(array[..., _SCALE], further)
+        return replace(self, distributions=distributions, folds=folds)
+
     def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
         """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
         if (window := criterion.window_ms) is not None:
@@ -126,51 +184,6 @@ _SHAPES: Mapping[str, tuple[int | None, ...]] = {
     "folds": (None, 2, None, len(_UNKNOWN)),
     "apart_share": (None,),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Forecaster:
-    """A fitted approach, and how its predictions of tests that it had not seen rated."""
-
-    fit: Fit
-    speeds_mps: FloatArray
-    rated: dict[float, FloatArray]  # by window in ms, each of shape (n_tests,)
-
-    @classmethod
-    def of(cls, fit: Fit, campaign: Campaign, windows_ms: Sequence[float]) -> Self:
-        """Rate the left-out predictions of a fit over windows; the campaign is the one that it learned from."""
-        pairs = [(campaign.test(test_id), own.accel_mps2) for test_id, own in fit.left_out.items()]
-        rated = {w: np.array([overall_rating(test.pulse, own, w) for test, own in pairs]) for w in windows_ms}
-        return cls(fit, np.array([test.condition.speed_mps for test, _ in pairs]), rated)
-
-    def at(self, condition: Condition) -> Forecast:
-        """The forecast at a condition."""
-        (estimate,) = estimates_at([self.fit], condition, with_state=False)
-        drawn, apart = estimate.drawn, estimate.apart
-        found = metric_distributions(drawn, self.fit.metric_errors)
-        known = {name: None if own is None else own.median for name, own in found.items()}
-        unknown = [name for name, own in found.items() if own is None]
-        of_pulse = metric_values(estimate.accel_mps2, condition.speed_mps, occupant=estimate.occupant, names=unknown)
-        known |= {name: float(value) for name, value in of_pulse.items() if np.isfinite(value)}
-        away = np.abs(self.speeds_mps - condition.speed_mps)
-        agreements, here = np.array(list(self.fit.agreements.values())), estimate.agreement
-        for window, ratings in self.rated.items():
-            rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
-            name = f"{RATING} {window:g}"
-            found[name], known[name] = rating, None if rating is None else rating.median
-        ways = () if apart is None else (~apart, apart)
-        by_way = [{name: values[way] for name, values in drawn.items()} for way in ways]
-        folds = [metric_distributions(values, self.fit.metric_errors) for values in by_way] or [{}, {}]
-        arrays = {
-            "accel_mps2": estimate.accel_mps2,
-            "values": np.array([np.nan if known[name] is None else known[name] for name in found], dtype=np.float64),
-            "distributions": _rows(found, found),
-            "ranks": _ranks(np.array(list(drawn.values()))),
-            "whole_mps2": np.array(estimate.whole_band() or np.empty((0, N_SAMPLES))),
-            "folds": np.array([_rows(fold, found) for fold in folds]),
-            "apart_share": np.array(0.0 if apart is None else apart.mean()),
-        }
-        return Forecast(tuple(found), **{name: array[np.newaxis] for name, array in arrays.items()})
 
 
 def _rows(distributions: Mapping[str, Distribution | None], names: Iterable[str]) -> FloatArray:
@@ -204,16 +217,17 @@ class Query(NamedTuple):
     held_out: tuple[str, ...]
     approach: str
     condition: Condition
-    with_runs: bool = False  # from the CAE runs paired with the tests held out, too
+    runs: Literal["kept", "paired", "dropped"]  # CAE runs at the tests held out
     seed: int = 0
 
 
 def training(campaign: Campaign, asked: Query) -> Campaign:
     """What a forecast is learned from."""
-    others = campaign.without(asked.held_out)
-    if asked.with_runs:
-        return others
-    return replace(others, cae=campaign.cae.without(paired_runs(campaign, asked.held_out)))
+    others, cae, runs = campaign.without(asked.held_out), campaign.cae, paired_runs(campaign, asked.held_out)
+    if asked.runs != "paired":
+        return replace(others, cae=cae.without(runs)) if asked.runs == "dropped" else others
+    of_others = (cae.ids[row] for test in others.tests if (row := cae.paired_run(test.condition)) is not None)
+    return replace(others, cae=replace(cae, paired_only=runs.difference(of_others)))
 
 
 def paired_runs(campaign: Campaign, tests: Sequence[str]) -> frozenset[str]:
@@ -230,7 +244,7 @@ class Forecasts:
     windows_ms: tuple[float, ...]
     config: StudyConfig
     run: Run
-    _known: dict[tuple[tuple[str, ...], bool], Campaign] = field(default_factory=dict)
+    _known: dict[tuple[object, ...], Campaign] = field(default_factory=dict)
 
     def averaged(self, asked: Sequence[Query], step: str, learn_for: Sequence[Query] = ()) -> dict[Query, Forecast]:
         """Forecasts by all seeds, of what no seed changes by the first."""
@@ -250,7 +264,7 @@ class Forecasts:
         tasks: dict[tuple[object, ...], list[Query]] = {}
         for each in missing:
             seed = each.seed if self._is_fitted(each) else None
-            tasks.setdefault((each.held_out, each.with_runs, seed), []).append(each)
+            tasks.setdefault((each.held_out, each.runs, seed), []).append(each)
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
         to_learn = {each.seed: each for each in learn_for if not self._is_fitted(each) and not self.is_known(each)}
         chunks[:0] = [list(to_learn.values())] if to_learn else []
@@ -285,7 +299,7 @@ class Forecasts:
         return self.run.cache.find(_KIND, key, Forecast.restored)
 
     def _training(self, asked: Query) -> Campaign:
-        key = asked.held_out, asked.with_runs
+        key = asked.held_out, asked.runs
         if key not in self._known:
             self._known[key] = training(self.campaign, asked)
         return self._known[key]
@@ -298,10 +312,9 @@ def _forecast(
     with one_thread_throughout():
         for name, seed in dict.fromkeys((each.approach, each.seed) for each in asked):
             fit = Fit.of(learned_from, name, _by(config, seed), run)
-            forecaster = Forecaster.of(fit, learned_from, windows_ms)
             for each in asked:
                 if (each.approach, each.seed) == (name, seed):
-                    forecast = forecaster.at(each.condition)
+                    forecast = Forecast.of(fit, each.condition, windows_ms)
                     run.cache.put(_KIND, _key(learned_from, each, config, windows_ms), forecast.entry)
                     made.append((each, forecast))
     return made
@@ -317,6 +330,26 @@ def _key(training: Campaign, asked: Query, config: StudyConfig, windows_ms: tupl
     return {**fit, **own, "code": Code(__name__)}
 
 
+def spreads(
+    pulse: Callable[[Condition], FloatArray], at: Condition, tolerances: Tolerances, occupant: OccupantModel
+) -> dict[str, float]:
+    """Standard deviation of each metric by tolerances, to first order; ``pulse`` gives a pulse at any condition."""
+
+    def of(condition: Condition, factor: float = 1.0) -> dict[str, FloatArray]:
+        return metric_values(factor * pulse(condition), condition.speed_mps, occupant=occupant)
+
+    away = {
+        "speed_mps": tolerances.speed_kph * KPH,
+        "front_weight_kg": tolerances.weight * at.front_weight_kg,
+        "rear_weight_kg": tolerances.weight * at.rear_weight_kg,
+    }
+    ends = [[of(replace(at, **{name: getattr(at, name) + s * by})) for s in (-1, 1)] for name, by in away.items() if by]
+    ends += [[of(at, 1 - tolerances.acceleration), of(at, 1 + tolerances.acceleration)]]
+    values = {name: np.array([[low[name], high[name]] for low, high in ends]) for name in ends[0][0]}
+    known = {name: np.where(np.isfinite(own), own, np.nan) for name, own in values.items()}  # or nothing can be said
+    return {name: float(np.hypot.reduce(np.diff(own)[:, 0] / 2)) for name, own in known.items()}
+
+
 Split = tuple[CrashTest, Literal["test", "speed group"], tuple[str, ...]]
 """A test, what is left out with it, the ids of all left out."""
 
@@ -330,6 +363,17 @@ class Plan(NamedTuple):
     cells: Sequence[Query]
     forecasts: Forecasts
 
+    def widened(self, found: Mapping[Query, Forecast], tolerances: Tolerances | None) -> Mapping[Query, Forecast]:
+        """Forecasts of planned tests with the scatter of how these are run and measured."""
+        campaign = self.forecasts.campaign
+        if tolerances is None:
+            return found
+        emulator = CaeModel().fit(campaign.cae, self.forecasts.run).emulator_
+        return {
+            asked: forecast.widened(spreads(emulator.predict, asked.condition, tolerances, campaign.occupant))
+            for asked, forecast in found.items()
+        }
+
     @classmethod
     def of(cls, campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, run: Run) -> Self:
         """The plan of a certification by the first approach of the config."""
@@ -340,15 +384,22 @@ class Plan(NamedTuple):
             splits += [(test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)]
         all_have_runs = all(campaign.cae.paired_run(condition) is not None for condition in matrix.conditions)
         trials = [
-            Query(held_out, name, test.condition, with_runs=all_have_runs or not paired_runs(campaign, held_out))
+            Query(held_out, name, test.condition, "kept" if all_have_runs else "dropped")
             for test, _, held_out in splits
             for name in dict.fromkeys((approach, BASELINE))
         ]
-        with_runs = [trial._replace(with_runs=True) for trial in trials if not trial.with_runs]
-        cells = [Query((), approach, condition, with_runs=True) for condition in matrix.conditions]
+        lacking = {out for out in {out for _, _, out in splits} if not all_have_runs and paired_runs(campaign, out)}
+        with_runs = [trial._replace(runs="paired") for trial in trials if trial.held_out in lacking]
+        cells = [Query((), approach, condition, "kept") for condition in matrix.conditions]
         # networks, which all trials share, are trained on none of the runs that one of these lacks
-        tests = sorted({test for trial in with_runs for test in trial.held_out})
-        if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
+        if CLASSES[approach].trains_networks:
+            tests = sorted({test for out in lacking for test in out})
+            untrained = campaign.cae.untrained | paired_runs(campaign, tests)
             campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
-        forecasts = Forecasts(campaign, criteria.windows_ms, config, run)
+        windows_ms = {*criteria.windows_ms, criteria.spot_check.window_ms or WINDOW_MS}
+        forecasts = Forecasts(campaign, tuple(sorted(windows_ms)), config, run)
         return cls(splits, trials, with_runs, cells, forecasts)
+
+    def without(self, test: str) -> Campaign:
+        """What the record learns from where this test alone is left out."""
+        return training(self.forecasts.campaign, next(trial for trial in self.trials if trial.held_out == (test,)))

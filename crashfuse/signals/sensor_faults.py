@@ -44,11 +44,11 @@ _SPIKE, _SPIKE_S, _SPIKE_MPS2 = 4.0, 1.6e-3, 8 * G
 _BUMP, _BUMP_S = 4.5, 0.8e-3
 _WIDER, _BENT, _FWHM = 1.3, 1.15, 2.355  # limits in widths of an impulse, see below; of a Gaussian at half its height
 _SMOOTH_S = 0.4e-3  # of a raw record, so that noise makes no inflection
-_BESIDE_S, _SHARED = 4e-3, 0.5  # of a bump; share of a spike that other records show if it is the structure's
+_NEAR_S, _BESIDE_S, _SHARED = 2.5e-3, 4e-3, 0.5  # of a spike, of a bump; share of a spike that is the structure's
 _AROUND_S = 30e-3
 _BEYOND_S, _EDGE_S = 1e-3, 4e-3
 _CUT, _ODD = 1.3, 1.5  # of the level, and of the difference elsewhere; sound, with a flat top: 1.24 and 3.1
-_NOISE, _NOISE_MPS2, _BLOCK_S, _STEADY = 2.2, 0.8 * G, 10e-3, 5.0
+_NOISE, _NOISE_MPS2, _BLOCK_S, _LEAST_S, _STEADY = 2.2, 0.8 * G, 10e-3, 2.5e-3, 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,16 +103,14 @@ class _Signal(NamedTuple):
 def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFault, ...]:
     """What looks like a fault of the sensor in a record at its own rate, raw or filtered, in the order of time."""
     step_s = float((time_s[-1] - time_s[0]) / (time_s.size - 1))
-    if time_s.size * step_s < _PADDING_S or 1 / step_s < 10 * _CFC:
+    is_too_coarse = time_s.size * step_s < _PADDING_S or 1 / step_s < 10 * _CFC
+    if is_too_coarse or (signals := _signals(time_s, accel_mps2)) is None:
         return ()
-    smooth = cfc_filter(accel_mps2, cfc=_CFC, dt_s=step_s)
-    raw = _signal(time_s, accel_mps2, step_s, smooth)
-    if raw is None:
-        return ()
-    band, hidden = _band(raw)
+    raw, band, hidden, above = signals
     found: list[SensorFault] = []
-    sudden = *_equal_samples(raw), *_noise(raw, hidden), *_lost(band), *_spike(raw, band)
-    for one in (*sudden, *_flat_top(band), *_left_at_once(raw), *_held(band), *_noise(raw, accel_mps2 - smooth)):
+    noise = *_noise(raw, hidden), *_noise(raw, above)
+    sudden = *_equal_samples(raw), *(one for one in noise if one.strength >= 1), *_lost(band), *_spike(raw, band)
+    for one in (*sudden, *_flat_top(band), *_left_at_once(raw), *_held(band), *noise):
         apart = (one.start_s >= other.end_s + _EDGE_S or other.start_s >= one.end_s + _EDGE_S for other in found)
         if one.strength >= LIKELY and all(apart):  # edges of one are no other
             found.append(one)
@@ -132,8 +130,16 @@ def confirmed(
     """
     off = accel_mps2 - expected_mps2
 
+    def of_each(measure: Callable[[_Signal, FloatArray], float]) -> tuple[float, float]:
+        signals = (_signals(time_s, accel) for accel in (accel_mps2, *alike_mps2))
+        first, *alike = (measure(one[0], one[2]) if one else 0.0 for one in signals)
+        return first, float(np.median(alike)) if alike else first
+
     def is_odd(fault: SensorFault) -> bool:
         within = (fault.start_s - _BEYOND_S <= time_s) & (time_s <= fault.end_s + _BEYOND_S)
+        if fault.kind == "noise":
+            loud, usual = of_each(lambda _, hidden: float(np.std(hidden[within])))
+            return loud > _NOISE * usual
         if not within.any() or within.all():
             return False
         if fault.kind == "saturated" and np.abs(expected_mps2[within]).max() < _CUT * abs(fault.size_mps2):
@@ -145,18 +151,23 @@ def confirmed(
         near = np.abs(time_s - fault.start_s) <= _EDGE_S
         if fault.kind != "spike" or not (len(alike_mps2) and near.any()):
             return False
-        sign, records = np.sign(fault.size_mps2), (accel_mps2, *alike_mps2)
-        own, *alike = (float((sign * _bumps(time_s, accel)[near]).max()) for accel in records)
-        return float(np.median(alike)) > _SHARED * own
+        sign = np.sign(fault.size_mps2)
+        high, usual = of_each(lambda raw, _: float((sign * raw.above_median(_NEAR_S))[near].max()))
+        return usual > _SHARED * high
 
     certain = [fault for fault in faults if not is_shared(fault) and (fault.strength >= 1 or is_odd(fault))]
     return tuple(replace(fault, strength=max(fault.strength, 1.0)) for fault in certain)
 
 
-def _signal(time_s: FloatArray, accel: FloatArray, step_s: float, smooth: FloatArray) -> _Signal | None:
+def _signals(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[_Signal, _Signal, FloatArray, FloatArray] | None:
+    step_s = float((time_s[-1] - time_s[0]) / (time_s.size - 1))
+    smooth = cfc_filter(accel_mps2, cfc=_CFC, dt_s=step_s)
     peak = float(np.abs(smooth).max())
+    if not peak > G:
+        return None
     crash = np.flatnonzero(np.abs(smooth) > _IN_CRASH * peak)
-    return _Signal(time_s, accel, step_s, int(crash[0]), int(crash[-1]), peak) if peak > G else None
+    raw = _Signal(time_s, accel_mps2, step_s, int(crash[0]), int(crash[-1]), peak)
+    return raw, *_band(raw), accel_mps2 - smooth
 
 
 def _band(raw: _Signal) -> tuple[_Signal, FloatArray]:
@@ -197,19 +208,13 @@ def _band(raw: _Signal) -> tuple[_Signal, FloatArray]:
     return _Signal(raw.time_s[::every], accel[::every], step_s * every, first, last, peak, impulse_s), hidden
 
 
-def _bumps(time_s: FloatArray, accel: FloatArray) -> FloatArray:
-    step_s = float(time_s[1] - time_s[0])
-    raw = _signal(time_s, accel, step_s, cfc_filter(accel, cfc=_CFC, dt_s=step_s))
-    if raw is None:
-        return np.zeros_like(accel)
-    band, _ = _band(raw)
-    return np.interp(time_s, band.time_s, band.above_median(_BESIDE_S))
-
-
 def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
     accel, same = raw.accel, _SAME * raw.peak
     ends = np.flatnonzero(np.diff(np.r_[False, np.abs(np.diff(accel)) <= same, False])).reshape(-1, 2)
-    ends = ends[(ends[:, 0] > 0) & (ends[:, 1] < accel.size - 1) & (ends[:, 1] > raw.first) & (ends[:, 0] < raw.last)]
+    ends = ends[(ends[:, 0] > 0) & (ends[:, 1] < accel.size - 1)]
+    sides = np.minimum(np.abs(accel[ends[:, 0] - 1]), np.abs(accel[ends[:, 1] + 1]))
+    is_in_crash = (ends[:, 1] > raw.first) & (ends[:, 0] < raw.last)
+    ends = ends[is_in_crash | (sides > 0.4 * _JUMP * raw.peak)]  # what is lost at its edge cuts it short
     lengths = np.diff(ends)[:, 0]
     runs: list[tuple[int, int]] = [*map(tuple, ends[lengths >= max(raw.samples(_RUN_S), _RUN)].tolist())]
 
@@ -237,15 +242,14 @@ def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
         sides = accel[max(first - 2, 0)], accel[min(last + 2, accel.size - 1)]
         level, around = float(accel[first]), float(max(sides, key=lambda value: abs(value - accel[first])))
         leaps = abs(around - level) > max(0.4 * _JUMP * raw.peak, 6 * resolution)
-        if leaps:
-            lost = abs(level) < _JUMP * abs(around)
+        lost = leaps and abs(level) < _JUMP * abs(around)
+        is_long = abs(level) > _IN_CRASH * raw.peak and last - first >= _LONGEST * longest_elsewhere(level)
+        is_smooth = max(abs(accel[first - 1] - level), abs(accel[last + 1] - level)) < 3 * resolution
+        is_top = np.sign(level) * level > _RINGS * (np.sign(level) * crash).max()
+        if is_long and is_smooth and is_top and not leaps:
+            yield _saturated(raw, level, np.inf)  # and filtered after that
+        elif leaps or is_long:
             yield raw.fault("lost" if lost else "held", first, last, around if lost else level, np.inf)
-        elif abs(level) > _IN_CRASH * raw.peak and last - first >= _LONGEST * longest_elsewhere(level):
-            is_smooth = max(abs(accel[first - 1] - level), abs(accel[last + 1] - level)) < 3 * resolution
-            if is_smooth and np.sign(level) * level > _RINGS * (np.sign(level) * crash).max():
-                yield _saturated(raw, level, np.inf)  # and filtered after that
-            else:
-                yield raw.fault("held", first, last, level, np.inf)
 
 
 def _saturated(signal: _Signal, level: float, strength: float) -> SensorFault:
@@ -304,10 +308,9 @@ def _lost(band: _Signal) -> Iterator[SensorFault]:
         return np.asarray(gap * around)
 
     best = _flattest(band, (1.6, 2, 2.5, 3, 4), 2, 2 * _FLOOR, fall)  # sound: 0.5 of the limit
-    if best.score:
-        away, end = np.abs(band.accel) > abs(best.around) / 2, best.first + best.length
-        start = best.first - int(np.argmax(away[best.first :: -1]))
-        yield band.fault("lost", start, end + int(np.argmax(away[end:])), best.around, best.score / _LOST)
+    away, end = np.abs(band.accel) > abs(best.around) / 2, best.first + best.length
+    start = best.first - int(np.argmax(away[best.first :: -1]))
+    yield band.fault("lost", start, end + int(np.argmax(away[end:])), best.around, best.score / _LOST)
 
 
 def _held(band: _Signal) -> Iterator[SensorFault]:
@@ -316,8 +319,7 @@ def _held(band: _Signal) -> Iterator[SensorFault]:
         return np.asarray(size * (size > _JUMP * band.peak) * (np.abs(mean) > _IN_CRASH * band.peak))
 
     best = _flattest(band, (3,), 1.5, _HELD_FLOOR, leap)  # sound: 0.8 of the limit
-    if best.score:
-        yield band.fault("held", best.first, best.first + best.length, best.level, best.score / _HELD)
+    yield band.fault("held", best.first, best.first + best.length, best.level, best.score / _HELD)
 
 
 def _left_at_once(raw: _Signal) -> Iterator[SensorFault]:
@@ -343,7 +345,7 @@ def _spike(raw: _Signal, band: _Signal) -> Iterator[SensorFault]:
     """The highest peak above a running median, if it is an impulse and alone; sound: 0.2."""
     best = None
     for signal, half_s, lasts_s, limit, rest_s in (
-        (raw, 2.5 * MS, _SPIKE_S, _SPIKE, 2 * MS),
+        (raw, _NEAR_S, _SPIKE_S, _SPIKE, 2 * MS),
         (band, _BESIDE_S, _BUMP_S, _BUMP, 6 * MS),
     ):
         half, off = signal.samples(half_s), signal.above_median(half_s)
@@ -379,15 +381,14 @@ def _run_s(where: npt.NDArray[np.bool_], at: int, step_s: float) -> float:
 
 def _noise(raw: _Signal, hidden: FloatArray) -> Iterator[SensorFault]:
     """A moment in the crash from which on there is steadily more above CFC 60 than before; sound: 0.1."""
-    block = raw.samples(_BLOCK_S)
+    block, half, least = raw.samples(_BLOCK_S), raw.samples(_BLOCK_S / 2), max(raw.samples(_LEAST_S), _FEWEST)
     power = np.concatenate([[0.0], np.cumsum(hidden**2)])
     rms = np.sqrt(np.maximum(power[block:] - power[:-block], 0.0) / block)
-    best = (0.0, 0, 0.0)
-    for start in range(raw.first + block, min(raw.last, rms.size - 2 * block), max(block // 16, 1)):
-        before, after = rms[raw.first : start - block + 1 : block // 2 or 1], rms[start :: block // 2 or 1]
-        quiet, loud = float(before.max()), float(after.min())
-        if loud > _NOISE_MPS2 and after.max() < _STEADY * loud:
-            best = max(best, (loud / max(quiet, _FLOOR * raw.peak), start, float(np.sqrt(np.mean(after**2)))))
-    score, start, size = best
-    if score:
-        yield raw.fault("noise", start, raw.accel.size - 1, size, (score - 1) / (_NOISE - 1))
+    best, starts = (0.0, 0, 0.0), range(raw.first + least, min(raw.last, rms.size - 2 * block), max(block // 16, 1))
+    for start in (raw.first, *starts):  # from the first on it is but likely: records alike have to be quieter
+        before, after = rms[raw.first : max(start - block + 1, 0) : half], rms[start::half]
+        quiet = float(before.max()) if before.size else float(np.std(hidden[raw.first : start + 1]))
+        if after.size and _NOISE_MPS2 < (loud := float(after.min())) > after.max() / _STEADY:
+            score = (loud / max(quiet, _FLOOR * raw.peak) - 1) / (_NOISE - 1) if start > raw.first else LIKELY
+            best = max(best, (score, start, float(np.sqrt(np.mean(after**2)))))
+    yield raw.fault("noise", best[1], raw.accel.size - 1, best[2], best[0])

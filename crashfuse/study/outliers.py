@@ -25,7 +25,7 @@ from crashfuse.execution.cache import Code, Entry, remembered
 from crashfuse.execution.run import Run
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.signals.rating import rate_windows
+from crashfuse.signals.rating import GRADES, rate_windows
 from crashfuse.units import G, Sentence, acceleration, read_out, speed
 
 WINDOW_MS = 60.0
@@ -54,9 +54,9 @@ class Departure:
 
     @property
     def apart(self) -> bool:
-        """Whether it differs more from every neighbour than any two of them from each other, by bias and by pulse."""
+        """Whether it differs more from each neighbour than any two of these do, by bias and pulse, below Excellent."""
         by_bias = min(self.bias_mps2) > max(self.bias_between_mps2)
-        return by_bias and max(self.ratings) < min(self.ratings_between)
+        return by_bias and max(self.ratings) < min(GRADES[0][0], *self.ratings_between)
 
 
 def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: float = WINDOW_MS) -> Departure | None:

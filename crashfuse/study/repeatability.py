@@ -67,7 +67,7 @@ class Repeatability:
             return f"No repeat of this test was run. By the scatter of other tests one would rate {self.text} (95 %)."
         place = "below" if rating < self.lower else "above" if rating > self.upper else "within"
         repeat = f"By {read_out(self.repeats)}, a repeat of this test rates {self.text} (95 %)"
-        return f"{repeat}; the prediction's {rating:.3f} ({label}) is {place} what repeats reach."
+        return f"{repeat}. The prediction's {rating:.3f} ({label}) is {place} what repeats reach."
 
 
 def repeatability(

@@ -71,6 +71,39 @@ def test_left_out_errors_move_and_scale_it_as_if_eight_more_tests_were_usual() -
     np.testing.assert_allclose(found.cdf(97.0), law.cdf(97.0), rtol=1e-9)
 
 
+@pytest.mark.parametrize("errors", [NONE, np.array([1.0, -0.5, 2.0, 1.5])])
+def test_a_probability_is_the_mean_of_those_that_the_tests_leave_open(errors: FloatArray) -> None:
+    """A normal law whose scale and centre are drawn from what is known of them is Student's t."""
+    found, rng = spread(errors=errors), np.random.default_rng(0)
+    scale = found.scale * np.sqrt(found.freedom / rng.chisquare(found.freedom, 200_000))
+    centre = found.centre + scale * rng.standard_normal(scale.size) / np.sqrt(found.freedom + 1)
+    for limits in ((None, 109.0), (93.0, None), (95.0, 112.0)):
+        lower, upper = (own if end is None else end for own, end in zip((-np.inf, np.inf), limits, strict=True))
+        law = stats.norm(centre, scale * np.sqrt(found.freedom / (found.freedom + 1)))
+        simulated, by_law = law.cdf(upper) - law.cdf(lower), found.probabilities(*limits)
+        assert by_law.mean() == pytest.approx(found.probability(*limits), abs=2e-3)
+        shares = [0.025, 0.5, 0.975]
+        np.testing.assert_allclose(np.quantile(by_law, shares), np.quantile(simulated, shares), atol=0.02)
+    surer = replace(found, freedom=1e6).probabilities(None, 109.0)
+    assert np.ptp(surer) < 0.01
+    assert replace(found, scale=0.0).probabilities(None, 109.0).tolist() == [1.0]
+    cut = replace(found, centre=3.0, lowest=0.1, highest=0.2)
+    for limits in ((None, 5.0), (5.0, None)):
+        assert cut.probabilities(*limits).mean() == pytest.approx(cut.probability(*limits), abs=0.01)
+
+
+def test_the_interval_of_a_probability_holds_the_true_one() -> None:
+    """Of 400 vehicles whose errors scatter as usual vehicles' do, 11 tests each: 95 % of them."""
+    rng, held = np.random.default_rng(1), []
+    for _ in range(400):
+        scale = 0.88 * np.sqrt(8 / rng.chisquare(8))
+        moved = scale * rng.standard_normal() / np.sqrt(8)
+        found = spread(errors=rng.normal(moved, scale, 11))
+        lower, upper = np.quantile(found.probabilities(None, 107.0), [0.025, 0.975])
+        held.append(lower <= stats.norm(100 + 5 * moved, 5 * scale).cdf(107.0) <= upper)
+    assert np.mean(held) == pytest.approx(0.95, abs=0.03)
+
+
 @pytest.mark.slow
 def test_where_tests_are_far_off_the_draws_the_interval_holds_what_it_promises() -> None:
     """With 200 left-out tests more than twice as scattered as the draws say, it holds 95 % of new ones."""

@@ -83,6 +83,7 @@ def test_both_the_bias_and_the_pulse_have_to_differ() -> None:
     )
     assert alike.apart
     assert not replace(alike, ratings=(0.5, 0.6, 0.85)).apart
+    assert not replace(alike, ratings=(0.95,) * 3, ratings_between=(0.96,) * 3).apart  # as good as a repeat gets
     assert not replace(alike, bias_mps2=(2.0, 4.0, 5.0)).apart
 
 
