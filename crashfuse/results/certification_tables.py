@@ -35,7 +35,6 @@ _TRIAL_COLUMNS = (
     *("bounds.verdicts", "bounds.tests", "tuned"),
 )
 _OF_LIMITS = ("metric", "window_ms", "at_least", "at_most", "unit")
-_OF_PROBABILITY = ("probability_lower", "probability_upper")
 _JUDGED = ("met", "not met", "decided")
 
 
@@ -59,10 +58,11 @@ def certification_table(certification: Certification, units: UnitSystem | None =
             "answer": answers[i],
             "all_met": at_once[i].probability,
             "spot_check": certification.spot_checks.get(i, float("nan")),
-            **dict(zip(_OF_PROBABILITY, verdict.probability_interval or (float("nan"),) * 2, strict=True)),
+            **{"probability_lower": least, "probability_upper": most},
             **({"test": " ".join(verdict.run)} if certification.run else {}),
         }
         for i, verdict in certification.cells
+        for least, most in [verdict.probability_interval or (float("nan"), float("nan"))]
     )
 
 

@@ -175,7 +175,7 @@ def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Re
     outcome += [repeat.sentence(rating.overall, LABELS[advice.approach])] if repeat is not None else []
     came_out = [expected.outcome(rating.overall)] if expected is not None and several else []
     about = estimates_result(study.campaign, fold.estimates, test, advice.sentences)
-    draw = partial(study.draw, test.id)
+    draw, further = partial(study.draw, test.id), rating_tables.further_table(study, fold, window)
     figures = {"motion": Figure("Pulses over time", _drawn(window, partial(draw, notes=notes)), not several)}
     if options.form == "whole":
         missed = expected is not None and expected.is_missed_by(rating.overall)
@@ -195,11 +195,7 @@ def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Re
             "why": (joined([*came_out, rating_headline(explanation)]),),  # its reason is among the parts
             "rating_parts": tuple(parts),
         },
-        tables={
-            **about.tables,
-            "ratings": _ratings_of_test(study, fold),
-            "further": rating_tables.further_table(study, fold, window),
-        },
+        tables={**about.tables, "ratings": _ratings_of_test(study, fold), "further": further},
         figures=figures,
         values={"notes": [(note.when, note.text) for note in notes]},
     )
@@ -227,16 +223,15 @@ def _weak_spots(study: Study, approach: str) -> list[str]:
 
 def study_files(study: Study) -> dict[str, Callable[[], Content]]:
     """The files of a study by their names, without its report."""
-    groups = study.speed_groups
-    files: dict[str, Callable[[], Content]] = {"scores.csv": lambda: csv_bytes(study.scores)}
-    if groups is not None:
-        files["speed_groups.csv"] = lambda: csv_bytes(groups.scores)
-    files["pulses.csv"] = lambda: csv_bytes(study.pulses)
-    files["metrics.csv"] = lambda: csv_bytes(study.metrics)
-    if (window_ms := events_window_ms(study)) is not None:
-        files["cae_events.csv"] = lambda: csv_bytes(study.campaign.cae_events(window_ms))
-    files["study.json"] = lambda: json_bytes(study_record(study))
-    return files
+    groups, window_ms = study.speed_groups, events_window_ms(study)
+    return {
+        "scores.csv": lambda: csv_bytes(study.scores),
+        **({} if groups is None else {"speed_groups.csv": lambda: csv_bytes(groups.scores)}),
+        "pulses.csv": lambda: csv_bytes(study.pulses),
+        "metrics.csv": lambda: csv_bytes(study.metrics),
+        **({} if window_ms is None else {"cae_events.csv": lambda: csv_bytes(study.campaign.cae_events(window_ms))}),
+        "study.json": lambda: json_bytes(study_record(study)),
+    }
 
 
 def study_record(study: Study) -> dict[str, object]:
