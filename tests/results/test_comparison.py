@@ -6,13 +6,7 @@ from html import unescape
 import numpy as np
 import pytest
 
-from crashfuse.results.comparison import (
-    comparison_means,
-    comparison_result,
-    described,
-    left_out_in_words,
-    studies_table,
-)
+from crashfuse.results import comparison
 from crashfuse.results.plots.ratings import rating_differences
 from crashfuse.results.render.html import report
 from crashfuse.study.config import StudyConfig
@@ -42,7 +36,7 @@ def test_the_figure_shows_every_difference_and_the_mean_with_two_standard_errors
 
 
 def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyComparison) -> None:
-    text = report(comparison_result(compared, 40.0))
+    text = report(comparison.comparison_result(compared, 40.0))
     words = unescape(re.sub(r"<script>.*?</script>|<style>.*?</style>", "", text, flags=re.DOTALL))
     for sentence in (*compared.sentences(40.0, "test"), *compared.cautions):
         assert sentence in words
@@ -52,11 +46,11 @@ def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyC
     assert f"crashfuse compare {compared.first.id} {compared.second.id} --report FILE" in words
     assert len(text.contents.figures) == 2
     assert not re.findall(r"(?:src|href)=[\"']?http", words)
-    assert report(comparison_result(compared, 40.0)) == text
+    assert report(comparison.comparison_result(compared, 40.0)) == text
 
 
 def test_studies_stand_beside_each_other(compared: StudyComparison) -> None:
-    table = studies_table(compared.first, compared.second).texts().set_index("Study")
+    table = comparison.studies_table(compared.first, compared.second).texts().set_index("Study")
     assert table.loc["Settings"].tolist() == ["fast, seed 0", "fast, seed 7"]
     assert table.loc["What"].tolist() == ["study of 4 tests, each both ways", "study of 3 tests, each both ways"]
     assert table.loc["Mean rating"].tolist() == [f"{np.mean([*own.values()]):.3f}" for own in (FIRST, SECOND)]
@@ -65,14 +59,17 @@ def test_studies_stand_beside_each_other(compared: StudyComparison) -> None:
 
 def test_a_result_is_told_from_the_same_tests_left_out_otherwise() -> None:
     alone, grouped = study({"T1": 0.6}), study({"T1": 0.8}, config=StudyConfig(leave_out="speed group"))
-    assert described(alone) == "2030-01-01 00:00 · test T1 alone · fast, seed 0 · alpha"
-    assert "test T1 with all at its speed" in described(grouped)
+    assert comparison.described(alone) == "2030-01-01 00:00 · test T1 alone · fast, seed 0 · alpha"
+    assert "test T1 with all at its speed" in comparison.described(grouped)
     (way,) = StudyComparison(alone, grouped).ways
-    assert left_out_in_words(way) == "Each test left out alone in the first, with all at its speed in the second"
+    assert (
+        comparison.left_out_in_words(way)
+        == "Each test left out alone in the first, with all at its speed in the second"
+    )
 
 
 def test_a_single_test_has_ratings_and_no_mean() -> None:
     """Neither an error nor a count would say anything."""
     compared = StudyComparison(study({"T1": 0.6}), study({"T1": 0.8}))
-    table = comparison_means(compared, 60.0, "test").texts().set_index("Approach")
+    table = comparison.comparison_means(compared, 60.0, "test").texts().set_index("Approach")
     assert table.loc["Fused"].to_dict() == {"First": "0.600", "Second": "0.800", "Difference": "+0.200"}

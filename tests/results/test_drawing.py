@@ -62,10 +62,9 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
     written = pulses_table([Estimate(**vars(prediction), approach="fused")])
     np.testing.assert_allclose(shown[whole][:750], written[["whole_lower_g", "whole_upper_g"]][:750])
     assert shown[whole][750:].isna().all(axis=None)
-    assert (
-        csv_bytes(shown[["Time (ms)", *names]]).splitlines()[1:]
-        == (csv_bytes(written[["time_ms", "acceleration_g", "lower_g", "upper_g"]]).splitlines()[1:])
-    )
+    both = shown[["Time (ms)", *names]], written[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
+    one, other = (csv_bytes(own).splitlines()[1:] for own in both)
+    assert one == other
 
 
 def test_of_plots_above_each_other_the_table_says_which_is_meant(test: CrashTest) -> None:

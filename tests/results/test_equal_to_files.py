@@ -20,6 +20,7 @@ CONFIG = StudyConfig(approaches=APPROACHES)
 AT = {"speed_mph": 30.0, "front_weight_lb": 2050.0, "rear_weight_lb": 1500.0}
 CONDITION = Condition.of(**AT, drive="FWD")
 CRITERIA = [{"name": "crush", "metric": "max_crush", "at_most": 430.0}]
+TOML = '[[criterion]]\nname = "crush"\nmetric = "max_crush"\nat_most = 430.0\n'
 MATRIX = pd.DataFrame([{"id": "A", **AT, "drive": "FWD"}])
 OPTIONS = [text for name, value in AT.items() for text in (f"--{name.replace('_', '-')}", f"{value:g}")]
 
@@ -92,9 +93,7 @@ def test_those_of_plans(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_pa
 
 @pytest.mark.slow
 def test_those_of_a_certification(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
-    (tmp_path / "criteria.toml").write_text(
-        '[[criterion]]\nname = "crush"\nmetric = "max_crush"\nat_most = 430.0\n', encoding="utf-8"
-    )
+    (tmp_path / "criteria.toml").write_text(TOML, encoding="utf-8")
     (tmp_path / "matrix.csv").write_bytes(csv_bytes(MATRIX))
     files = ("--criteria", str(tmp_path / "criteria.toml"), "--matrix", str(tmp_path / "matrix.csv"))
     out = run("certify", campaign_on_disk, tmp_path / "out", *files, "--approach", "cae", "--workers", "1")
@@ -107,7 +106,7 @@ def test_those_of_a_certification(read: crashfuse.Campaign, campaign_on_disk: Pa
 
 @pytest.mark.slow
 def test_that_of_a_learning_curve(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
-    (tmp_path / "criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 430.0\n', encoding="utf-8")
+    (tmp_path / "criteria.toml").write_text(TOML, encoding="utf-8")
     criteria = ("--criteria", str(tmp_path / "criteria.toml"))
     options = ("--approach", *APPROACHES, "--repeats", "0", "--workers", "1", *criteria)
     out = run("learning-curve", campaign_on_disk, tmp_path / "out", *options)

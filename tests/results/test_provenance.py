@@ -67,9 +67,8 @@ def test_commands_are_in_the_units_of_the_report(campaign: Campaign) -> None:
     vehicle = " --front-weight-kg 950 --rear-weight-kg 700"
     assert f" --speed-kph 56{vehicle} " in provenance.prediction_command(campaign, condition, StudyConfig(), KPH_KG)
     speeds = np.array([condition.speed_mps, 16.0, higher.speed_mps])
-    assert f" --speed-kph 56 64{vehicle} " in provenance.sweep_command(
-        campaign, condition, speeds, StudyConfig(), KPH_KG
-    )
+    sweep = provenance.sweep_command(campaign, condition, speeds, StudyConfig(), KPH_KG)
+    assert f" --speed-kph 56 64{vehicle} " in sweep
     over = " --speed-kph 56 64 --front-weight-kg 950 1000 --rear-weight-kg 700 750 "
     assert over in provenance.next_test_command(condition, higher, StudyConfig(), KPH_KG)
 

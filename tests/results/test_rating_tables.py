@@ -17,12 +17,12 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate
 from crashfuse.study.history import PastResult
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Fold, Study
 from tests.conftest import not_none
+from tests.results.conftest import scaled_study
 from tests.signals.test_rating_explanation import TEST, bump, pulse
 
 
@@ -61,27 +61,18 @@ def test_the_record_is_plain_json_whose_losses_complete_the_rating() -> None:
 
 
 def study(campaign: Campaign) -> Study:
-    config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(20.0, 60.0))
-    folds = []
-    for test in campaign.tests[:2]:
-        own = [
-            Estimate(test.condition, scale * test.pulse.accel_mps2, approach=name)
-            for name, scale in (("cae", 0.7), ("displacement_domain", 1.0))
-        ]
-        folds.append(Fold.of(test, own, config.windows_ms))
-    return Study(campaign, config, tuple(folds))
+    return scaled_study(campaign, campaign.test_ids[:2], {"cae": 0.7, "displacement_domain": 1.0})
 
 
 def test_ratings_to_zero_velocity_end_where_the_test_stops_and_advise_nothing(campaign: Campaign) -> None:
     """A column of tables alone: recommendation, coverage, draws and what a past result keeps are as without it."""
     usual = study(campaign)
-    asked = replace(usual, config=StudyConfig(usual.config.approaches, windows_ms=(20.0, 60.0, "ttzv")))  # type: ignore[arg-type]
+    asked = replace(usual, config=replace(usual.config, windows_ms=(20.0, 60.0, "ttzv")))  # type: ignore[arg-type]
     assert asked.config == replace(usual.config, to_ttzv=True)
     for fold in asked.folds:
         stop_ms = not_none(fold.ttzv_ms)
-        assert stop_ms == pytest.approx(
-            float(fold.test.pulse.kinematics(fold.test.condition.speed_mps).t0_s) * 1e3, abs=0.1
-        )
+        moved = fold.test.pulse.kinematics(fold.test.condition.speed_mps)
+        assert stop_ms == pytest.approx(float(moved.t0_s) * 1e3, abs=0.1)
         whole = rate_windows(fold.test.pulse, Pulse(GRID_S, fold.estimate("cae").accel_mps2), [stop_ms])
         assert fold.overall_to_ttzv("cae") == whole[stop_ms].overall
     rows = tables.mean_values(asked)

@@ -3,40 +3,25 @@
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from plotly.offline import get_plotlyjs
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.cae_library import NAMED_LIMITS, RunQuality
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.results.display import Display
 from crashfuse.results.prediction import prediction_result
+from crashfuse.results.rating_tables import mean_values
 from crashfuse.results.render.figure_files import Report
 from crashfuse.results.render.html import ReportOptions, report
 from crashfuse.results.study import study_report
-from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate
 from crashfuse.study.prediction import PredictedPulse
 from crashfuse.study.recommendation import worst_test
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
-
-CONFIG = StudyConfig(approaches=("cae",))
-
-
-def estimate(test: CrashTest) -> Estimate:
-    """The test itself, with 100 draws around it."""
-    accel = test.pulse.accel_mps2
-    prediction = Prediction(test.condition, accel, np.linspace(0.9, 1.1, 100)[:, None] * accel)
-    return Estimate(**vars(prediction), approach="cae", seconds=0.1, left_out_mps2={test.id: accel})
-
-
-def predicted(campaign: Campaign, test: CrashTest) -> PredictedPulse:
-    return PredictedPulse(campaign, (estimate(test),), CONFIG)
+from tests.results.conftest import scaled_study
+from tests.results.test_units import CONFIG, estimate, predicted
 
 
 @pytest.fixture(scope="module")
@@ -105,16 +90,10 @@ def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, 
 
 @pytest.mark.slow
 def test_the_best_rating_of_each_window_is_bold(study: Study) -> None:
-    config = StudyConfig(approaches=("cae", "fused"), windows_ms=(20.0, 60.0))
-    folds = []
-    for test in study.campaign.tests[:2]:
-        exact = estimate(test)
-        weaker = replace(exact, accel_mps2=0.9 * test.pulse.accel_mps2)
-        folds.append(Fold.of(test, [weaker, replace(exact, approach="fused")], config.windows_ms))
-    text = study_report(Study(study.campaign, config, tuple(folds)))
-    ratings = folds[0].ratings["cae"]
+    two = scaled_study(study.campaign, ("T1", "T2"), {"cae": 0.9, "fused": 1.0})
+    text, overall = study_report(two), mean_values(two).loc["cae"]
     assert "<tr><td>Fused</td><td><b>1.000</b></td><td><b>1.000</b></td></tr>" in text
-    assert f"<tr><td>CAE</td><td>{ratings[20.0].overall:.3f}</td><td>{ratings[60.0].overall:.3f}</td></tr>" in text
+    assert f"<tr><td>CAE</td><td>{overall.iloc[0]:.3f}</td><td>{overall.iloc[1]:.3f}</td></tr>" in text
 
 
 def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(study: Study, text: Report) -> None:

@@ -23,16 +23,14 @@ from crashfuse.results.study import study_result
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.history import StudyComparison
-from crashfuse.study.prediction import PredictedPulse
 from crashfuse.units import KPH_KG
 from tests.results.test_comparison import SECOND
-from tests.results.test_report import CONFIG, estimate
-from tests.results.test_units import certification, ranking, study, sweep
+from tests.results.test_units import certification, predicted, ranking, study, sweep
 from tests.study.test_history import FIRST
 from tests.study.test_history import study as past_study
 
 KINDS: dict[str, Callable[[Campaign], Result]] = {
-    "prediction": lambda campaign: prediction_result(PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG)),
+    "prediction": lambda campaign: prediction_result(predicted(campaign, campaign.tests[0])),
     "study": lambda campaign: study_result(study(campaign)),
     "comparison": lambda _: comparison_result(StudyComparison(past_study(FIRST), past_study(SECOND))),
     "sweep": lambda campaign: sweep_result(sweep(campaign)),

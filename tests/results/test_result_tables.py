@@ -10,7 +10,6 @@ from scipy.stats import norm
 from crashfuse.cae_library import NAMED_LIMITS, RunQuality, judge_quality
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest
 from crashfuse.results import result_tables as tables
 from crashfuse.results.display import Display
 from crashfuse.results.planning import curve_table
@@ -22,8 +21,9 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.planning import ConditionRange, NextTests, sweep_speed
-from crashfuse.study.study import Fold, Study
+from crashfuse.study.study import Study
 from crashfuse.units import KPH, LB, MPH, G
+from tests.results.conftest import scaled_study
 
 SCALES = {"displacement_domain": 0.9, "cae": 0.7}  # an order of our own, which tables keep
 SCORES = ["overall", "corridor", "phase", "magnitude", "slope"]
@@ -31,15 +31,7 @@ METRIC_COLUMNS = ("approach", "metric", "value", "lower", "upper", "unit", "basi
 
 
 def study(campaign: Campaign, held_out: tuple[str, ...], scale: float = 1.0) -> Study:
-    """A study in which each approach is off by its own factor, and by a common one."""
-    config = StudyConfig(approaches=tuple(SCALES), seed=7, windows_ms=(20.0, 60.0))
-
-    def fold(test: CrashTest) -> Fold:
-        pulses = {name: scale * factor * test.pulse.accel_mps2 for name, factor in SCALES.items()}
-        own = [Estimate(test.condition, accel, approach=name) for name, accel in pulses.items()]
-        return Fold.of(test, own, config.windows_ms)
-
-    return Study(campaign, config, tuple(fold(campaign.test(test_id)) for test_id in held_out))
+    return scaled_study(campaign, held_out, {name: scale * factor for name, factor in SCALES.items()})
 
 
 def test_the_band_of_normal_draws_lies_1_96_standard_deviations_around_them(campaign: Campaign) -> None:

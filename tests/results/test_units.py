@@ -20,7 +20,7 @@ from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, Trial
-from crashfuse.certification.verdict import Verdict
+from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.crash_test import CrashTest
 from crashfuse.results.certification import certification_result
 from crashfuse.results.display import Display
@@ -69,6 +69,10 @@ def estimate(test: CrashTest) -> Estimate:
     return Estimate(**vars(prediction), approach="cae", state=state, seconds=0.1, left_out_mps2={test.id: accel})
 
 
+def predicted(campaign: Campaign, test: CrashTest) -> PredictedPulse:
+    return PredictedPulse(campaign, (estimate(test),), CONFIG)
+
+
 def sweep(campaign: Campaign) -> SpeedSweep:
     """One approach at two speeds, slower than all runs and faster, so that both ends are shaded."""
     speeds = np.array([1.0, 40.0])
@@ -87,17 +91,13 @@ def certification(campaign: Campaign) -> Certification:
     criteria = Criterion("change", "delta_v", at_most=60.0), Criterion("mean", "mean", at_least=10.0)
     domain, tests = Domain.of(campaign), campaign.tests
     far = replace(tests[0].condition, speed_mps=90 * MPH, front_weight_kg=2000.0)
-    rows = []
+    rows, said = [], (55.0, 50.0, 61.0)
     for condition in (tests[0].condition, far):
         outside = domain.exceeded_by(condition)
-        reasons = [outside[0] if outside else own.compared(55.0, 50.0, 61.0) for own in criteria]
-        word = "outside" if outside else "met"
-        rows.append(
-            tuple(
-                Verdict(condition, own, 55.0, 50.0, 61.0, 0.9, word, reason)  # type: ignore[arg-type]
-                for own, reason in zip(criteria, reasons, strict=True)
-            )
-        )
+        word: Word = "outside" if outside else "met"
+        reasons = [outside[0] if outside else own.compared(*said) for own in criteria]
+        verdicts = (Verdict(condition, own, *said, 0.9, word, why) for own, why in zip(criteria, reasons, strict=True))
+        rows.append(tuple(verdicts))
     trials = tuple(Trial(tests[0].id, "test", verdict, 62.0, 0.5) for verdict in rows[0])
     matrix = Matrix(("M1", "M2"), (tests[0].condition, far))
     asked = Criteria(criteria, 0.8)
@@ -105,9 +105,7 @@ def certification(campaign: Campaign) -> Certification:
 
 
 REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
-    "prediction": lambda campaign, display: report(
-        prediction_result(PredictedPulse(campaign, (estimate(campaign.tests[0]),), CONFIG)), display
-    ),
+    "prediction": lambda campaign, display: report(prediction_result(predicted(campaign, campaign.tests[0])), display),
     "study": lambda campaign, display: study_report(study(campaign), display),
     "sweep": lambda campaign, display: report(sweep_result(sweep(campaign)), display),
     "next test": lambda campaign, display: report(next_tests_result(ranking(campaign)), display),

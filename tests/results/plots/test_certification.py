@@ -15,13 +15,7 @@ from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial, sh
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.results.drawing import figure_table
-from crashfuse.results.plots.certification import (
-    planned_scales,
-    record_figure,
-    reliability,
-    validated_domain,
-    verdict_matrix,
-)
+from crashfuse.results.plots import certification as plots
 from crashfuse.results.plots.palette import IN_THE_DARK, VERDICT_COLOURS
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
@@ -64,7 +58,7 @@ def colour_of(heat: go.Heatmap, z: float) -> str:
 
 
 def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(three: Certification) -> None:
-    heat, marks, *_ = verdict_matrix(three).figure().data
+    heat, marks, *_ = plots.verdict_matrix(three).figure().data
     assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
     heads = "".join(heat.x).replace("\N{NO-BREAK SPACE}", " ")
     assert heads == "<b>crush</b><br>≤ 500 mm<b>rating</b><br>≥ 0.80"
@@ -90,7 +84,7 @@ def test_beside_each_row_stands_the_answer_at_its_condition(campaign: Campaign) 
     ran = "was run: T1 met all", "was run: none of 2 tests missed a limit"
     told = ["skip", "skip, as M20", *ran, "would miss", "cannot say"]
     for part in (slice(None), slice(1, 4)):
-        figure = verdict_matrix(found, part=part).figure()
+        figure = plots.verdict_matrix(found, part=part).figure()
         assert list(figure.layout.yaxis2.ticktext) == told[part]
         assert list(figure.layout.yaxis2.tickvals) == list(figure.data[0].y)
         assert figure_table(figure)["A test there"].tolist() == told[part]
@@ -103,7 +97,7 @@ def test_words_stand_above_their_numbers_and_grow_smaller_with_the_number_of_cri
     """So that those of one cell do not run into the next; the numbers of the figure have them in a line."""
     criteria = tuple(replace(CRUSH, name=f"crush {i}") for i in range(n))
     rows = tuple(tuple(replace(row[0], criterion=own) for own in criteria) for row in three.verdicts)
-    figure = verdict_matrix(replace(three, criteria=Criteria(criteria), verdicts=rows)).figure()
+    figure = plots.verdict_matrix(replace(three, criteria=Criteria(criteria), verdicts=rows)).figure()
     assert figure.data[0].textfont.size == size
     assert figure.data[0].text[0][0] == "met<br>0.998"
     assert "met 0.998" in figure_table(figure).iloc[0].tolist()
@@ -111,12 +105,12 @@ def test_words_stand_above_their_numbers_and_grow_smaller_with_the_number_of_cri
 
 def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> None:
     name = "a condition with a long name"
-    figure = verdict_matrix(certification(campaign, {name: ("met", "open")}, {name: 20.0})).figure()
+    figure = plots.verdict_matrix(certification(campaign, {name: ("met", "open")}, {name: 20.0})).figure()
     assert list(figure.layout.yaxis.ticktext) == ["a condition …a long name · 20.0 mph"]
     assert list(figure.layout.yaxis.tickvals) == [f"{name} · 20.0 mph"] == list(figure.data[0].y)
     same = f"{name}, a little faster"
     met: tuple[Word, Word] = ("met", "met")
-    figure = verdict_matrix(certification(campaign, {name: met, same: met}, {name: 20.0, same: 20.1})).figure()
+    figure = plots.verdict_matrix(certification(campaign, {name: met, same: met}, {name: 20.0, same: 20.1})).figure()
     assert figure.layout.yaxis2.ticktext[1] == "skip, as a condition …a long name"
 
 
@@ -130,7 +124,7 @@ def test_how_close_a_test_is_stands_beside_the_limit_in_the_order_of_speed(three
     )
     ran = tuple(replace(own, run={"T1": value}) for own, value in zip(rows[1], (455.5, None), strict=True))
     found = replace(three, verdicts=(rows[0], ran, rows[2]))
-    figure = planned_scales(found).figure()
+    figure = plots.planned_scales(found).figure()
     low, high = figure.layout.xaxis.range
     assert low < 440 < 500 < high < 880
     labels = [label.replace("<b>", "").replace("</b>", "") for label in figure.layout.yaxis.ticktext]
@@ -147,14 +141,14 @@ def test_how_close_a_test_is_stands_beside_the_limit_in_the_order_of_speed(three
     assert limit.x0 == 500.0
     table = figure_table(figure)
     assert table["Maximum dynamic crush, upper (mm)"].tolist()[:3] == [470.0, 510.0, 925.0]
-    assert not planned_scales(found, part=slice(1, 2), names=False).figure().layout.yaxis.showticklabels
+    assert not plots.planned_scales(found, part=slice(1, 2), names=False).figure().layout.yaxis.showticklabels
 
 
 def test_the_legend_counts_the_verdicts_and_is_dim_with_them_on_a_dark_page(three: Certification) -> None:
-    _, _, *legend = verdict_matrix(three).figure().data
+    _, _, *legend = plots.verdict_matrix(three).figure().data
     assert [trace.name for trace in legend] == ["met (2)", "not met (1)", "open (1)", "outside (2)"]
     assert [trace.marker.color for trace in legend] == list(VERDICT_COLOURS.values())
-    heat, _, *legend = verdict_matrix(three).figure(dark=True).data
+    heat, _, *legend = plots.verdict_matrix(three).figure(dark=True).data
     assert heat.textfont.color == IN_THE_DARK["#000000"]
     assert {colour for _, colour in heat.colorscale} == {trace.marker.color for trace in legend}
     assert not {colour for _, colour in heat.colorscale} & set(VERDICT_COLOURS.values())
@@ -165,7 +159,7 @@ def test_many_conditions_become_colours(campaign: Campaign, n: int, words_shown:
     """Hundreds can be read, with the answer beside each; of more, only colours, with the words under the mouse."""
     names = [f"M{i}" for i in range(n)]
     many = certification(campaign, dict.fromkeys(names, WORDS["fast"]), dict.fromkeys(names, 20.0))
-    figure = verdict_matrix(many).figure()
+    figure = plots.verdict_matrix(many).figure()
     heat = figure.data[0]
     assert list(heat.y) == [f"{name} · 20.0 mph" for name in names]  # as fast: in the order of the matrix
     assert (heat.text is not None) == words_shown
@@ -181,7 +175,7 @@ def test_many_conditions_become_colours(campaign: Campaign, n: int, words_shown:
 
 def test_the_domain_shows_each_condition_by_its_worst_verdict(three: Certification) -> None:
     """In mph and lb, a mark and a colour for each word; what is shaded, on a grid, is what is not outside."""
-    figure = validated_domain(three).figure()
+    figure = plots.validated_domain(three).figure()
     shown = {trace.name: trace for trace in figure.data}
     weight = three.matrix.conditions[0].mass_kg / LB
     speeds: dict[Word, float] = {"not met": 30.0, "met": 20.0, "outside": 70.0}
@@ -191,7 +185,7 @@ def test_the_domain_shows_each_condition_by_its_worst_verdict(three: Certificati
         assert worst.marker.color == VERDICT_COLOURS[word]
     assert len({trace.marker.symbol for name, trace in shown.items() if name.startswith("Worst")}) == 3
     np.testing.assert_allclose(shown["4 tests"].x, [15, 25, 26, 35], rtol=1e-6)
-    figure, domain = validated_domain(three).figure(), three.domain
+    figure, domain = plots.validated_domain(three).figure(), three.domain
     here, rng = three.matrix.conditions[0], np.random.default_rng(0)
     shaded = [trace for trace in figure.data if trace.legendgroup == "checked"]
     assert len(shaded) == len(domain.speed_ranges_mps) == 1
@@ -223,7 +217,7 @@ def test_shares_that_met_stand_over_the_probability_with_exact_bounds() -> None:
     """One of four at 0.8, all of two at 0.99; open where none of twenty met what was given 0.9."""
     trials = [trial(f"A{i}", 400.0 if i == 0 else 600.0, 0.8) for i in range(4)]
     trials += [trial(f"B{i}", 400.0, 0.99) for i in range(2)]
-    promised, agrees = reliability(TrackRecord(tuple(trials))).figure().data
+    promised, agrees = plots.reliability(TrackRecord(tuple(trials))).figure().data
     assert (list(promised.x), list(promised.y)) == ([0, 1], [0, 1])
     bounds = np.array([share_bounds(1, 4), share_bounds(2, 2)])
     np.testing.assert_allclose(agrees.x, [0.8, 0.99])
@@ -232,7 +226,7 @@ def test_shares_that_met_stand_over_the_probability_with_exact_bounds() -> None:
     np.testing.assert_allclose(agrees.y + agrees.error_y.array, bounds[:, 1])
     assert list(agrees.text) == ["n = 4", "n = 2"]
     trials = [*(trial(f"A{i}", 600.0, 0.9) for i in range(20)), trial("B", 400.0, 0.3)]
-    _, agrees, disagrees = reliability(TrackRecord(tuple(trials))).figure().data
+    _, agrees, disagrees = plots.reliability(TrackRecord(tuple(trials))).figure().data
     assert (agrees.name, disagrees.name) == ("Within its bounds", "Outside its bounds")
     assert (list(agrees.x), list(disagrees.x)) == ([0.3], [pytest.approx(0.9)])
     assert (agrees.marker.symbol, disagrees.marker.symbol) == ("circle", "circle-open")
@@ -242,7 +236,7 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
     """By test in order of speed, left out alone on the left of its speed group; a wrong verdict has a ring."""
     group = trial("slow", 440.0, word="open", speed_mps=5.0, left_out="speed group", said=(480.0, 400.0, 560.0))
     record = TrackRecord((trial("fast", 510.0, speed_mps=15.0), trial("slow", 440.0, speed_mps=5.0), group))
-    figure = record_figure(record, [CRUSH]).figure()
+    figure = plots.record_figure(record, [CRUSH]).figure()
     alone, apart, measured, wrong = figure.data[:4]
     assert list(figure.layout.xaxis.ticktext) == ["slow", "fast"]
     assert alone.x[0] < 0 < apart.x[0] < 0.5 < alone.x[1] < 1
@@ -252,12 +246,12 @@ def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() ->
     np.testing.assert_allclose(sorted(measured.y), [440.0, 440.0, 510.0])
     np.testing.assert_allclose([*wrong.x, *wrong.y], [alone.x[1], 510.0])
     assert [(shape.y0, shape.y1) for shape in figure.layout.shapes] == [(500.0, 500.0)]
-    others = record_figure(TrackRecord(record.trials[1:]), [CRUSH]).figure()
+    others = plots.record_figure(TrackRecord(record.trials[1:]), [CRUSH]).figure()
     assert ["wrong verdict" in [trace.name for trace in drawn.data] for drawn in (figure, others)] == [True, False]
     assert figure.layout.yaxis.title.text == "Maximum dynamic crush<br>(mm)"
 
 
 def test_where_there_is_nothing_to_compare_with_the_figure_says_so() -> None:
-    figure = reliability(TrackRecord((trial("A", 440.0, word="outside"),))).figure()
+    figure = plots.reliability(TrackRecord((trial("A", 440.0, word="outside"),))).figure()
     assert len(figure.layout.annotations) == 1
     assert (figure.layout.xaxis.visible, figure.layout.yaxis.visible) == (False, False)

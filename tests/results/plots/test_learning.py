@@ -14,9 +14,8 @@ from crashfuse.study.one_more_test import one_more
 
 def test_a_learning_curve_shows_what_was_reported() -> None:
     """Progress along x, the value on a logarithmic axis, unless some are not positive; both axes say what they are."""
-    figure = plots.learning_curves(
-        {"loss": [(1, 0.5), (2, 0.25)]}, value="Mean square error", step="Epoch", total=10
-    ).figure()
+    loss = {"loss": [(1, 0.5), (2, 0.25)]}
+    figure = plots.learning_curves(loss, value="Mean square error", step="Epoch", total=10).figure()
     assert figure.data[0].x.tolist() == [1, 2]
     assert figure.data[0].y.tolist() == [0.5, 0.25]
     assert figure.layout.yaxis.type == "log"
@@ -51,9 +50,8 @@ def made_up(campaign: Campaign, approaches: tuple[str, ...], sizes: tuple[int, .
         }
         for size in sizes for choice in ("even", "random") for test in campaign.test_ids for name in approaches
     ]  # fmt: skip
-    return LearningCurve(
-        campaign, StudyConfig(approaches=approaches, windows_ms=(60.0,)), 1, pd.DataFrame(rows), (), 1.0
-    )
+    config = StudyConfig(approaches=approaches, windows_ms=(60.0,))
+    return LearningCurve(campaign, config, 1, pd.DataFrame(rows), (), 1.0)
 
 
 def test_ratings_and_band_are_drawn_over_the_number_of_tests(campaign: Campaign) -> None:

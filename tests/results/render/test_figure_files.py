@@ -15,14 +15,7 @@ import pytest
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.results.render import figure_files as module
-from crashfuse.results.render.figure_files import (
-    FiguresOfReport,
-    ReportFigure,
-    embedded,
-    figure_files,
-    missing_for,
-    read_figures,
-)
+from crashfuse.results.render.figure_files import FiguresOfReport, ReportFigure, figure_files, missing_for, read_figures
 
 needs_browser = pytest.mark.skipif(bool(missing_for(("pptx",))), reason=missing_for(("pptx",)))
 
@@ -49,7 +42,9 @@ REPORT = report_of(drawn("a </script> <b", 300), drawn("c", 500), drawn("d", 400
 def written(report: FiguresOfReport, folder: Path) -> Path:
     """A report as a file, with other scripts around its data."""
     path = folder / "report.html"
-    path.write_text(f"<h1>x</h1><script>figures</script>{embedded(report)}<script>run()</script>", encoding="utf-8")
+    path.write_text(
+        f"<h1>x</h1><script>figures</script>{module.embedded(report)}<script>run()</script>", encoding="utf-8"
+    )
     return path
 
 
@@ -105,10 +100,8 @@ def test_figures_become_files_in_every_format() -> None:
     assert slides[1].shapes[-1].text_frame.text == "None wrong.\nNot sealed."
     _, below, pulse, table, notices = slides[0].shapes
     assert pulse.left + pulse.width <= table.left, "a narrow table stands beside the figure that answers"
-    assert (below.text_frame.text, notices.text_frame.text) == (
-        "Tiny: a study",
-        "It is odd.\nMade up & small.\nOdd: so.",
-    )
+    texts = "Tiny: a study", "It is odd.\nMade up & small.\nOdd: so."
+    assert (below.text_frame.text, notices.text_frame.text) == texts
     assert tuple(tuple(cell.text for cell in row.cells) for row in table.table.rows) == TABLE
     for slide in list(slides)[2:]:
         (picture,) = [shape for shape in slide.shapes if hasattr(shape, "image")]

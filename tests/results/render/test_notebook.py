@@ -7,20 +7,16 @@ import pandas as pd
 import pytest
 
 import crashfuse
-from crashfuse import Campaign, Condition, Study, StudyConfig
-from crashfuse.study.estimate import Estimate
-from crashfuse.study.study import Fold
+from crashfuse import Campaign, Condition, Study
 from crashfuse.units import KPH_KG
+from tests.results.conftest import scaled_study
 
-CONFIG = StudyConfig(approaches=("cae",))
 AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="FWD")
 
 
 @pytest.fixture(scope="module")
 def study(campaign: Campaign) -> Study:
-    test = campaign.test("T3")
-    own = Estimate(test.condition, 0.9 * test.pulse.accel_mps2, approach="cae")
-    return Study(campaign, CONFIG, (Fold.of(test, [own], CONFIG.windows_ms),))
+    return scaled_study(campaign, ("T3",), {"cae": 0.9})
 
 
 def test_every_object_says_in_a_line_what_it_is(campaign: Campaign, study: Study) -> None:
