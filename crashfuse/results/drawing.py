@@ -228,9 +228,9 @@ class DrawnFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
 def drawing_of(figure: go.Figure) -> Drawing:
     """The drawing that a figure shows; a UsageError if it was not drawn here."""
     require_a(go.Figure, figure, "campaign.plot(), say")
-    if getattr(figure, "drawing", None) is None:
+    drawing: Drawing | None = getattr(figure, "drawing", None)
+    if drawing is None:
         raise UsageError("This figure was not drawn by crashfuse.")
-    drawing: Drawing = figure.drawing
     return drawing
 
 

@@ -175,10 +175,8 @@ def overview(study: Study, figure: str, approaches: Sequence[str] | None, **opti
             raise UsageError("None of these approaches has a band to draw pulses from.")
         return ratings.rating_spread(drawn)
 
-    def calibration() -> Drawing:
-        return ratings.calibration_curves(LEVELS, asked(study.reliability))
-
-    figures: dict[str, Draw] = {"ratings": heatmap, "draws": spread, "calibration": calibration}
+    figures: dict[str, Draw] = {"ratings": heatmap, "draws": spread}
+    figures["calibration"] = lambda: ratings.calibration_curves(LEVELS, asked(study.reliability))
     return one_of("figure of a whole study", figure, figures)()
 
 
@@ -329,9 +327,8 @@ def _further(campaign: Campaign, asked: Further, display: Display) -> tuple[str,
     run = asked.removeprefix(RUN)
     if asked in campaign.test_ids:
         test = campaign.test(asked)
-        condition, accel_mps2 = test.condition, test.pulse.accel_mps2
-        label = pulse_name(asked, condition, display)
-        return LegendName.of(label, added_test_line(asked, _speeds(campaign))), Prediction(condition, accel_mps2)
+        name = LegendName.of(pulse_name(asked, test.condition, display), added_test_line(asked, _speeds(campaign)))
+        return name, Prediction(test.condition, test.pulse.accel_mps2)
     if run not in campaign.cae.ids:
         tests = ", ".join(campaign.test_ids)
         raise UsageError(f"{campaign.name} has no test and no CAE run {run!r}; its tests are {tests}.")

@@ -47,10 +47,8 @@ _FIT = (
     Column("At its bound", source="touched"),
 )
 _LENGTHS = (  # of the bias model, by part: of what, in which unit, and in which readers have it
-    ("by speed", "v0", "m/s", "mph"),
-    ("by weight", "front weight", "kg", "lb"),
-    ("by weight", "rear weight", "kg", "lb"),
-    ("stop by speed", "v0", "m/s", "mph"),
+    *(("by speed", "v0", "m/s", "mph"), ("stop by speed", "v0", "m/s", "mph")),
+    *(("by weight", "front weight", "kg", "lb"), ("by weight", "rear weight", "kg", "lb")),
 )
 _WITH_UNIT = {f"{part}, length in {of} in {si}": (f"{part}, length in {of}", unit) for part, of, si, unit in _LENGTHS}
 

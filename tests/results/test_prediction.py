@@ -79,10 +79,8 @@ def test_what_the_campaign_does_not_have_is_a_sentence(campaign: crashfuse.Campa
         return str(caught.value)
 
     assert refusal(AT, "fusd").startswith("There is no approach 'fusd'; did you mean fused?")
-    wheels = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, wheels="4")
-    assert refusal(wheels) == "Tiny has no factor 'wheels'; its factors are: drive."
-    rear = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="RWD")
-    assert refusal(rear) == "No test has drive 'RWD'; known are FWD."
+    assert refusal(replace(AT, factors=(("wheels", "4"),))) == "Tiny has no factor 'wheels'; its factors are: drive."
+    assert refusal(replace(AT, factors=(("drive", "RWD"),))) == "No test has drive 'RWD'; known are FWD."
 
 
 def test_what_is_no_campaign_or_condition_is_a_sentence(campaign: crashfuse.Campaign) -> None:

@@ -48,8 +48,7 @@ def over_displacement(
     A band covers the draws that get so far, and ends where half of them have stopped.
     """
     drawing = _over_displacement(height=460 + room_for_names(predictions))
-    scale = display.accel_scale
-    phases = _loading_phases(test, predictions)
+    scale, phases = display.accel_scale, _loading_phases(test, predictions)
     curves: dict[str, Curve] = {}
     for name, phase in phases.items():
         band = None

@@ -104,9 +104,8 @@ def add_corridors(drawing: Drawing, measured: Pulse, display: Display = DEFAULT)
     for name, share, alpha in (("outer", OUTER_CORRIDOR, 0.16), ("inner", INNER_CORRIDOR, 0.36)):
         half = share * largest
         name = f"Corridor of the rating, {name} (± {half:.1f} {display.unit})"
-        # below the curves, which were drawn before
-        sheer = Sheer(CORRIDOR, alpha)
-        drawing.band(time, accel - half, accel + half, colour=CORRIDOR, name=name, fillcolor=sheer, zorder=-1)
+        look = Look(name=name, fillcolor=Sheer(CORRIDOR, alpha), zorder=-1)  # below the curves, drawn before
+        drawing.band(time, accel - half, accel + half, colour=CORRIDOR, **look)
 
 
 def measured_pulses(
@@ -218,8 +217,7 @@ _MOST_CHANNELS, _MOST_POINTS = 8, 4000
 def imported_pulse(channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT) -> Drawing:
     """Draw a record's pulse over its channels, contact at 0; without one the channels alone."""
     drawing = canvas.new_drawing(height=420)
-    scale = display.accel_scale
-    factor, zero_s = 1.0, 0.0
+    scale, factor, zero_s = display.accel_scale, 1.0, 0.0
     if settled is not None:
         factor = ACCELERATION_UNITS[settled.unit] * (1 if settled.deceleration_sign == "negative" else -1) * scale
         zero_s = settled.time_zero_s

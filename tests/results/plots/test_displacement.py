@@ -44,9 +44,8 @@ def motion(test: CrashTest) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def trace(figure: go.Figure, name: str, axis: str = "y") -> go.Scatter:
-    (found,) = [
-        t for t in figure.data if t.name == name and t.mode == "lines" and t.fill is None and (t.yaxis or "y") == axis
-    ]
+    wanted = name, "lines", None, axis
+    (found,) = [t for t in figure.data if (t.name, t.mode, t.fill, t.yaxis or "y") == wanted]
     return found
 
 

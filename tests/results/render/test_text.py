@@ -18,11 +18,8 @@ from crashfuse.study.estimate import Estimate
 
 def test_parquet_keeps_every_digit_and_every_empty_cell() -> None:
     condition, pulse = Condition.of_vector([15.0, 950.0, 700.5]), np.sin(GRID_S) - 250.0
-    predictions = (
-        Prediction(condition, pulse * 1.1),
-        Prediction(condition, pulse, pulse + np.linspace(-3, 3, 20)[:, None]),
-    )
-    table = pulses_table(Estimate(**vars(prediction), approach="cae", seconds=0.1) for prediction in predictions)
+    bare, banded = Prediction(condition, 1.1 * pulse), Prediction(condition, pulse, pulse + np.arange(20.0)[:, None])
+    table = pulses_table(Estimate(**vars(own), approach="cae", seconds=0.1) for own in (bare, banded))
     content = parquet_bytes(table)
     again = pd.read_parquet(io.BytesIO(content)).astype({"held_out": "str", "approach": "str"})
     pd.testing.assert_frame_equal(again, table.reset_index(drop=True), check_exact=True)
