@@ -1,7 +1,7 @@
 """How often verdicts are wrong: ``python benchmarks/certification.py --vehicles 4``.
 
 Each seed is another synthetic vehicle (``benchmarks/vehicles.py``), a sister of the sample's, tested at the eleven
-conditions of Zeng et al. 2023, Table 1, or one of any kind, with a calibrated CAE model or not; other numbers of tests,
+conditions of Zeng et al. 2023, Table 1, or one of any kind, with a tuned CAE model or not; other numbers of tests,
 and those of any kind, lie evenly over speed. The limits lie in the middle of what occurs at 60 further conditions, so
 that guessing is wrong half the time; every verdict is compared with a test that nothing was learned from. Printed:
 coverage and width of the metrics' intervals, verdicts by kind and how many were wrong, Brier scores beside those of the
@@ -47,7 +47,7 @@ LIMITED = ("peak", "max_crush", "sm25", "olc", "vpi")
 
 _QUANTILES = (0.5, 0.75, 0.9)
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
-_KINDS = {"sister": "sisters of the sample", "any": "of any kind", "calibrated": "with a calibrated CAE model"}
+_KINDS = {"sister": "sisters of the sample", "any": "of any kind", "tuned": "with a tuned CAE model"}
 _DIGITS = {"inside": 2}
 _WAYS = ("share of draws", "Boole's inequality", "independent")
 

@@ -3,7 +3,7 @@
 ``World.of`` draws a sister of the sample campaign's vehicle. ``World.any`` draws one of many kinds: small cars to
 pickup trucks, soft or stiff, engines that reach the barrier early, late or never, few long folds or many short ones,
 CAE models that are nearly right or far off, and on some vehicles folds that begin elsewhere in each crash. Their models
-know no rates and are too soft; those of ``World.calibrated`` were made to crush as far as the vehicle at its top speed.
+know no rates and are too soft; those of ``World.tuned`` were made to crush as far as the vehicle at its top speed.
 ``World.relative`` draws members of families, whose CAE models err alike for the most part.
 """
 
@@ -97,7 +97,7 @@ class World:
         return cls(model, truth, runs_of(model, conditions, folding, seed), seed, reach, scatter, folding)
 
     @classmethod
-    def calibrated(cls, seed: int) -> Self:
+    def tuned(cls, seed: int) -> Self:
         """The vehicle of :meth:`any`, its CAE model's forces scaled to the vehicle's crush at the top speed."""
         world = cls.any(seed)
         low, high = world.range.low, world.range.high
@@ -170,10 +170,10 @@ KINDS: Mapping[str, Callable[[int], World]] = {
     "sister": World.of,
     "relative": World.relative,
     "any": World.any,
-    "calibrated": World.calibrated,
+    "tuned": World.tuned,
 }
 """Ways to draw a vehicle by its seed."""
-NAMES = {"sister": "sisters", "relative": "relatives", "any": "of any kind", "calibrated": "calibrated"}
+NAMES = {"sister": "sisters", "relative": "relatives", "any": "of any kind", "tuned": "tuned"}
 
 
 def metrics_of(accel_mps2: FloatArray, condition: Condition) -> dict[str, float]:

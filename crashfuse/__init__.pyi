@@ -8,6 +8,7 @@ from .campaign_folder.notes import write_notes as write_notes
 from .campaign_folder.writer import write_campaign as write_campaign
 from .certification.certify import Certification as Certification
 from .certification.certify import certify as certify
+from .certification.certify import recompute as recompute
 from .certification.criteria import Criteria as Criteria
 from .certification.matrix import Matrix as Matrix
 from .certification.verdict import with_decided as with_decided

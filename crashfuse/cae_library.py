@@ -234,6 +234,19 @@ class QualityVerdict:
         return f"CAE runs by {self.limits}: {judged}{unknown}."
 
     @property
+    def unpassed(self) -> tuple[str, ...]:
+        """The quantities that not every run is known to pass: without a limit or a record none does."""
+        passed = dict(zip(self.table["quantity"], self.table["passed"], strict=True))
+        return tuple(name for name in QUALITIES.values() if passed.get(name, 0) < self.runs)
+
+    @property
+    def checks(self) -> str:
+        """How many of the checks are passed."""
+        passed, n = len(QUALITIES) - len(self.unpassed), len(QUALITIES)
+        others = f" (not: {', '.join(self.unpassed)})" if self.unpassed else ""
+        return f"The CAE runs pass {passed} of {n} quality checks{others}."
+
+    @property
     def named(self) -> tuple[str, ...]:
         """The runs that fail, by name, and what becomes of them."""
         if not self.failing:

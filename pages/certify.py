@@ -17,11 +17,11 @@ from crashfuse.ui.kit.progress import result_or_none
 
 TABS = {"Answer": results.show_answer, "Track record": results.show_record, "Validated domain": results.show_domain}
 
-view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")
+view = frame.enter_with_campaign("Certify", lambda _: "")
 address.default("approach", APPROACH, APPROACHES)
 asked = st.session_state.get(JUDGED, "")
 place = "question_answered" if asked else "question"  # which opens over its answer
-with st.expander(asked or "Criteria and planned tests", icon=":material/tune:", expanded=not asked, key=place):
+with st.expander(asked or "Criteria and planned tests", expanded=not asked, key=place):
     criteria = choose_criteria(view)
     matrix = choose_matrix(view)
     offer_saving(view, criteria, matrix)

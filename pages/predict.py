@@ -3,5 +3,5 @@
 from crashfuse.ui import predict
 from crashfuse.ui.kit import frame
 
-view = frame.enter_with_campaign("Predict", lambda view: f"from {len(view.campaign.tests)} tests and the CAE runs")
+view = frame.enter_with_campaign("Predict", lambda _: "")
 predict.show(view)

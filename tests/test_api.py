@@ -23,7 +23,8 @@ Fit Fold LearningCurve Matrix Note OccupantModel PartialCondition PredictedPulse
 RatingChoices RatingExplanation ReportOptions Run SolverCurve Study StudyConfig UsageError Watch __version__ certify
 explain_rating import_source learn_archive learning_curve load_archive load_campaign load_model next_test predict
 preview_source pulse_metrics rate_channels rate_files rate_iso18571 rate_pairs rating_sentences read_notes recommend
-run_study sample_folder save_model study_report sweep watching with_decided worst_test write_campaign write_notes
+recompute run_study sample_folder save_model study_report sweep watching with_decided worst_test write_campaign
+write_notes
 """
 
 

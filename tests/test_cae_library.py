@@ -160,6 +160,9 @@ def test_runs_are_counted_by_what_is_known_of_them(library: CaeLibrary) -> None:
     }
     assert rows.loc["hourglass energy", ["limit", "worst", "worst_run"]].tolist() == [0.1, 0.123, "C03"]
     assert rows.loc["energy change", "worst"] == -0.02
+    good = replace(library, quality=(RunQuality(0.0, 0.0, 0.0),) * 24)
+    assert verdict.unpassed == ("energy change", "hourglass energy", "added mass")
+    assert (judge_quality(good, NCHRP).unpassed, judge_quality(good, EURO_NCAP).unpassed) == ((), verdict.unpassed[:1])
 
 
 def test_runs_that_were_left_out_stay_in_the_verdict(library: CaeLibrary) -> None:

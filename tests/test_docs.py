@@ -4,16 +4,20 @@ A block of text right below a block of commands is what these print. ``…`` sta
 lines; numbers have to agree to the digits shown.
 """
 
+import ast
 import contextlib
 import dataclasses
+import inspect
 import io
 import json
 import os
+import pkgutil
 import re
 import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -280,9 +284,26 @@ def test_every_page_is_in_the_navigation() -> None:
 
 
 def test_every_public_name_is_documented_once_where_users_look_first() -> None:
+    """With its signature, if it is a function, and an example, whose calls that function takes."""
     page = (DOCS / "reference" / "library.md").read_text(encoding="utf-8")
-    shown = re.findall(r"^- `(\w+)`: ", page, flags=re.MULTILINE)
-    assert sorted(shown) == sorted(set(crashfuse.__all__) - {"__version__"})
+    shown = re.findall(r"^- `(\w+)(\(.*\))?`:\s[^`]*(?:`[\w.]+` [^`]*)?\n  `(.+)`$", page, flags=re.MULTILINE)
+    assert sorted(name for name, _, _ in shown) == sorted(set(crashfuse.__all__) - {"__version__"})
+    for name, signature, example in shown:
+        known = getattr(crashfuse, name)
+        assert bool(signature) or isinstance(known, type), name
+        assert not signature or signature == _signature(known), name
+        for node in ast.walk(ast.parse(example)):
+            if isinstance(node, ast.Call) and re.fullmatch(r"crashfuse(\.\w+)+", ast.unparse(node.func)):
+                call = pkgutil.resolve_name(ast.unparse(node.func).replace(".", ":", 1))
+                inspect.signature(call).bind(*node.args, **{str(word.arg): word for word in node.keywords})
+
+
+def _signature(call: Callable[..., object]) -> str:
+    known, parts = inspect.signature(call), list[inspect.Parameter]()
+    for one in known.parameters.values():
+        is_short = one.default in ((), None, one.empty) or isinstance(one.default, int | float | str)
+        parts.append(one.replace(annotation=one.empty, default=one.default if is_short else ...))
+    return str(known.replace(parameters=parts, return_annotation=known.empty)).replace("Ellipsis", "…")
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

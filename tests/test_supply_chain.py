@@ -171,7 +171,7 @@ def test_the_source_distribution_holds_what_a_test_needs(source: Path) -> None:
 
 
 def test_the_wheel_holds_the_package_and_the_dashboard_and_nothing_else(installed: Path) -> None:
-    """All of the package, app.py with its pages and settings, the licence; no test, no data, nothing compiled."""
+    """All of the package, app.py with its pages and settings, the licences; no test, no data, nothing compiled."""
     package = {f"crashfuse/{name}" for name in _files(ROOT / "crashfuse")}
     pages = {f"crashfuse/dashboard/pages/{name}" for name in _files(ROOT / "pages")}
     own = {"crashfuse/dashboard/app.py", "crashfuse/dashboard/.streamlit/config.toml"}
@@ -181,7 +181,8 @@ def test_the_wheel_holds_the_package_and_the_dashboard_and_nothing_else(installe
     assert len(pages) >= 5
     assert {name for name in _files(installed) if name.startswith("crashfuse/")} == package | pages | own
     (info,) = installed.glob("*.dist-info")
-    assert _files(info) == {"METADATA", "WHEEL", "RECORD", "entry_points.txt", "licenses/LICENSE"}
+    licences = {"licenses/LICENSE", "licenses/THIRD_PARTY.md"}
+    assert _files(info) == {"METADATA", "WHEEL", "RECORD", "entry_points.txt", *licences}
 
 
 def _outside(installed: Path, folder: Path) -> dict[str, str]:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack
+
+import numpy as np
 
 from crashfuse import views
 from crashfuse.approaches.mixture import AboutFused
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
+from crashfuse.certification import seal
 from crashfuse.certification.criteria import (
     COSTS,
     WINDOW_MS,
@@ -23,7 +27,7 @@ from crashfuse.certification.criteria import (
     with_costs,
 )
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.earlier import Earlier, LaterTests, read_earlier
+from crashfuse.certification.earlier import COMPARED, Earlier, LaterTests, compared, read_earlier, recorded
 from crashfuse.certification.forecasts import SEEDS, Plan
 from crashfuse.certification.matrix import Matrix, MatrixGiven, matrix_given
 from crashfuse.certification.track_record import TrackRecord, left_out_tests
@@ -36,10 +40,12 @@ from crashfuse.certification.verdict import (
     beside_tests,
     judge,
     needs_no_test,
+    with_probability_interval,
     with_reason,
 )
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
+from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run, RunOptions
 from crashfuse.execution.workers import running
 from crashfuse.study.config import StudyConfig, check_window
@@ -92,6 +98,8 @@ class Certification:
     key: str = ""  # that seals its files, if one does
     # by the first seed, its error not counted, each test with its paired CAE run; None where the record has these, too
     record_with_runs: TrackRecord | None = None
+    # by condition inside the domain that no test was made for: the probability that a pulse there passes a spot check
+    spot_checks: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {word}" for word, n in self.n_by_word.items() if n)
@@ -319,24 +327,33 @@ def certify_matrix(
     at_trials = forecasts.averaged(plan.trials, _LEARN, learn_for=plan.cells)
     with_runs = forecasts.all(plan.with_runs, _WITH_RUNS)
     learned = time.perf_counter()
-    at_cells = forecasts.averaged(plan.cells, _JUDGE)
+    at_cells = plan.widened(forecasts.averaged(plan.cells, _JUDGE), criteria.tolerances)
     seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     domain, tests_run = Domain.of(campaign), matrix.run((test.id, test.condition) for test in campaign.tests)
     asked = campaign, criteria, plan.splits, config.approaches[0]
     left_out, left_out_with_runs = ([*left_out_tests(*asked, own)] for own in (at_trials, at_trials | with_runs))
 
-    def by(criteria: Criteria) -> Certification:
+    def by(criteria: Criteria, *, is_variant: bool = True) -> Certification:
         record = TrackRecord.of_tests(criteria, left_out)
         flattered = TrackRecord.of_tests(criteria, left_out_with_runs) if with_runs else None
         judged = tuple(
             judge(at_cells[cell], at, criteria, domain.outside(at), tests, domain.unshown(at))
             for cell, at, tests in zip(plan.cells, matrix.conditions, tests_run, strict=True)
         )
+        if not is_variant:
+            pairs = zip(plan.cells, judged, strict=True)
+            judged = tuple(tuple(with_probability_interval(v, at_cells[cell]) for v in row) for cell, row in pairs)
         verdicts = _hold(judged, campaign, criteria, record)
         found = Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
-        return replace(found, record_with_runs=flattered)
+        checks = {
+            i: float(np.mean(chances))
+            for (i, at), cell, tests in zip(matrix.items, plan.cells, tests_run, strict=True)
+            if not (tests or domain.outside(at) or domain.unshown(at))
+            and (chances := at_cells[cell].chances(criteria.spot_check))
+        }
+        return replace(found, record_with_runs=flattered, spot_checks=checks)
 
-    found = by(criteria)
+    found = by(criteria, is_variant=False)
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
 
 
@@ -347,6 +364,34 @@ def without_each_test(certification: Certification, run: Run) -> Certification:
     others = ((f"without {test}", certify_matrix(campaign.without((test,)), *asked)) for test in tests)
     variants = (Variant.of(name, certification, other) for name, other in others)
     return replace(certification, variants=(*certification.variants, *variants))
+
+
+def recompute(folder: str | Path, campaign: Campaign, **run: Unpack[RunOptions]) -> pd.DataFrame:
+    """Certify again by the settings in a folder that ``crashfuse certify`` wrote, and compare each value.
+
+    Tests run since are put aside. Without a ``cache`` nothing kept before is believed.
+
+    Returns
+    -------
+    DataFrame
+        file, place, recorded, recomputed, and agreement: ``to the last digit``, ``within rounding`` (1e-5 of the
+        value), ``not``, or ``not derived``, such as of the date.
+
+    Raises
+    ------
+    DataError
+        If it is no certification of this campaign as it is.
+    """
+    import pandas as pd
+
+    earlier, config, campaign = recorded(folder := Path(folder), campaign)
+    with TemporaryDirectory() as kept, running(campaign, **{"cache": Cache(Path(kept)), **run}) as started:
+        again = certify_matrix(campaign, earlier.criteria, earlier.matrix, config, started)
+        record = replace(again.record, since=LaterTests(earlier, campaign).held_against(again.criteria))
+        again = replace(again, verdicts=_hold(again.judged, again.campaign, again.criteria, record), record=record)
+        made = views.certification_result(again).files
+        rows = [row for name in COMPARED for row in compared(name, seal.read(folder / name, "this file"), made[name]())]
+    return pd.DataFrame(rows, columns=["file", "place", "recorded", "recomputed", "agreement"])
 
 
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig) -> bool:

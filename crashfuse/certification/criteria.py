@@ -14,10 +14,10 @@ import pandas as pd
 from crashfuse.campaign import Campaign
 from crashfuse.errors import NO_FILE, DataError, Problem, printable, require_a, several
 from crashfuse.files.toml_text import read_toml, shown, toml_text
-from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, metric_values
+from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, in_sentence, metric_values
 from crashfuse.signals.rating import STANDARD
 from crashfuse.study.config import WINDOWS_MS
-from crashfuse.units import Quantity, Sentence, UnitSystem, joined
+from crashfuse.units import KPH, MPH, G, Quantity, Sentence, UnitSystem, joined
 
 RATING = "rating"
 CONFIDENCE = 0.95
@@ -48,19 +48,19 @@ class Criterion:
 
     @property
     def title(self) -> str:
-        """The name that was given, else the metric in words."""
-        return self.label if self.name == self.metric != RATING else self.name
+        """The name that was given, else the metric as within a sentence."""
+        return in_sentence(self.label) if self.name == self.metric != RATING else self.name
 
     @property
     def limits(self) -> str:
         """The limits in words, such as ``at most 650 mm``, with all the digits that were declared."""
-        ends = (("at least", self.at_least), ("at most", self.at_most))
-        known = [
-            Sentence("{} {}", word, Quantity((end,), self.unit, self._form(f"{end:.10g}")))
-            for word, end in ends
-            if end is not None
-        ]
-        return joined(known, " and ")
+        return self.limits_by("at least", "at most")
+
+    def limits_by(self, least: str, most: str) -> str:
+        """The limits by such words or signs."""
+        ends = {word: end for word, end in ((least, self.at_least), (most, self.at_most)) if end is not None}
+        shown = {word: Quantity((end,), self.unit, self._form(f"{end:.10g}")) for word, end in ends.items()}
+        return joined([Sentence("{} {}", *own) for own in shown.items()], " and ")
 
     def _form(self, declared: str) -> str:
         if self.unit:
@@ -86,9 +86,8 @@ class Criterion:
         """An expected value with its interval, and the limits, in words."""
         interval = self.interval(lower, upper)
         if value is None:
-            found = "{} in 95 % of tests, no single value expected (record too short); the limit is {}"
-            return Sentence(found, interval, self.limits)
-        return Sentence("{} expected, {} in 95 % of tests; the limit is {}", self.shown(value), interval, self.limits)
+            return Sentence("95 % of tests: {}, no single value expected (record too short); {}", interval, self.limits)
+        return Sentence("We expect {} (95 % of tests: {}); {}", self.shown(value), interval, self.limits)
 
     def is_met_by(self, value: float) -> bool:
         """Whether a value lies within the limits."""
@@ -120,12 +119,26 @@ class Costs:
 
 
 @dataclass(frozen=True, slots=True)
+class Tolerances:
+    """Standard deviations of what a planned test is run and measured with, each normal: of shares but for the speed."""
+
+    speed_kph: float = 0.0
+    weight: float = 0.0  # of each axle
+    acceleration: float = 0.0  # of the sensors
+
+    def __str__(self) -> str:
+        shares = f"{100 * self.weight:g} % of each weight, {100 * self.acceleration:g} % of the acceleration"
+        return f"{self.speed_kph:g} km/h, {shares}"
+
+
+@dataclass(frozen=True, slots=True)
 class Criteria:
-    """Criteria with unique names, and the confidence and costs that were declared with them."""
+    """Criteria with unique names, and the confidence, costs and tolerances that were declared with them."""
 
     items: tuple[Criterion, ...]
     declared: float | None = None  # confidence
     costs: Costs | None = None
+    tolerances: Tolerances | None = None
 
     @property
     def confidence(self) -> float:
@@ -133,6 +146,13 @@ class Criteria:
         if self.declared is None and self.costs is not None:
             return min(max(self.costs.confidence, LEAST_SURE), MOST_SURE)
         return CONFIDENCE if self.declared is None else self.declared
+
+    @property
+    def scatter(self) -> str:
+        """Which tolerances probabilities have in them, in words."""
+        if self.tolerances is None:
+            return "No tolerance of speed, weights or sensors is stated, so the probabilities have none in them."
+        return f"Tests are run and measured to {self.tolerances} (standard deviations): it is in their probabilities."
 
     def __repr__(self) -> str:
         return f"<Criteria at {self.confidence:g}: {', '.join(f'{own.name} {own.limits}' for own in self.items)}>"
@@ -142,17 +162,27 @@ class Criteria:
         """All windows of ratings, ascending."""
         return tuple(sorted({c.window_ms for c in self.items if c.window_ms is not None}))
 
+    @property
+    def spot_check(self) -> Criterion:
+        """What a test that is drawn and run has to rate: the limit of the longest window, else 0.80 over 0–60 ms."""
+        usual = Criterion(RATING, RATING, at_least=_GOOD, window_ms=WINDOW_MS)
+        rated = (own for own in self.items if own.window_ms is not None and own.at_least is not None)
+        return max(rated, key=lambda own: own.window_ms or 0.0, default=usual)
+
 
 LEAST_SURE, MOST_SURE = 0.5, 0.999999
 _MOST_CRITERIA = 100
 _LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
 """Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
+_OTHER_UNITS = {"km/h": {"mph": MPH / KPH, "m/s": 1 / KPH}, "mm": {"inches": 25.4, "cm": 10.0}, "g": {"m/s²": 1 / G}}
+_NEAR = 1.2  # below the least or above the largest: a mile per hour is 1.6 km/h
 CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria
 """``criteria.toml``, its tables as rows of a frame or as mappings, or criteria as they are judged."""
 _TO_START = {"crush": "max_crush", "peak": "peak", "velocity change": "delta_v", "OLC": "olc"}
 _GOOD = 0.8  # the grade of ISO/TS 18571
 _KEYS = ("name", "metric", "unit", "window_ms", "at_least", "at_most")
 COSTS = ("test", "wrong_answer")
+_LARGEST = {"speed_kph": 5.0, "weight": 0.1, "acceleration": 0.1}  # tolerances
 
 
 def read_criteria(path: Path) -> Criteria:
@@ -160,21 +190,24 @@ def read_criteria(path: Path) -> Criteria:
     if not path.is_file():
         raise DataError(Problem(path.name, "this file", NO_FILE, "declare the acceptance criteria in it"))
     values = read_toml(path, 1, "keep the criteria alone")
-    items, declared, costs = values.pop("criterion", []), values.pop("confidence", None), values.pop("costs", None)
-    problems = []
+    items, problems = values.pop("criterion", []), list[Problem]()
+    declared, costs, tolerances = (values.pop(key, None) for key in ("confidence", "costs", "tolerances"))
     if values:
-        known = "confidence, [costs] and [[criterion]]"
+        known = "confidence, [costs], [tolerances] and [[criterion]]"
         problems.append(Problem(path.name, known, ", ".join(values), "remove or rename it"))
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise DataError(Problem(path.name, "tables [[criterion]]", "another value", "begin each with [[criterion]]"))
-    return _checked(items, declared, costs, path.name, problems)
+    return _checked(items, declared, costs, tolerances, path.name, problems)
 
 
 def criteria_of(
-    criteria: Sequence[Mapping[str, Any]], confidence: float | None = None, costs: Mapping[str, Any] | None = None
+    criteria: Sequence[Mapping[str, Any]],
+    confidence: float | None = None,
+    costs: Mapping[str, Any] | None = None,
+    tolerances: Mapping[str, Any] | None = None,
 ) -> Criteria:
     """Create criteria from mappings with the keys of ``criteria.toml``; raises as :func:`read_criteria`."""
-    return _checked([dict(item) for item in criteria], confidence, costs, "the criteria", [])
+    return _checked([dict(item) for item in criteria], confidence, costs, tolerances, "the criteria", [])
 
 
 def with_costs(criteria: Criteria, costs: Mapping[str, object]) -> Criteria:
@@ -205,6 +238,8 @@ def criteria_text(criteria: Criteria) -> str:
     costs = criteria.costs
     lines = [f"confidence = {criteria.confidence!r}"] if criteria.declared is not None or costs is None else []
     lines += [] if costs is None else ["", "[costs]", *(f"{key} = {getattr(costs, key)!r}" for key in COSTS)]
+    if (tolerances := criteria.tolerances) is not None:
+        lines += ["", "[tolerances]", *(f"{key} = {getattr(tolerances, key)!r}" for key in _LARGEST)]
     for criterion in criteria.items:
         values = {key: getattr(criterion, key) for key in _KEYS}
         lines += ["", "[[criterion]]", *(f"{k} = {toml_text(v)}" for k, v in values.items() if v not in (None, ""))]
@@ -254,13 +289,19 @@ def ratings_wanted() -> list[dict[str, Any]]:
 
 
 def _checked(
-    items: list[dict[str, Any]], confidence: object, costs: object, where: str, problems: list[Problem]
+    items: list[dict[str, Any]],
+    confidence: object,
+    costs: object,
+    tolerances: object,
+    where: str,
+    problems: list[Problem],
 ) -> Criteria:
     declared = float(confidence) if is_number(confidence) else None
     if confidence is not None and (declared is None or not LEAST_SURE <= declared <= MOST_SURE):
         expected = f"a confidence from {LEAST_SURE} to {MOST_SURE}"
         problems.append(Problem(where, expected, shown(confidence), "0.95 is usual"))
     checked_costs = None if costs is None else _costs(costs, where, problems)
+    checked_tolerances = None if tolerances is None else _tolerances(tolerances, where, problems)
     if not items:
         problems.append(Problem(where, "at least one criterion", "none", "add a table [[criterion]]"))
     if len(items) > _MOST_CRITERIA:
@@ -276,7 +317,17 @@ def _checked(
     problems += [problem for pair in combinations(found.values(), 2) if (problem := _at_odds(*pair, where)) is not None]
     if problems:
         raise DataError(problems)
-    return Criteria(tuple(found.values()), declared, checked_costs)
+    return Criteria(tuple(found.values()), declared, checked_costs, checked_tolerances)
+
+
+def _tolerances(values: object, where: str, problems: list[Problem]) -> Tolerances | None:
+    given = values if isinstance(values, dict) else {"": values}
+    if all(key in _LARGEST and is_number(own) and 0 <= own <= _LARGEST[key] for key, own in given.items()):
+        return Tolerances(**given)
+    expected = f"tolerances from 0 to {', '.join(f'{most:g} ({key})' for key, most in _LARGEST.items())}"
+    found = ", ".join(f"{key} {shown(own)}" for key, own in given.items())
+    problems.append(Problem(where, expected, found, "give standard deviations: in km/h, and as shares (0.01 for 1 %)"))
+    return None
 
 
 def _costs(values: object, where: str, problems: list[Problem]) -> Costs | None:
@@ -341,10 +392,20 @@ def _criterion(item: dict[str, Any], where: str, problems: list[Problem]) -> Cri
         return None
     at_least, at_most = limits.get("at_least"), limits.get("at_most")
     if at_least is not None and at_most is not None and at_most < at_least:
-        wrong(f"at_most of at least {at_least:g}, which is at_least", at_most, "correct or exchange the limits")
+        ends = [Quantity((end,), unit, "g") for end in (at_least, at_most)]
+        wrong(f"at_most of at least {ends[0]}, which is at_least", str(ends[1]), "correct or exchange the limits")
         return None
     numbers = (None if value is None else float(value) for value in (at_least, at_most, window))
     return Criterion(str(name).strip(), metric, *numbers)
+
+
+def likely_unit(criterion: Criterion, values: Sequence[float]) -> str:
+    """Another unit than the metric's, if a limit lies near these values in that unit alone; else empty."""
+    low, high = min(values, default=0.0) / _NEAR, max(values, default=0.0) * _NEAR
+    ends = [end for end in (criterion.at_least, criterion.at_most) if end is not None]
+    factors = {"": 1.0, **_OTHER_UNITS.get(criterion.unit, {})}
+    near = [unit for unit, factor in factors.items() if any(low <= factor * end <= high for end in ends)]
+    return "" if "" in near else next(iter(near), "")
 
 
 def is_number(value: object) -> TypeGuard[float]:

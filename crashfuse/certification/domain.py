@@ -12,7 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING
 from crashfuse.condition import STEP_KG, STEP_MPS, Condition
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
-from crashfuse.units import KPH, MPH, Sentence, joined, speed, weight
+from crashfuse.units import KPH, MPH, Sentence, counted, joined, speed, weight
 
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
 _FARTHEST_BEYOND_MPS = 5 * MPH  # the slowest or fastest test
@@ -110,7 +110,8 @@ class Domain:
         """A sentence if tests are too few."""
         if self.n_tests >= _FEWEST_TESTS:
             return ()
-        told = f"{self.n_tests} of {_FEWEST_TESTS} tests: too few to check verdicts by leaving tests out."
+        tests = counted(self.n_tests, "test")
+        told = f"{tests}: too few to check verdicts by leaving tests out, which takes {_FEWEST_TESTS}."
         return (joined([told, *self.not_counted]),)
 
     @property
@@ -140,15 +141,15 @@ class Domain:
             ("fastest", v0 - fastest, self.above_mps, "above"),
         ):
             if beyond > most + STEP_MPS:
-                told = f"{{}} is {{}} {word} the {end} test; checked up to {{}} {word} it."
+                told = f"{{}} is {{}} {word} the {end} test; the tests check up to {{}} {word} it."
                 found.append(Sentence(told, speed(v0), speed(beyond), speed(most)))
         if slowest <= v0 <= fastest and not any(a - STEP_MPS <= v0 <= b + STEP_MPS for a, b in self._reached_mps):
-            told = "{} is {} from the nearest test; checked up to {} away."
+            told = "{} is {} from the nearest test; the tests check up to {} away."
             found.append(Sentence(told, speed(v0), speed(away), speed(self.reach_mps)))
         lightest, heaviest = self.masses_kg
         if not lightest - STEP_KG <= condition.mass_kg <= heaviest + STEP_KG:
             checked = weight(lightest, heaviest, between=" to ")
-            found.append(Sentence("{} in all; checked from {}.", weight(condition.mass_kg), checked))
+            found.append(Sentence("{} in all; the tests check {}.", weight(condition.mass_kg), checked))
         for name, value in condition.factors:
             if value and name in self.factors and value not in self.factors[name]:
                 found.append(f"No test has {name} {value}; tested: {', '.join(self.factors[name])}.")

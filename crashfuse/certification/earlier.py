@@ -1,8 +1,11 @@
 """An earlier certification, as its ``certification.json`` tells it, and whether tests run since prove it right."""
 
 import hashlib
+import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -10,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
@@ -21,13 +25,21 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import Trial
 from crashfuse.certification.verdict import WORDS, Verdict, reaches
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, DataError, Problem, printable
+from crashfuse.errors import CrashfuseError, DataError, Problem, printable, refusal
 from crashfuse.execution.run import Run
 from crashfuse.signals.metrics import METRIC_UNITS, metric_values
 from crashfuse.signals.occupant import OccupantModel
+from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import is_beyond
+from crashfuse.units import read_out
 
 FILE = seal.FILE
+COMPARED = (FILE, "certification.csv", "track_record.csv")
+"""Files whose values are computed again."""
+VERDICTS = "cells, "  # begins their places
+AGREEMENTS, UNDERIVED = ("to the last digit", "within rounding", "not"), "not derived"
+_ROUNDING = 1e-5  # of a value; tables have six digits
+_NOT_DERIVED = re.compile("date|seconds|platform|python|packages|crashfuse|settings, version|command|seal|since|reason")
 _LONGEST = 200  # characters of a setting
 _WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, CrashfuseError
 
@@ -151,10 +163,55 @@ def parse_earlier(content: bytes, path: Path = Path(FILE)) -> Earlier:
         raise DataError(Problem(path.name, "the record of a certification", found, advice)) from None
 
 
+def recorded(folder: Path, campaign: Campaign) -> tuple[Earlier, StudyConfig, Campaign]:
+    """A certification with its configuration and the campaign of then."""
+    earlier, values = read_earlier(folder), json.loads((folder / FILE).read_bytes())
+    earlier.require_of(campaign)
+    then = replace(campaign.without(LaterTests(earlier, campaign).new), name=earlier.settings["campaign"])
+    if then.fingerprint != values.get("fingerprint"):
+        digests = {test.id: test.digest for test in then.tests}
+        others = [test for test, digest in earlier.tests.items() if digests.get(test) != digest]
+        found = f"another record of {read_out(others)}" if others else "other CAE runs or past vehicles"
+        raise refusal(FILE, "the campaign that it was computed from", found, "give that one")
+    try:
+        return earlier, StudyConfig.parse(values["config"]), then
+    except _WRONG:
+        raise refusal(FILE, "settings", "others", seal.ASK) from None
+
+
+def compared(file: str, then: bytes, now: bytes) -> Iterator[tuple[str, str, object, object, str]]:
+    """File, place, recorded and recomputed value, and how they agree."""
+    before, again = (dict(_values(file, content)) for content in (then, now))
+    for place in {**before, **again}:
+        pair = before.get(place), again.get(place)
+        yield file, place, *pair, UNDERIVED if _NOT_DERIVED.match(place) else _agreement(*pair)
+
+
+def _values(file: str, content: bytes) -> Iterator[tuple[str, object]]:
+    if file == FILE:
+        return _leaves(json.loads(content))
+    table = pd.read_csv(io.BytesIO(content), keep_default_na=False)
+    return ((f"{name}, row {at}", cell) for name in table for at, cell in enumerate(table[name].tolist(), start=2))
+
+
+def _leaves(values: dict[str, Any], above: str = "") -> Iterator[tuple[str, object]]:
+    for name, value in values.items():
+        is_nested = isinstance(value, list) and any(isinstance(part, dict) for part in value)
+        inner = dict(enumerate(value, start=1)) if is_nested else value
+        yield from _leaves(inner, f"{above}{name}, ") if isinstance(inner, dict) else ((f"{above}{name}", value),)
+
+
+def _agreement(then: object, now: object) -> str:
+    lists = isinstance(then, list) and isinstance(now, list) and len(then) == len(now)
+    pairs = zip(then, now, strict=True) if lists else ((then, now),)
+    near = all(a == b or (is_number(a) and is_number(b) and math.isclose(a, b, rel_tol=_ROUNDING)) for a, b in pairs)
+    return AGREEMENTS[0 if then == now else 1 if near else 2]
+
+
 def _of(values: dict[str, Any], digest: str) -> Earlier:
     conditions, asked, before = [dict(row) for row in values["matrix"]], values["criteria"], values.get("since", {})
     declared = None if asked.get("confidence_by_costs") else asked["confidence"]
-    criteria = _criteria(asked["criterion"], declared, asked.get("costs"))
+    criteria = _criteria(asked["criterion"], declared, asked.get("costs"), asked.get("tolerances"))
     matrix = Matrix(_ids(row.pop("id") for row in conditions), tuple(Condition.of(**row) for row in conditions))
     _require(not any(map(is_beyond, matrix.conditions)))
     digests, problems = values["tests_sha256"], list[Problem]()

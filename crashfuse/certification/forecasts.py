@@ -1,9 +1,10 @@
 """Forecasts of many conditions by approaches that learned from parts of the tests: computed side by side, and kept."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import lru_cache, partial
+from itertools import starmap
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -11,8 +12,9 @@ import numpy.typing as npt
 
 from crashfuse.approaches.metric_calibration import Distribution, mean_quantiles, metric_distributions
 from crashfuse.approaches.registry import BASELINE, CLASSES
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.criteria import RATING, WINDOW_MS, Criteria, Criterion, Tolerances
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
@@ -25,8 +27,10 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.study.expected_rating import RatingDistribution, overall_rating
 from crashfuse.study.running import prepare
+from crashfuse.units import KPH
 
 _UNKNOWN = (np.nan,) * len(fields(Distribution))
+_SCALE = [own.name for own in fields(Distribution)].index("scale")
 
 
 def quantity(criterion: Criterion) -> str:
@@ -86,6 +90,20 @@ class Forecast:
             for part, ways, share in zip(parts, folds, self.apart_share.tolist(), strict=bool(parts))
         )
 
+    def probability_interval(self, criterion: Criterion) -> tuple[float, float] | None:
+        """Central 95 % of the probability itself, as left-out tests leave it open; None as :meth:`chances` is empty."""
+        if not (parts := self._distributions(criterion)):
+            return None
+        place, by_seed = self.names.index(quantity(criterion)), []
+        for part, folds, apart in zip(parts, self.folds[:, :, place].tolist(), self.apart_share.tolist(), strict=True):
+            ways = [(1.0, part)]
+            if not np.isnan(folds).any():
+                ways = [*zip((1 - apart, apart), starmap(Distribution, folds), strict=True)]
+            laws = [share * way.probabilities(criterion.at_least, criterion.at_most) for share, way in ways]
+            by_seed.append(np.sum(laws, axis=0))
+        lower, upper = np.quantile(np.mean(by_seed, axis=0), [0.025, 0.975]).tolist()
+        return lower, upper
+
     def by_fold(self, criterion: Criterion) -> tuple[float, float] | None:
         """Probability of meeting a criterion if a test folds as most do, and as the one that stands apart, if any."""
         alike, apart = self._folds(criterion).mean(axis=0).tolist()
@@ -108,6 +126,14 @@ class Forecast:
         shares = np.array([part.shares(criterion.at_least, criterion.at_most) for part in parts])
         ranks = self.ranks[:, place]
         return np.asarray((shares[:, :1] < ranks) & (ranks <= shares[:, 1:]))
+
+    def widened(self, spreads: Mapping[str, float]) -> Self:
+        """The forecast with a further normal scatter of its metrics, by name, of these standard deviations."""
+        further = np.array([spreads.get(name, 0.0) for name in self.names])
+        distributions, folds = self.distributions.copy(), self.folds.copy()
+        for array in (distributions, folds):
+            array[..., _SCALE] = np.hypot(array[..., _SCALE], further)
+        return replace(self, distributions=distributions, folds=folds)
 
     def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
         """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
@@ -317,6 +343,26 @@ def _key(training: Campaign, asked: Query, config: StudyConfig, windows_ms: tupl
     return {**fit, **own, "code": Code(__name__)}
 
 
+def spreads(
+    pulse: Callable[[Condition], FloatArray], at: Condition, tolerances: Tolerances, occupant: OccupantModel
+) -> dict[str, float]:
+    """Standard deviation of each metric by tolerances, to first order; ``pulse`` gives a pulse at any condition."""
+
+    def of(condition: Condition, factor: float = 1.0) -> dict[str, FloatArray]:
+        return metric_values(factor * pulse(condition), condition.speed_mps, occupant=occupant)
+
+    away = {
+        "speed_mps": tolerances.speed_kph * KPH,
+        "front_weight_kg": tolerances.weight * at.front_weight_kg,
+        "rear_weight_kg": tolerances.weight * at.rear_weight_kg,
+    }
+    ends = [[of(replace(at, **{name: getattr(at, name) + s * by})) for s in (-1, 1)] for name, by in away.items() if by]
+    ends += [[of(at, 1 - tolerances.acceleration), of(at, 1 + tolerances.acceleration)]]
+    values = {name: np.array([[low[name], high[name]] for low, high in ends]) for name in ends[0][0]}
+    known = {name: np.where(np.isfinite(own), own, np.nan) for name, own in values.items()}  # or nothing can be said
+    return {name: float(np.hypot.reduce(np.diff(own)[:, 0] / 2)) for name, own in known.items()}
+
+
 Split = tuple[CrashTest, Literal["test", "speed group"], tuple[str, ...]]
 """A test, what is left out with it, the ids of all left out."""
 
@@ -329,6 +375,17 @@ class Plan(NamedTuple):
     with_runs: Sequence[Query]  # those that lack the CAE runs at their tests' conditions, with these
     cells: Sequence[Query]
     forecasts: Forecasts
+
+    def widened(self, found: Mapping[Query, Forecast], tolerances: Tolerances | None) -> Mapping[Query, Forecast]:
+        """Forecasts of planned tests with the scatter of how these are run and measured."""
+        campaign = self.forecasts.campaign
+        if tolerances is None:
+            return found
+        emulator = CaeModel().fit(campaign.cae, self.forecasts.run).emulator_
+        return {
+            asked: forecast.widened(spreads(emulator.predict, asked.condition, tolerances, campaign.occupant))
+            for asked, forecast in found.items()
+        }
 
     @classmethod
     def of(cls, campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, run: Run) -> Self:
@@ -350,5 +407,6 @@ class Plan(NamedTuple):
         tests = sorted({test for trial in with_runs for test in trial.held_out})
         if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
             campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
-        forecasts = Forecasts(campaign, criteria.windows_ms, config, run)
+        windows_ms = {*criteria.windows_ms, criteria.spot_check.window_ms or WINDOW_MS}
+        forecasts = Forecasts(campaign, tuple(sorted(windows_ms)), config, run)
         return cls(splits, trials, with_runs, cells, forecasts)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 FILE, SEAL, REVIEW = "certification.json", "seal.json", "review.json"
 _LARGEST = 64 << 20  # bytes of a seal or a certification; a key takes two hundred
 _REVIEW = b"crashfuse review\n"  # begins what a reviewer signs, so that no seal is a review
-_ASK = "ask its maker for the original"
+ASK = "ask its maker for the original"
 
 
 def make_keys(path: Path) -> str:
@@ -68,7 +68,7 @@ def _ed25519() -> Any:  # noqa: ANN401 - a module of the extra
     try:
         from cryptography.hazmat.primitives.asymmetric import ed25519
     except ImportError as error:
-        raise UsageError('A seal needs the extra "seal": python -m pip install "crashfuse[seal]".') from error
+        raise UsageError('A seal needs, in a checkout: python -m pip install ".[seal]".') from error
     return ed25519
 
 
@@ -142,7 +142,7 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
     key, signature = _signed(folder / SEAL)
     content, problems = read(folder / FILE, "the sealed file"), list[Problem]()
     if not _holds(key, signature, content):
-        raise DataError(Problem(FILE, "what was sealed", f"other content than {SEAL} signs", _ASK))
+        raise DataError(Problem(FILE, "what was sealed", f"other content than {SEAL} signs", ASK))
     sealed = _contents(folder / FILE, content)
     for maker in (sealed.key, sealed.key if trusted is None else key_name(read_key(trusted, "public"))):
         if key_name(key) != maker:
@@ -152,7 +152,7 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
         is_there = (folder / name).is_file()
         if not is_there or _sha256(folder / name) != sha256:
             found = "another one" if is_there else "no such file"
-            problems.append(Problem(name, "the file that was sealed", found, _ASK))
+            problems.append(Problem(name, "the file that was sealed", found, ASK))
     if campaign is not None:
         problems += _changes_below(campaign, sealed.rests_on)
     if (folder / REVIEW).exists():
@@ -176,7 +176,7 @@ def _changes_below(campaign: Path, then: Mapping[str, str]) -> Iterator[Problem]
     for name in sorted({*then, *now}):
         if now.get(name) != then.get(name) and (name in now or name not in others):
             found = "no such file" if name not in now else "another one" if name in then else "one that was added since"
-            yield Problem(name, "the file that it rests on", found, _ASK)
+            yield Problem(name, "the file that it rests on", found, ASK)
 
 
 @contextmanager
@@ -184,7 +184,7 @@ def _as_written(path: Path) -> Iterator[None]:
     try:
         yield
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        raise DataError(Problem(path.name, "a seal", "another file, or a damaged one", _ASK)) from None
+        raise DataError(Problem(path.name, "a seal", "another file, or a damaged one", ASK)) from None
 
 
 def _signed(path: Path) -> "tuple[Ed25519PublicKey, bytes]":

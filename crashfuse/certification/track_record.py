@@ -1,7 +1,7 @@
 """The track record: the verdicts that left-out tests got from the others alone, compared with what was measured."""
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal, NamedTuple, Self
@@ -17,7 +17,8 @@ from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecasts import Forecast, Query, Split, quantity
 from crashfuse.certification.verdict import WORDS, Verdict, judge, needs_no_test, reaches
 from crashfuse.crash_test import CrashTest
-from crashfuse.units import counted, probability_text
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import Quantity, Sentence, counted, probability_text
 
 _LEVEL = 0.95
 MOST_OF_A_TEST = 5
@@ -39,9 +40,10 @@ def largest_share(count: int, n: int) -> float:
     return float(betaincinv(count + 1, n - count, _LEVEL)) if count < n else 1.0
 
 
-def at_most(wrong: int, n: int) -> str:
-    """That bound in words: ``at most 4.5 %``."""
-    return f"at most {100 * largest_share(wrong, n):.1f} %"
+def percent_at_most(wrong: int, n: int) -> str:
+    """That bound for readers: ``4.5 %``, ``35 %``."""
+    share = largest_share(wrong, n)
+    return f"{100 * share:.{int(share < 0.0995)}f} %"
 
 
 def counted_wrong(wrong: int) -> str:
@@ -99,37 +101,41 @@ class Support:
         """What record would support this confidence, or what refutes it; None if this one supports it."""
         for n, wrong, of in (
             (self.own_decided, self.own_wrong, "on this metric, one a test,"),
-            (self.before, self.wrong_before, "given before tests were run"),
+            (self.before, self.wrong_before, "given before the tests were run"),
         ):
             if wrong and float(betainc(wrong, n - wrong + 1, 1 - confidence)) < 1 - _LEVEL:
-                return f"{wrong} of {n} verdicts {of} were wrong: that refutes a confidence of {confidence:g}."
+                return f"{wrong} of {n} verdicts {of} were wrong: too many for a confidence of {confidence:g}."
         if reaches(self.confidence, confidence):
             return None
         if not reaches(self.most, confidence):
-            why = "About every tenth verdict on this metric was wrong on random vehicles"
-            return f"{why}: no record supports more than {self.most:g}."
+            why = "On random vehicles about one verdict in ten on this metric was wrong"
+            return f"{why}, so no record supports a confidence above {self.most:g}."
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
         return (
-            f"The record ({self.wrong} of {self.decided} verdicts wrong, at most {MOST_OF_A_TEST} a test) supports a "
-            f"confidence of {probability_text(self.confidence, confidence)}, not {confidence:g}; that takes "
-            f"{needed} verdicts with at most {self.wrong} wrong."
+            f"{counted(self.decided, 'verdict')} on hidden tests, {counted_wrong(self.wrong)}: enough for a confidence "
+            f"of {probability_text(self.confidence, confidence)}, not of {confidence:g}, which takes {needed} with "
+            f"{f'at most {self.wrong}' if self.wrong else 'none'} wrong."
         )
 
     def reservation(self, confidence: float) -> str | None:
         """What supports this confidence where the criterion's own verdicts do not; None where they do."""
         if self.near and reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
             return None
-        tests, alone = counted(self.own_decided, "left-out test"), "Checked on no left-out test."
+        tests, alone = counted(self.own_decided, "hidden test"), "Not checked on any hidden test."
         if self.own_decided:
-            alone = f"Checked on {tests}, {counted_wrong(self.own_wrong)}: too little alone."
+            alone = f"Checked on {tests}, {counted_wrong(self.own_wrong)}: alone too few."
         if not self.near:
-            alone = "No left-out test came near this limit: its own verdicts prove nothing."
+            alone = "No hidden test came near this limit, so its own verdicts prove nothing."
         if not reaches(self.confidence, confidence):
             return alone
-        return (
-            f"{alone} Verdicts on this and other criteria support a confidence of {confidence:g}: {self.decided}, "
-            f"at most {MOST_OF_A_TEST} a test, {counted_wrong(self.wrong)}."
-        )
+        verdicts = f"{counted(self.decided, 'verdict')}, {counted_wrong(self.wrong)}"
+        return f"{alone} With other criteria it is {verdicts}: enough for a confidence of {confidence:g}."
+
+    def text(self, confidence: float) -> str:
+        """What it says at this confidence."""
+        verdicts, wrong = counted(self.own_decided, "verdict"), counted_wrong(self.own_wrong)
+        supported = f"{verdicts}, one a test, {wrong}: enough for this confidence."
+        return self.shortfall(confidence) or self.reservation(confidence) or supported
 
 
 LeftOut = Literal["test", "speed group", "planned"]
@@ -157,6 +163,15 @@ class Trial:
     def wrong(self) -> bool:
         """Whether a verdict was given that the test contradicts."""
         return self.verdict.decided and (self.verdict.word == "met") != self.met
+
+    @property
+    def measured_text(self) -> Quantity | Sentence:
+        """What the test measured and, if run off its condition, what that is there by the CAE model."""
+        shown = self.verdict.criterion.shown
+        if not self.shift:
+            return shown(self.measured)
+        off = shown(self.measured + self.shift), shown(self.measured)
+        return Sentence("{} ({} at its condition, by the CAE model)", *off)
 
     @property
     def held(self) -> bool:
@@ -268,6 +283,8 @@ class TrackRecord:
     """Whether left-out tests lie inside their bands of whole pulses, where there are any."""
     tuned: tuple[Trial, ...] = ()
     """Of tests that the CAE model was tuned to; they support nothing and count nowhere."""
+    predicted_mps2: Mapping[tuple[str, LeftOut], FloatArray] = field(default_factory=dict)
+    """What was predicted of a test as it was left out, of shape (n_seeds, n_samples)."""
 
     @classmethod
     def of_tests(cls, criteria: Criteria, left_out: Sequence[LeftOutTest]) -> Self:
@@ -280,7 +297,8 @@ class TrackRecord:
                 if (value := measured[quantity(criterion)]) is not None:
                     (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, value, raw))
         whole = tuple((own.way, own.whole) for own in left_out if own.whole is not None)
-        return cls(tuple(trials), whole=whole, tuned=tuple(tuned))
+        predicted = {(own.test.id, own.way): own.forecast.accel_mps2 for own in left_out}
+        return cls(tuple(trials), whole=whole, tuned=tuple(tuned), predicted_mps2=predicted)
 
     def __repr__(self) -> str:
         decided, wrong = self.decided

@@ -40,6 +40,7 @@ class Verdict:
     # which draws of the prediction meet it, by seed; empty where it has none, and of a rating
     drawn: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool), compare=False, repr=False)
     folds: tuple[float, float] | None = None  # the probability if a test folds as most do, and as one that stands apart
+    probability_interval: tuple[float, float] | None = None  # central 95 % of the probability, left-out tests being few
 
     def __repr__(self) -> str:
         return f"<Verdict {self.word}: {self.criterion.name} {self.criterion.limits} at {self.condition}>"
@@ -150,17 +151,27 @@ def judge(
     return tuple(verdicts)
 
 
+def with_probability_interval(verdict: Verdict, forecast: Forecast) -> Verdict:
+    """The verdict with what left-out tests, being few, and seeds leave open of its probability."""
+    p, interval = verdict.probability, forecast.probability_interval(verdict.criterion)
+    if p is None or interval is None:
+        return verdict
+    away = np.maximum([p - interval[0], interval[1] - p], 0.0)
+    below, above = np.hypot(away, COUNTED * verdict.error).tolist()
+    return replace(verdict, probability_interval=(max(p - below, 0.0), min(p + above, 1.0)))
+
+
 def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
     """The verdict beside what tests there (or a little ``off``) measured; open if one contradicts it."""
     criterion, contradicted, told = verdict.criterion, False, []
-    did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
+    did = "it measured" if criterion.window_ms is None else "the prediction made without it rated"
     for test, value in run.items():
         if value is not None:
             met = criterion.is_met_by(value)
-            where = Sentence("for it, at {},", off[test]) if test in off else "there"
+            where = Sentence("for it, at {}", off[test]) if test in off else "there"
             does = "meets" if met else "misses"
             shown = criterion.shown(value)
-            told.append(Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, shown, does))
+            told.append(Sentence("Test {} was run {}: {} {}, which {} the limit.", test, where, did, shown, does))
             contradicted |= met is not (verdict.word == "met")
     return replace(with_reason(verdict, *told, contradicted=contradicted), run=run)
 
@@ -179,16 +190,16 @@ def _word(probability: float | None, confidence: float, error: float = 0.0) -> W
 
 def _reason(verdict: Verdict, confidence: float) -> str:
     if verdict.probability is None:
-        short = "The record" if verdict.value is None else "More than one draw in ten"
-        return f"{short} is too short for the {verdict.criterion.label} here; only a longer record can tell."
+        short = "The records end" if verdict.value is None else "More than one predicted pulse in ten ends"
+        return f"{short} too early to tell the {verdict.criterion.title} here; only longer records can."
     chances = verdict.probability, 1 - verdict.probability
     met, missed = (probability_text(p, confidence).replace(">", "over ") for p in chances)
-    came = {"met": f"met with probability {met}.", "not met": f"missed with probability {missed}."}
-    told = came.get(verdict.word, f"met{' by another test' * bool(verdict.run)} with probability {met} only.")
+    came = {"met": f"is met with probability {met}.", "not met": f"is missed with probability {missed}."}
+    told = came.get(verdict.word, f"is met{' by another test' * bool(verdict.run)} with probability {met} only.")
     if verdict.word == "open" and _word(verdict.probability, confidence) != "open":
         error, n = COUNTED * verdict.error, len(verdict.chances)
-        told = f"met with probability {met}, which {n} seeds tell to ± {error:.3f}."
-    return joined([verdict.expected, told], ", ")
+        told = f"is met with probability {met}, known to ± {error:.3f} from {n} seeds."
+    return joined([verdict.expected, told])
 
 
 def with_decided(curve: LearningCurve, criteria: CriteriaGiven) -> LearningCurve:

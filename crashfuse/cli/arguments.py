@@ -41,8 +41,8 @@ def parser() -> argparse.ArgumentParser:
         return added
 
     app = command("app", "data.app", "start the dashboard on 127.0.0.1", None)
-    app.add_argument("--port", type=whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
-    app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
+    app.add_argument("--port", type=whole(1, 65535), default=8501, help="default: %(default)s")
+    app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign to open")
     help_ = "pages open and write to what is in it only; one option a folder"
     app.add_argument("--root", type=Path, action="append", default=[], metavar="DIR", help=help_)
     app.add_argument("--log", type=Path, metavar="FILE", help="append the log to it (default: standard error)")
@@ -74,7 +74,7 @@ def parser() -> argparse.ArgumentParser:
     _add_out(certify)
     certify.add_argument("--criteria", type=Path, metavar="FILE.toml", help="default: CAMPAIGN/criteria.toml")
     certify.add_argument("--matrix", type=Path, metavar="FILE.csv", help="conditions (default: CAMPAIGN/matrix.csv)")
-    price, help_ = ("TEST", "WRONG"), "costs of a test and of a wrong answer, in place of [costs]"
+    price, help_ = ("TEST", "WRONG"), "costs, in place of [costs]"
     certify.add_argument("--costs", type=number, nargs=2, metavar=price, help=help_)
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     _add_factor(certify, "of a grid; several values of a name, too")
@@ -93,6 +93,9 @@ def parser() -> argparse.ArgumentParser:
     verify.add_argument("--key", type=Path, metavar="PUB", help="the public key of its maker")
     verify.add_argument("--campaign", type=Path, metavar="CAMPAIGN", help="compare its files, too")
     verify.add_argument("--seal", type=Path, metavar="KEY", help="sign as reviewer")
+    verify.add_argument("--recompute", type=Path, metavar="CAMPAIGN", help="compute it again, and compare")
+    _add_archive(verify)
+    _add_workers(verify)
 
     curve = command("learning-curve", "studies.learning_curve", "predict tests from 1, 2, 3 … of the others")
     _add_out(curve)
@@ -177,15 +180,13 @@ def _add_import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cae", nargs="+", default=(), metavar="NAME", help="CAE runs among them, by file or id")
     parser.add_argument("--cae-tuned", choices=("yes", "no"), help="was the CAE model tuned to these tests?")
     parser.add_argument("--id", metavar="ID", help="id for a source of one record")
-    parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
+    _add_channel_options(parser)
     parser.add_argument("--column", nargs="+", default=(), metavar="COLUMN=ROLE[:UNIT]", help="such as Zeit=time:ms")
     parser.add_argument("--conditions", type=Path, metavar="TABLE", help="a table with the conditions by id")
-    parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
     parser.add_argument("--deceleration-sign", choices=("negative", "positive"), help="default: detected")
     parser.add_argument("--travel", choices=TRAVELS, help="direction in the source's axes (default: found)")
     parser.add_argument("--time-zero-ms", type=number, metavar="T", help="first contact, in the source's own time")
     parser.add_argument("--gap-mm", type=in_si(MS), metavar="G", help="to the barrier at the start of CAE runs")
-    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help='60, 180 or so, or "none"')
     axes = {**AXES, "mass_kg": {"--mass-lb": LB, "--mass-kg": 1.0}}
     for name, what in CONDITION.items():
         group, metavar = parser.add_mutually_exclusive_group(), "V" if name == "speed_mps" else "W"
@@ -203,9 +204,9 @@ def _add_export_options(parser: argparse.ArgumentParser, *default: str) -> None:
     group.add_argument("--draws", type=int, metavar="N", help="whole draws, too (default: 0)")
     group.add_argument("--unit-system", choices=_UNIT_SYSTEMS, help="of the solver's model; has no default")
     group.add_argument("--deceleration-sign", choices=("negative", "positive"), help="in curves (default: negative)")
-    group.add_argument("--start-ms", type=number, metavar="T", help="time of contact in curves (default: 0)")
-    group.add_argument("--scale", type=number, metavar="X", help="factor on the accelerations of curves (default: 1)")
-    group.add_argument("--curve-id", type=int, metavar="ID", help="id of the first curve; others count on (default: 1)")
+    group.add_argument("--start-ms", type=number, metavar="T", help="of contact in curves (default: 0)")
+    group.add_argument("--scale", type=number, metavar="X", help="factor on curves (default: 1)")
+    group.add_argument("--curve-id", type=int, metavar="ID", help="of the first curve (default: 1)")
     group.add_argument("--isomme-location", metavar="CODE", help="12 characters of codes (default: 10VEHC000000)")
 
 
@@ -218,14 +219,18 @@ def _add_rating_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--explain", action="store_true", help="what ratings are made of")
     _add_windows(parser)
     _add_also(parser)
-    parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
+    _add_channel_options(parser)
     parser.add_argument("--comparison-channel", nargs="+", default=(), metavar="NAME", help="if named otherwise")
-    parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
-    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help="60, 180 or so, or none")
     parser.add_argument("--as-given", action="store_true", help="move, turn and filter nothing")
     printed = parser.add_mutually_exclusive_group()
-    printed.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    printed.add_argument("--csv", action="store_true", help="print CSV instead of a table")
+    printed.add_argument("--json", action="store_true", help="no table, but JSON")
+    printed.add_argument("--csv", action="store_true", help="no table, but CSV")
+
+
+def _add_channel_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
+    parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
+    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help="60, 180 or so, or none")
 
 
 def _add_out(parser: argparse.ArgumentParser, what: str = "folder for the results") -> None:

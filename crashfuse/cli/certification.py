@@ -5,18 +5,21 @@ import hashlib
 from contextlib import suppress
 from dataclasses import replace
 
+import pandas as pd
+
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import read_notes
 from crashfuse.certification import file_store, seal
-from crashfuse.certification.certify import APPROACH
+from crashfuse.certification.certify import APPROACH, recompute
 from crashfuse.certification.certify import certify as certify_campaign
 from crashfuse.certification.criteria import read_criteria
-from crashfuse.certification.earlier import FILE, read_earlier
+from crashfuse.certification.earlier import AGREEMENTS, FILE, UNDERIVED, VERDICTS, read_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
 from crashfuse.cli.output import opened, say, writing
-from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
+from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable, shortened
 from crashfuse.execution.training_progress import watching
 from crashfuse.results.certification import certification_result
 from crashfuse.results.files import replaced, write_files
@@ -66,11 +69,18 @@ def make_key(arguments: argparse.Namespace) -> None:
 
 
 def verify(arguments: argparse.Namespace) -> None:
-    """Hold a certification against its seal, and sign it as reviewer if asked to."""
-    reviewing = None if arguments.seal is None else seal.read_key(arguments.seal, "private")
-    sealed = seal.verify(arguments.folder, arguments.key, arguments.campaign)
+    """Hold a certification against its seal, recompute it, or sign it as reviewer."""
+    folder, reviewing = arguments.folder, None if arguments.seal is None else seal.read_key(arguments.seal, "private")
+    sealed = None
+    if arguments.recompute is None or reviewing or arguments.key or (folder / seal.SEAL).exists():
+        sealed = seal.verify(folder, arguments.key, arguments.campaign)
+    if arguments.recompute is not None:
+        _recompute(arguments)
+    if sealed is None:
+        print(f"There is no {seal.SEAL}.")
+        return
     if reviewing is not None:
-        seal.review(arguments.folder, reviewing)
+        seal.review(folder, reviewing)
         sealed = sealed._replace(reviewer=seal.key_name(reviewing.public_key()))
     print(f"{FILE} and {len(sealed.files)} files are as the key {sealed.key} sealed them{_following(sealed.before)}.")
     print(f"Made on {sealed.date}, by its own account: who was given the seal before a test, knows that it is older.")
@@ -86,8 +96,26 @@ def verify(arguments: argparse.Namespace) -> None:
         elsewhere = seal.elsewhere(arguments.campaign, sealed.rests_on)
         if lacking := [printable(name) for name, path in elsewhere.items() if not path.is_file()]:
             print(f"Not compared, as not beside the campaign: {', '.join(lacking)}.")
-    if others := {path.name for path in arguments.folder.iterdir()} - {FILE, seal.SEAL, seal.REVIEW, *sealed.files}:
+    if others := {path.name for path in folder.iterdir()} - {FILE, seal.SEAL, seal.REVIEW, *sealed.files}:
         print(f"Not sealed: {', '.join(printable(name) for name in sorted(others))}.")
+    print("A seal proves that nothing was changed since. Only --recompute proves the numbers.")
+
+
+def _recompute(arguments: argparse.Namespace) -> None:
+    campaign = load_campaign(arguments.recompute, arguments.archive)
+    with watching() as watch:
+        how = {name: getattr(arguments, name) for name in ("workers", "scheduler")}
+        values = recompute(arguments.folder, campaign, watch=watch, **how)
+    places, agreement = values["place"], values["agreement"].rename("agree")
+    kinds = places.str.startswith(VERDICTS).map({True: "verdicts", False: "other values"}).rename("recomputed")
+    print(pd.crosstab(kinds, agreement).to_string())
+    others = dict.fromkeys(places[agreement == UNDERIVED].str.partition(", ")[0])
+    print(f"Not derived: {', '.join(others)}, report.html, credibility.csv.")
+    print("Recomputing proves that verdicts follow from these records, not that tests gave them.")
+    wrong = values[agreement == AGREEMENTS[-1]].itertuples()
+    problems = [Problem(f"{own.file}, {own.place}", str(own.recomputed), str(own.recorded), seal.ASK) for own in wrong]
+    if problems:
+        raise DataError(shortened(problems))
 
 
 def _following(before: str | None) -> str:

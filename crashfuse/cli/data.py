@@ -106,29 +106,19 @@ def import_(arguments: argparse.Namespace) -> None:
     from crashfuse.importing import Choices, ColumnChoice, import_source
     from crashfuse.readers.record import PartialCondition
 
+    same = {name: getattr(arguments, name) for name in ("deceleration_sign", "channel_filter_class", "front_share")}
     choices = Choices(
         channels=tuple(arguments.channel),
         unit=ACCELERATION_UNITS.get(arguments.unit, arguments.unit),
-        deceleration_sign=arguments.deceleration_sign,
         time_zero_s=None if arguments.time_zero_ms is None else arguments.time_zero_ms * MS,
         gap_m=arguments.gap_mm,
-        channel_filter_class=arguments.channel_filter_class,
         condition=PartialCondition(**{name: getattr(arguments, name) for name in CONDITION}),
-        front_share=arguments.front_share,
+        **same,
     )
-    added = import_source(
-        arguments.source,
-        arguments.out,
-        choices,
-        role=arguments.role,
-        cae=arguments.cae,
-        fmt=arguments.format,
-        record_id=arguments.id,
-        columns=[ColumnChoice.parsed(text) for text in arguments.column],
-        conditions=arguments.conditions,
-        travel=arguments.travel,
-        cae_tuned=None if arguments.cae_tuned is None else arguments.cae_tuned == "yes",
-    )
+    how = {name: getattr(arguments, name) for name in ("role", "cae", "conditions", "travel")}
+    tuned = None if arguments.cae_tuned is None else arguments.cae_tuned == "yes"
+    how |= {"columns": [*map(ColumnChoice.parsed, arguments.column)], "fmt": arguments.format, "cae_tuned": tuned}
+    added = import_source(arguments.source, arguments.out, choices, record_id=arguments.id, **how)
     for one in added:
         print(f"{one.id}: {one.condition}")
         for step in one.steps:

@@ -84,7 +84,7 @@ def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:
         expected = "a secrets file with a section [auth]"
         raise DataError(Problem(str(files[0]), expected, "none", _HOW_TO))
     if asked and importlib.util.find_spec("authlib") is None:
-        raise UsageError('A log-in needs the extra "login": python -m pip install "crashfuse[login]".')
+        raise UsageError('A log-in needs, in a checkout: python -m pip install ".[login]".')
     return bool(asked)
 
 

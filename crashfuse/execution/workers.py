@@ -191,7 +191,7 @@ def connected(scheduler: str) -> Iterator["Cluster"]:
     try:
         import distributed  # it takes a second
     except ModuleNotFoundError as error:
-        raise UsageError('A Dask cluster needs an extra: python -m pip install "crashfuse[dask]".') from error
+        raise UsageError('A Dask cluster needs, in a checkout: python -m pip install ".[dask]".') from error
     if not _ADDRESS.fullmatch(scheduler):
         raise UsageError(f"The address of a Dask scheduler looks like tcp://192.0.2.1:8786, not {scheduler!r}.")
     its_log = logging.getLogger("distributed")

@@ -334,7 +334,7 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
     try:
         from openpyxl import load_workbook
     except ImportError:
-        advice = f"install crashfuse[excel], or {_AS_CSV}"
+        advice = f'python -m pip install ".[excel]" in a checkout, or {_AS_CSV}'
         raise refusal(path.name, "openpyxl to read workbooks with", "none installed", advice) from None
     problems: list[Problem] = []
     found, cells = list[Sheet](), 0

@@ -17,7 +17,6 @@ from crashfuse.units import Sentence, counted, speed, weight
 from crashfuse.vehicle_archive import record_sentence
 
 _SHOWN = {"peak": "Peak", "max_crush": "Crush", "t0": "TTZV", "olc": "OLC", "sm25": "SM25"}
-"""Metrics by which the CAE model is held against tests, in few letters: each has three numbers in a cell."""
 
 
 @remembered
@@ -61,7 +60,7 @@ def campaign_result(campaign: Campaign) -> Result:
         shown=("tests", "cae_errors"),
         sentences={
             "library": (library,),
-            "quality": (quality.summary, *quality.named),
+            "quality": (quality.summary, quality.checks, *quality.named),
             "archive": () if past.empty else (record_sentence(past),),
         },
         tables=Deferred[Table](

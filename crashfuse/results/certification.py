@@ -6,20 +6,33 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Unpack
 
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import WrongShare, trial_bounds
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results import certification_tables as tables
 from crashfuse.results.campaign import campaign_result
-from crashfuse.results.certification_facts import PLACES, against, answer, exceptions, facts, outcomes, sentences
+from crashfuse.results.certification_facts import (
+    PLACES,
+    against,
+    answer,
+    exceptions,
+    facts,
+    outcomes,
+    sentences,
+    spot_check,
+)
 from crashfuse.results.credibility import credibility_rows, credibility_table
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots import certification as plots
+from crashfuse.results.plots import pulses
 from crashfuse.results.provenance import certification_settings, certify_command, provenance
 from crashfuse.results.render.text import json_bytes
 from crashfuse.results.result import Deferred, Figure, ForReading, Result
@@ -31,7 +44,7 @@ from crashfuse.units import LB, MPH
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # of a sheet at the height it has on paper; of several, two fill a page
 _CRITERIA = 2  # of a sheet
 _MOST_SHEETS = 20
-_SHEET = ["Activity", "Factor", "Question", "What the data say", "Source"]
+_SHEET = ["Activity", "Factor", "Question", "Basis", "What the data say", "Source"]
 
 
 def certification_result(certification: Certification, notes: Sequence[Note] = ()) -> Result:
@@ -43,6 +56,16 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         known = repeatability(campaign, config.windows_ms, seed=config.seed)
         return repeats_table(known, campaign.test_ids, config.windows_ms) or Table.of("repeats", ())
 
+    def credibility() -> Table:
+        rows = credibility_rows(certification)
+        again = rows.duplicated("factor")
+        for name in ("activity", "factor", "question"):
+            rows[name] = rows[name].mask(again, "")
+        return Table.of("credibility", rows.set_axis(_SHEET, axis=1))
+
+    told: dict[str, tuple[str, ...]] = {place: sentences(certification, place) for place in PLACES}
+    told["verdicts"] += (criteria.scatter,)
+    sealed = f"Sealed by the key {certification.key}." if certification.key else "Not sealed."
     return Result(
         kind="certification",
         title="certification by analysis",
@@ -53,14 +76,14 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         answer=answer(certification),
         against=against(certification),
         shown=("planned", "counts"),
-        sentences={place: sentences(certification, place) for place in PLACES},
+        sentences={**told, "evidence": (*told["record"][:2], campaign.quality.checks, sealed)},
         tables=Deferred(
             **tables.makers_of_tables(certification),
-            credibility=lambda: Table.of("credibility", credibility_rows(certification).set_axis(_SHEET, axis=1)),
+            credibility=credibility,
             repeats=repeats,
         ),
         figures=_figures(certification),
-        parts={"data": (campaign_result(campaign),)},
+        parts={"data": (campaign_result(campaign),), "left_out": _left_out(certification)},
         values={
             "date": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
             "key": certification.key,
@@ -102,6 +125,26 @@ def _figures(certification: Certification) -> dict[str, Figure]:
         sheets = [partial(matrix, words=False)]
     figures["verdicts"] = Figure("Verdicts", matrix, is_answer=True, sheets=tuple(sheets))
     return figures
+
+
+def _left_out(certification: Certification) -> tuple[Result, ...]:
+    """A part for each left-out test: what it showed, the CAE model, and what was predicted without it."""
+    campaign, approach = certification.campaign, certification.config.approaches[0]
+    names = {**tables.PULSE_OF, BASELINE: BASELINE, **({} if approach == BASELINE else {"test": approach})}
+
+    def overlay(display: Display, test: CrashTest) -> Drawing:
+        made = tables.left_out_pulses(certification)[test.id].items()
+        drawn = {names[way]: Prediction(test.condition, accel_mps2.mean(axis=0)) for way, accel_mps2 in made}
+        return pulses.overlay(test, drawn, display)
+
+    figures = {
+        test: Figure("test, CAE model and prediction", partial(overlay, test=campaign.test(test)))
+        for test, _ in certification.record.predicted_mps2
+    }
+    return tuple(
+        Result(kind="left-out test", title=f"{test}, left out", figures={"overlay": figure})
+        for test, figure in figures.items()
+    )
 
 
 def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> Drawing:
@@ -161,13 +204,18 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "criteria": {
             "confidence": criteria.confidence,
             **({} if costs is None else {"confidence_by_costs": criteria.declared is None, "costs": asdict(costs)}),
+            **({"tolerances": asdict(criteria.tolerances)} if criteria.tolerances else {}),
             "criterion": [_criterion(criterion) for criterion in criteria.items],
         },
         **({"costs": _costs(certification)} if costs else {}),
         "matrix": tables.matrix_table(certification.matrix).to_dict("records"),
         "cells": {i: {v.criterion.name: (v.word, v.probability, v.lower, v.upper) for v in row} for i, row in rows},
         "monte_carlo": {
-            i: {"seeds": max(len(v.chances) for v in row), "error": {v.criterion.name: round(v.error, 4) for v in row}}
+            i: {
+                "seeds": max(len(v.chances) for v in row),
+                "error": {v.criterion.name: round(v.error, 4) for v in row},
+                "interval": {v.criterion.name: v.probability_interval for v in row},
+            }
             for i, row in rows
         },
         "run": {
@@ -192,15 +240,17 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "counted_once": certification.counted_once,
         "uncertain": {i: met._asdict() for i, met in certification.uncertain.items()},
         "run_first": certification.run_first,
+        "spot_check": spot_check(certification),
         "bounds": {unit: share.at_most for unit, share in record.bounds().items()},
         "track_record": {
+            "near_limit": tables.share_columns(record.near_limit.bounds()["verdicts"]),
             **tables.record_counts(record),
             "decided_tests": tables.share_columns(record.bounds()["tests"]),
             "waived": {"tests": tests, **tables.share_columns(WrongShare(wrong, saved))},
             "saved": {test: list(ways) for test, ways in record.saved(criteria).items()},
-            "near_limit": tables.share_columns(record.near_limit.bounds()["verdicts"]),
             "intervals": {"n": intervals, "inside": inside},
             "intervals_outside": {"n": outside, "inside": inside_outside},
+            "ratings": tables.left_out_ratings(certification).frame.to_dict("records"),
             "tuned": {unit: tables.share_columns(share) for unit, share in trial_bounds(record.tuned).items()},
             "whole_pulses": {way: {"n": n, "inside": inside} for way, (inside, n) in record.whole_pulses.items()},
             **({} if with_runs is None else {"with_paired_runs": tables.record_counts(with_runs)}),
@@ -232,4 +282,5 @@ def _costs(certification: Certification) -> dict[str, object]:
 
 
 def _criterion(criterion: Criterion) -> dict[str, object]:
-    return {key: value for key, value in asdict(criterion).items() if value is not None}
+    given = {key: value for key, value in asdict(criterion).items() if value is not None}
+    return {**given, **({"unit": criterion.unit} if criterion.unit else {})}

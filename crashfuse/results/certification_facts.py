@@ -3,19 +3,20 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain, groupby
-from typing import ClassVar, Literal
+from statistics import fmean
+from typing import Any, ClassVar, Literal
 
 from crashfuse.approaches.base import WHOLE_SHARE
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.criteria import likely_unit
 from crashfuse.certification.earlier import LaterTests
 from crashfuse.certification.track_record import (
     TrackRecord,
     Trial,
     WrongShare,
-    at_most,
     counted_wrong,
     largest_share,
+    percent_at_most,
     strictest_per_metric,
     trial_bounds,
 )
@@ -24,26 +25,26 @@ from crashfuse.execution.cache import remembered
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import whole_sentence
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
-from crashfuse.units import KPH, Quantity, Sentence, counted, joined, probability_text, speed, weight
+from crashfuse.units import KPH, Sentence, counted, joined, probability_text, speed, weight
 
 _INTERVALS = (
-    "{inside} of {n} intervals (95 %) held what left-out tests measured.",
+    "{inside} of {n} intervals (95 %) held what the hidden test measured.",
     "Outside the validated domain: {inside_outside} of {n_outside}.",
     "Missed: {missed}.",
 )
 _WRONG = (
-    "{about}, {how}: we called {criterion} ({limits}) at {condition} {said} (probability {probability}); measured "
-    "{measured}."
+    "{about}, {how}: at {condition} we said {criterion} ({limits}) is {said} (probability to meet it {probability}); "
+    "measured {measured}."
 )
-_BOUNDS = "{bound}, exact one-sided 95 % bound; {bound_by_test} if verdicts on one test count as one"
+_BOUNDS = "up to {bound}, or {bound_by_test} if verdicts on one test count as one; exact one-sided 95 % bounds"
 CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "matrix.saved": ("", "{n:,} of {planned} need not be run to know these pulse criteria."),
-    "matrix.skipping_loses": ("", "Skipping does not pay on this record: none of {planned} is skipped."),
-    "matrix.counted_once": ("", "Counted once, within 1 km/h and 2 % of each weight: {alike}."),
+    "matrix.skipping_loses": ("", "Skipping does not pay on this record: run all {planned}."),
+    "matrix.counted_once": ("", "Within 1 km/h and 2 % of each weight, so counted once: {alike}."),
     "costs.confidence": (
         "",
-        "At {test:,.10g} a test and {wrong_answer:,.10g} a wrong answer skipping pays from a confidence of "
-        "{pays_from:g}; {confidence:g} is asked for.",
+        "A test costs {test:,.10g} and a wrong answer {wrong_answer:,.10g}, so skipping pays from a confidence of "
+        "{pays_from:g}; asked for is {confidence:g}.",
     ),
     "costs.saving": (
         "",
@@ -51,42 +52,48 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "If as many answers are wrong as the record cannot rule out ({wrong_at_most:.0%}), it {cautious_text}.",
     ),
     "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Already run: {run}."),
-    "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, and certify again."),
+    "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, then certify again."),
+    "spot_check": (
+        "",
+        "Spot check: one of {tests} inside the validated domain, drawn at random and run, rates at least "
+        "{at_least:.2f} over 0–{window_ms:g} ms with probability {rates} (least at {weakest}: {least}), and meets all "
+        "criteria with {meets}.",
+    ),
     "test.stands_apart": ("Tests that stand apart",),
     "since.wrong": ("Verdicts contradicted since", _WRONG),
     "record.slower": (
         "Skips faster than the record",
-        "No skip as fast as {about} ({speeds}) was checked: hidden tests with that answer ran at {fastest} or slower.",
+        "We skip {about} ({speeds}), but no hidden test with that answer was faster than {fastest}.",
     ),
     "record.none": ("No record", "There is no record: {why}."),
+    "criterion.unit": ("Units of limits", "{about}: {limits}, but tests show {shown}: is it in {likely}?"),
     "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
-    "record.waived": (
-        "",
-        "We hid each of {tests} in turn, alone and with its speed group, and asked the same question: for {n} the "
-        "answer was skip.",
-        "Of these {wrong} missed a criterion: the error rate may be up to {bound:.1f} % (exact one-sided 95 % bound).",
-    ),
     "record.decided": (
         "",
-        "Near the limits, where it matters: {near} verdicts on left-out tests, {near_wrong} wrong ({near_bound}).",
-        f"In all {{n:,}} verdicts on left-out tests, {{wrong}} wrong ({_BOUNDS}).",
+        "Near the limits, where it matters: {near_text}.",
+        f"In all {{n:,}} verdicts, {{outcome}} ({_BOUNDS}).",
         "No bound holds for another vehicle.",
+    ),
+    "record.waived": (
+        "",
+        "We hid each of {tests} in turn, also with all at its speed, and asked the same question. For {answered} the "
+        "answer was skip.",
+        "{outcome}, which allows an error rate of up to {bound} (exact one-sided 95 % bound).",
     ),
     "record.with_runs": (
         "",
-        "Left-out tests are predicted without their CAE runs, as planned conditions have none.",
-        "With these runs: {n:,} verdicts, {wrong} wrong, and {skipped} tests would have been skipped.",
+        "Hidden tests are predicted without their CAE runs, as planned tests have none.",
+        "With these runs it would be {n:,} verdicts, {outcome}, and {skipped} tests skipped.",
     ),
     "since.beside": (
         "",
-        "Compared with an earlier certification of {conditions} from {tests}, by its own account of {date} (SHA-256 "
-        "{digest}…).",
+        "An earlier certification judged {conditions} from {tests}, by its own account on {date} (SHA-256 {digest}…).",
         "Run since: {new}.",
         "Repeats, which do not count: {repeats}.",
     ),
     "since.outcomes": (
         "",
-        f"Tests run since, ratings aside: verdicts on {{metrics}} of {{tests}}, {{wrong}} wrong ({_BOUNDS}).",
+        f"On {{tests}} run since it had given {{verdicts}}, ratings aside: {{outcome}} ({_BOUNDS}).",
     ),
     "record.wrong": ("Wrong verdicts on left-out tests", _WRONG),
     "test.extrapolated": ("Tests outside the CAE runs", "{about}: {notes}"),
@@ -98,20 +105,22 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
     "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
     "campaign.warning": ("Warnings",),
+    "cae.unchecked": ("Quality checks not passed", "{checks}"),
     "condition.outside": ("Outside the validated domain", "{about}: {why}"),
     "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
-    "criterion.occupant": ("Another occupant model", "{about}: by {model} (campaign.toml)."),
+    "criterion.occupant": ("Another occupant model", "{about} is computed with {model} (campaign.toml)."),
     "record.too_narrow": ("Intervals too narrow", *_INTERVALS),
     "record.intervals": ("", *_INTERVALS),
     "record.whole": ("", "{sentence}", "No verdict rests on this band."),
     "record.bin": (
         "Probabilities contradicted",
-        "{low:g} to {high:g}, {probability:.3f} on average: {met:.0%} of {n} met it (95 % bounds {lower:.0%} to "
+        "Of {n} at {low:g} to {high:g} ({probability:.3f} on average) {met:.0%} were met (95 % bounds {lower:.0%} to "
         "{upper:.0%}).",
     ),
     "record.no_gain": (
         "No better than the raw CAE",
-        "Brier score of the probabilities of metrics (0 is perfect): {brier:.4f}; of the raw CAE {brier_cae:.4f}.",
+        "Brier score of our probabilities on hidden tests: {brier:.4f}; of the raw CAE model: {brier_cae:.4f} (0 is "
+        "perfect).",
     ),
     "criterion.untouched": ("Limits that no left-out test came near", "{about}: {why}"),
     "criterion.few": ("Too few verdicts", "{about}: {why}"),
@@ -121,19 +130,18 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "Validated domain: {speeds}, {masses} in all, within the range of the CAE runs.",
         "Factors: {factors}.",
         "By rule it reaches {reach_mps} beyond the {n_tests} tests ({tested_speeds}, {tested_masses}).",
-        "Inside it even without their speed group: {inside}.",
+        "Still inside with all at their speed left out: {inside}.",
     ),
 }
-"""By code, the most important first: the heading among the exceptions of what speaks against verdicts, and sentences.
-Those without a sentence are of the campaign."""
+"""By code, the most important first: a heading of what speaks against verdicts, and sentences if not a campaign's."""
 SUBJECTS: Mapping[str, str] = {code: heading for code, (heading, *_) in CATALOGUE.items() if heading}
 DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
-"""The subjects that stand beside the answer itself: down to factors that no test has together."""
+"""The subjects that stand beside the answer itself."""
 
 Place = Literal["answer", "verdicts", "costs", "summary", "record", "domain", "since"]
 _COSTS = ("costs.confidence", "costs.saving")
 _RECORD = (
-    *("record.waived", "record.decided", "record.with_runs", "record.no_gain", "record.none"),
+    *("record.decided", "record.waived", "record.with_runs", "record.no_gain", "record.none"),
     *("tests.cae_tuned", "since.outcomes"),
 )
 PLACES: Mapping[Place, tuple[str, ...]] = {
@@ -141,11 +149,11 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("matrix.saved", "matrix.skipping_loses", "since.outcomes", "record.none", "record.waived", "since.beside"),
         *("costs.saving", "matrix.run_first"),
     ),
-    "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first"),
+    "verdicts": ("matrix.counted_once", "matrix.counts", "matrix.run_first", "spot_check"),
     "costs": _COSTS,
     "summary": (
         *("matrix.saved", "matrix.skipping_loses", "matrix.counted_once", *_COSTS),
-        *("matrix.counts", "matrix.run_first", *_RECORD, "record.slower"),
+        *("matrix.counts", "matrix.run_first", "spot_check", *_RECORD, "record.slower"),
         *("test.not_used", "condition.no_factor", "condition.new_together"),
         *("criterion.unsupported", "criterion.untouched", "criterion.few"),
     ),
@@ -153,7 +161,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
     "domain": ("domain.checked",),
     "since": ("since.beside", "since.outcomes", "since.wrong"),
 }
-"""The codes that are shown at each place: first those that answer, by their rank; in sections; in the JSON file."""
+"""The codes that each place shows; those that answer by their rank."""
 _MOST_ANSWERS = 3
 
 
@@ -209,6 +217,8 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
     yield from (fact for fact in campaign_facts(campaign) if fact.code in SUBJECTS and fact.code != "tests.cae_tuned")
     if any(test.cae_tuned is not False for test in campaign.tests):
         yield tuning_fact(campaign)
+    if (quality := campaign.quality).unpassed:
+        yield _fact("cae.unchecked", checks=quality.checks)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield _fact("test.extrapolated", test.id, notes=joined(notes))
@@ -226,6 +236,21 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
         yield _fact("matrix.counted_once", alike=once)
     if first := certification.run_first:
         yield _fact("matrix.run_first", first)
+    if drawn := spot_check(certification):
+        texts = {name: probability_text(drawn[name], 1.0) for name in ("rates", "meets", "least")}
+        yield _fact("spot_check", **drawn | texts | {"tests": counted(drawn["tests"], "planned test")})
+
+
+def spot_check(certification: Certification) -> dict[str, Any]:
+    """What to expect of a planned test, not run yet, that is drawn at random and run; empty if none can be told."""
+    asked, rows = certification.criteria.spot_check, certification.rows
+    rates = {i: p for i, p in certification.spot_checks.items() if i in rows}
+    if not rates:
+        return {}
+    weakest = min(rates, key=rates.__getitem__)
+    means = {"rates": fmean(rates.values()), "meets": fmean(all_met(rows[i]).probability for i in rates)}
+    limit = {"at_least": asked.at_least, "window_ms": asked.window_ms}
+    return {"tests": len(rates), **limit, **means, "weakest": weakest, "least": rates[weakest]}
 
 
 def _costs(certification: Certification) -> Iterator[Fact]:
@@ -251,20 +276,21 @@ def _record(certification: Certification) -> Iterator[Fact]:
         why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
         yield _fact("record.none", why=why)
         return
-    (n, wrong), (near_n, missed) = record.decided, record.near_limit.decided
-    near = {"near": near_n or None, "near_wrong": missed, "near_bound": at_most(missed, near_n)}
-    yield _fact("record.decided", n=n, wrong=wrong, **near, **_bounds(record.bounds()))
+    near = record.near_limit.bounds()["verdicts"]
+    text = f"{counted(near.n, 'verdict')} on hidden tests, {counted_wrong(near.wrong)} (up to {percent_at_most(*near)})"
+    near_text = text if near.n else "no verdict on a hidden test, so the others prove little"
+    yield _fact("record.decided", **_outcome(record.bounds()), near=near.n, near_wrong=near.wrong, near_text=near_text)
     tests, saved, missed = record.waived(criteria)
-    bound = 100 * largest_share(missed, saved) if saved else None
-    yield _fact("record.waived", tests=counted(tests, "test"), n=saved, wrong=missed, bound=bound)
+    outcome = f"{missed} of these missed a criterion" if missed else f"All {saved} met every criterion"
+    values = {"tests": counted(tests, "test"), "n": saved, "answered": saved or "none", "wrong": missed}
+    yield _fact("record.waived", **values, outcome=outcome, bound=percent_at_most(missed, saved) if saved else None)
     hidden = record.saved(criteria)
     fastest = max((t.verdict.condition.speed_mps for t in record.counted if t.held_out in hidden), default=float("inf"))
     if faster := {i: v for i in certification.waived if (v := rows[i][0].condition.speed_mps) > fastest + KPH}:
         speeds = speed(*sorted({min(faster.values()), max(faster.values())}), between=" to ")
         yield _fact("record.slower", *faster, fastest=speed(fastest), speeds=speeds)
     if (with_runs := certification.record_with_runs) is not None:
-        n, wrong = with_runs.decided
-        yield _fact("record.with_runs", n=n, wrong=wrong, skipped=with_runs.waived(criteria)[1])
+        yield _fact("record.with_runs", **_outcome(with_runs.bounds()), skipped=with_runs.waived(criteria)[1])
     yield from _intervals(record)
     if whole := record.whole_pulses:
         narrow = any(largest_share(*counts) < WHOLE_SHARE for counts in whole.values())
@@ -276,8 +302,10 @@ def _record(certification: Certification) -> Iterator[Fact]:
     yield from (_fact("record.bin", **asdict(own)) for own in record.reliability if not own.holds)
 
 
-def _bounds(bounds: Mapping[str, WrongShare]) -> dict[str, str]:
-    return {"bound": at_most(*bounds["verdicts"]), "bound_by_test": at_most(*bounds["tests"])}
+def _outcome(bounds: Mapping[str, WrongShare]) -> dict[str, object]:
+    wrong, n = bounds["verdicts"]
+    at_most = {"bound": percent_at_most(wrong, n), "bound_by_test": percent_at_most(*bounds["tests"])}
+    return {"n": n, "wrong": wrong, "outcome": counted_wrong(wrong), **at_most}
 
 
 def _criteria(certification: Certification) -> Iterator[Fact]:
@@ -286,6 +314,11 @@ def _criteria(certification: Certification) -> Iterator[Fact]:
     names: dict[tuple[str, str], list[str]] = {}
     for criterion in certification.criteria.items:
         support = record.support(criterion)
+        predicted = (v.value for _, v in certification.cells if v.criterion == criterion)
+        values = [v for v in (*predicted, *(trial.measured for trial in record.of(criterion))) if v is not None]
+        if likely := likely_unit(criterion, values):  # all in the unit of the file
+            shown = f"{min(values):.4g} to {max(values):.4g} {criterion.unit}"
+            yield _fact("criterion.unit", criterion.name, limits=str(criterion.limits), shown=shown, likely=likely)
         if shortfall := support.shortfall(confidence):
             names.setdefault(("criterion.unsupported", shortfall), []).append(criterion.name)
         if record.trials and (reservation := support.reservation(confidence)) and not (support.near and shortfall):
@@ -295,14 +328,6 @@ def _criteria(certification: Certification) -> Iterator[Fact]:
             yield _fact("criterion.occupant", criterion.name, model=model)
     for (code, why), criteria in names.items():
         yield _fact(code, *criteria, why=why)
-
-
-def support_text(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
-    """What the record says of a criterion at this confidence."""
-    support = record.support(criterion)
-    verdicts, wrong = counted(support.own_decided, "verdict"), counted_wrong(support.own_wrong)
-    supported = f"It supports the confidence: {verdicts}, one a test, {wrong}."
-    return support.shortfall(confidence) or support.reservation(confidence) or supported
 
 
 def _domain(certification: Certification) -> Iterator[Fact]:
@@ -338,10 +363,9 @@ def _since(certification: Certification) -> Iterator[Fact]:
         repeats=[test for test, condition in since.made_for.items() if condition in earlier.run],
     )
     bounds = outcomes(since)
-    (wrong, n), (_, n_tests) = bounds["verdicts"], bounds["tests"]
-    if n:
-        of = counted(n, "metric"), counted(n_tests, "test")
-        yield _fact("since.outcomes", metrics=of[0], tests=of[1], wrong=wrong, **_bounds(bounds))
+    if bounds["verdicts"].n:
+        of = {unit: counted(share.n, unit.removesuffix("s")) for unit, share in bounds.items()}
+        yield _fact("since.outcomes", **of, **_outcome(bounds))
     yield from _wrong("since.wrong", since.trials, earlier.criteria.confidence)
 
 
@@ -362,28 +386,20 @@ def _wrong(code: str, trials: Iterable[Trial], confidence: float) -> Iterator[Fa
             condition=verdict.condition,
             said=verdict.word,
             probability=probability_text(verdict.probability, confidence),
-            measured=measured_text(trial),
+            measured=trial.measured_text,
         )
 
 
 def _intervals(record: TrackRecord) -> Iterator[Fact]:
     (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
     missed = [
-        Sentence("{} {} {}, not {}", trial.held_out, limit.name, measured_text(trial), limit.interval(v.lower, v.upper))
+        Sentence("{} {} {}, not {}", trial.held_out, limit.name, trial.measured_text, limit.interval(v.lower, v.upper))
         for trial in record.missed_intervals
         for v, limit in [(trial.verdict, trial.verdict.criterion)]
     ]
     code = "record.too_narrow" if record.too_narrow else "record.intervals"
     if n:
         yield _fact(code, inside=inside, n=n, missed=missed, inside_outside=inside_outside, n_outside=n_outside or None)
-
-
-def measured_text(trial: Trial) -> Quantity | Sentence:
-    """What a test measured and, if run off its condition, what that is there by the CAE model."""
-    shown, value, shift = trial.verdict.criterion.shown, trial.measured, trial.shift
-    if value is None or not shift:
-        return shown(value)
-    return Sentence("{} ({} at its condition, by the CAE model)", shown(value + shift), shown(value))
 
 
 def new_together(certification: Certification) -> dict[str, str]:

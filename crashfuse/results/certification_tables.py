@@ -5,8 +5,11 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
+from crashfuse.approaches.registry import BASELINE
+from crashfuse.cae.model import cae_pulses
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Answer, Certification, Variant
 from crashfuse.certification.criteria import RATING, Criterion
@@ -15,14 +18,16 @@ from crashfuse.certification.track_record import TrackRecord, Trial, WrongShare
 from crashfuse.certification.verdict import WORDS, Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import remembered
+from crashfuse.execution.run import Run
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.results.certification_facts import measured_text, new_together, support_text, unused_at
-from crashfuse.results.plots.canvas import tick_name
+from crashfuse.results.certification_facts import new_together, unused_at
+from crashfuse.results.figures import LEFT_OUT, WITH_GROUP
 from crashfuse.results.table import CONDITION, Column, Table, frame_of, of_condition
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.rating import WEIGHTS, rate_iso18571
 from crashfuse.study.outliers import departures_near
 from crashfuse.units import MASS, SPEED, Sentence, UnitSystem, joined, probability_text, read_out, unbroken
 
-ANSWER = "A test there"
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
@@ -30,6 +35,7 @@ _TRIAL_COLUMNS = (
     *("bounds.verdicts", "bounds.tests", "tuned"),
 )
 _OF_LIMITS = ("metric", "window_ms", "at_least", "at_most", "unit")
+_OF_PROBABILITY = ("probability_lower", "probability_upper")
 _JUDGED = ("met", "not met", "decided")
 
 
@@ -52,6 +58,8 @@ def certification_table(certification: Certification, units: UnitSystem | None =
             "all_met_at_least": at_once[i].at_least,
             "answer": answers[i],
             "all_met": at_once[i].probability,
+            "spot_check": certification.spot_checks.get(i, float("nan")),
+            **dict(zip(_OF_PROBABILITY, verdict.probability_interval or (float("nan"),) * 2, strict=True)),
             **({"test": " ".join(verdict.run)} if run else {}),
         }
         for i, verdict in certification.cells
@@ -137,19 +145,6 @@ def counts_frame(certification: Certification) -> pd.DataFrame:
     )
 
 
-def answer_texts(certification: Certification) -> dict[str, str]:
-    """The answer at each condition in short: tests there, what it counts as, what is apart."""
-    run, same, texts = certification.run, certification.counted_once, {}
-    for i, condition in certification.matrix.items:
-        tests = run.get(i, ())
-        by = f"{len(tests)} tests" if len(tests) > 1 else "".join(map(tick_name, tests))
-        alike = f", as {tick_name(same[i])}" if i in same else ""
-        apart = [tick_name(departure.test) for departure in departures_near(certification.campaign, condition)]
-        texts[i] = certification.answers[i] + (f": {by}" if tests else "") + alike
-        texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
-    return texts
-
-
 def changed_text(variant: Variant) -> str:
     """Which answers a variant changes, in words; empty if none."""
     return "; ".join(f"{i}: {then} → {now}" for i, (then, now) in variant.changed.items())
@@ -172,11 +167,11 @@ def turned_texts(usual: Certification, other: Certification) -> list[Sentence]:
 
 
 def at_once_text(certification: Certification, condition: str) -> str:
-    """The probability that all criteria are met at once, and whether skipping pays."""
+    """The probability that a test meets all criteria, and whether skipping pays."""
     only, but = ("", ", but skipping does not pay") if condition in certification.sure else ("only ", "")
     but *= condition in certification.uncertain
     probability = all_met(certification.rows[condition]).probability
-    return f"all met at once: {only}{probability_text(probability, certification.criteria.confidence)}{but}"
+    return f"meets all: {only}{probability_text(probability, certification.criteria.confidence)}{but}"
 
 
 def _cells(verdict: Verdict) -> dict[str, object]:
@@ -187,6 +182,7 @@ def _cells(verdict: Verdict) -> dict[str, object]:
         "Expected": criterion.shown(verdict.value),
         "95 % of tests": criterion.interval(verdict.lower, verdict.upper),
         "Probability": verdict.probability,
+        "Probability, 95 %": "{:.2f}–{:.2f}".format(*verdict.probability_interval or (0.0, 1.0)),
         "Verdict": verdict.word,
         "Reason": verdict.reason,
     }
@@ -207,31 +203,75 @@ def _trials(name: str, certification: Certification, trials: Sequence[Trial]) ->
             "Test": trial.held_out,
             "Left out": {"test": "alone", "planned": "before it was run"}.get(trial.left_out, trial.left_out),
             **_cells(trial.verdict),
-            "Measured": measured_text(trial),
+            "Measured": trial.measured_text,
             "The test": ("met it" if trial.met else "missed it") + ", wrong" * trial.wrong,
         }
         for trial in trials
     )
-    return Table.of(name, rows, _probability(certification)).without("Limit", "Reason")
+    return Table.of(name, rows, _probability(certification)).without("Limit", "Probability, 95 %", "Reason")
 
 
 def _record(certification: Certification) -> Table:
     record, confidence = certification.record, certification.criteria.confidence
     bounds = {unit: unbroken(f"Wrong at most (95 %), by {unit[:-1]}") for unit in record.bounds()}
+    of_all = {"Near a limit": record.near_limit, "All": record}
+    if (with_runs := certification.record_with_runs) is not None:
+        of_all["All, with CAE runs"] = with_runs
+    near, *others = ((name, own, None) for name, own in of_all.items())
     rows = (
         {
-            "Criterion": "All" if criterion is None else criterion.name,
+            "Criterion": name,
             "Limit": "" if criterion is None else criterion.limits,
             **{
                 word.capitalize(): Sentence("{}, {} wrong", n, wrong) if wrong else n
-                for word, (n, wrong) in record.counts(criterion).items()
+                for word, (n, wrong) in own.counts(criterion).items()
             },
-            **{bounds[unit]: share.at_most for unit, share in record.bounds(criterion).items()},
-            "What this record supports": "" if criterion is None else support_text(record, criterion, confidence),
+            **{bounds[unit]: share.at_most for unit, share in own.bounds(criterion).items()},
+            "What this record supports": "" if criterion is None else record.support(criterion).text(confidence),
         }
-        for criterion in (*certification.criteria.items, None)
+        for name, own, criterion in (near, *((c.name, record, c) for c in certification.criteria.items), *others)
     )
     return Table.of("counts", rows, *(Column(title, "share") for title in bounds.values()))
+
+
+@remembered
+def left_out_pulses(certification: Certification) -> dict[str, dict[str, FloatArray]]:
+    """By left-out test the CAE pulse (of its run, if there is one) and, by what was left out, the predicted ones.
+
+    Each of shape (n_seeds, n_samples); that without the speed group only if it is another one.
+    """
+    campaign, predicted = certification.campaign, certification.record.predicted_mps2
+    tests = list(dict.fromkeys(test for test, _ in predicted))
+    of_cae = cae_pulses(campaign.cae, [campaign.test(test).condition for test in tests], Run.of(campaign))
+    found = {test: {BASELINE: accel_mps2[np.newaxis]} for test, accel_mps2 in zip(tests, of_cae, strict=True)}
+    for (test, way), accel_mps2 in predicted.items():
+        if way == "test" or not np.array_equal(accel_mps2, predicted.get((test, "test"), ())):
+            found[test][way] = accel_mps2
+    return found
+
+
+PULSE_OF = {BASELINE: "CAE", "test": LEFT_OUT["test"], "speed group": WITH_GROUP}
+"""What each of these is called."""
+
+
+@remembered
+def left_out_ratings(certification: Certification) -> Table:
+    """The ratings of these pulses with their parts, means over the seeds, as the record has them."""
+    campaign, window = certification.campaign, certification.config.windows_ms[-1]
+    rows = [
+        {
+            "Test": test,
+            "speed_mph": of_condition(campaign.test(test).condition)["speed_mph"],
+            "Pulse": PULSE_OF[name],
+            **{part: np.mean([getattr(rating, part) for rating in ratings]) for part in ("overall", *WEIGHTS)},
+        }
+        for test, pulses in left_out_pulses(certification).items()
+        for name, accel_mps2 in pulses.items()
+        for ratings in [[rate_iso18571(campaign.test(test).pulse, Pulse(GRID_S, own), window) for own in accel_mps2]]
+    ]
+    parts = (Column(part.capitalize(), "number", form=".3f", source=part) for part in WEIGHTS)
+    overall = Column(f"Rating, 0–{window:g} ms", "grade", source="overall")
+    return Table.of("ratings of left-out tests", rows, CONDITION[0], overall, *parts)
 
 
 def _criteria(certification: Certification) -> Table:
@@ -250,22 +290,23 @@ def _counts(certification: Certification) -> Table:
 def makers_of_tables(certification: Certification) -> dict[str, Callable[[], Table]]:
     """What makes each table for readers, by name."""
     makers = {"planned": _planned, "counts": _counts, "criteria": _criteria, "verdicts": _verdicts, "record": _record}
-    trials = {"trials": certification.record.counted}
-    if (since := certification.since) is not None:
-        trials["since"] = since.trials
+    since = certification.since
+    trials = {"trials": certification.record.counted} | ({} if since is None else {"since": since.trials})
     return {
         **{name: partial(make, certification) for name, make in makers.items()},
+        "left_out": partial(left_out_ratings, certification),
         **{name: partial(_trials, name, certification, rows) for name, rows in trials.items()},
     }
 
 
 class Planned(NamedTuple):
-    """A planned test: the answer, what decides it, and what else matters."""
+    """A planned test: the answer, what decides it, the same in a few words, and what else matters."""
 
     id: str
     condition: Condition
     word: Answer
     why: Sentence
+    brief: Sentence
     further: tuple[str, ...] = ()
 
 
@@ -285,43 +326,52 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
             further.append(f"run as {read_out(unused[i])}, not used")
         if i in certification.counted_once:
             further.append(f"counts as {certification.counted_once[i]}")
-        rows.append(Planned(i, condition, certification.answers[i], _why(certification, i), tuple(further)))
+        why, brief = _why(certification, i), _why(certification, i, most=1)
+        rows.append(Planned(i, condition, certification.answers[i], why, brief, tuple(further)))
     return tuple(rows)
 
 
 def _planned(certification: Certification) -> Table:
     rows = (
         {
-            "Planned test": own.id,
-            **of_condition(own.condition),
-            "Answer": own.word,
-            "Why": joined([own.why, *own.further], "; "),
+            **{"Planned test": own.id, **of_condition(own.condition), "Answer": own.word},
+            **{"spot_check": certification.spot_checks.get(own.id), "Why": joined([own.why, *own.further], "; ")},
         }
         for own in planned(certification)
     )
-    return Table.of("planned tests", rows, *CONDITION)
+    rated = Column(f"Rates {certification.criteria.spot_check.at_least:.2f}", "probability", source="spot_check")
+    return Table.of("planned tests", rows, *CONDITION, rated)
 
 
-def _why(certification: Certification, i: str) -> Sentence:
+def _why(certification: Certification, i: str, most: int = 100) -> Sentence:
     answer, row = certification.answers[i], certification.rows[i]
     if answer == "was run":
-        return _tests_there(certification, row)
+        return _tests_there(certification, row, most)
     if answer == "skip" or i in certification.uncertain:
-        return joined([at_once_text(certification, i)])
+        loses = answer == "run" and i in certification.sure
+        return Sentence("skipping does not pay" if loses and most == 1 else at_once_text(certification, i))
     if answer == "cannot say" and any(verdict.word == "outside" for verdict in row):
-        return Sentence("outside what the tests check")
-    template = {"would miss": "misses {}", "run": "open: {}", "cannot say": "records too short for {}"}[answer]
+        return Sentence("not covered by tests")
+    template = {"would miss": "misses {}", "run": "open: {}", "cannot say": "records end early: {}"}[answer]
     word, unknown = "not met" if answer == "would miss" else "open", answer == "cannot say"
-    names = (v.criterion.title for v in row if v.word == word and (v.probability is None) is unknown)
-    return Sentence(template, ", ".join(names))
+    names = [v.criterion.title for v in row if v.word == word and (v.probability is None) is unknown]
+    return Sentence(template, _listed(names, row, most))
 
 
-def _tests_there(certification: Certification, row: Sequence[Verdict]) -> Sentence:
-    tests = []
+def _listed(names: Sequence[str], row: Sequence[Verdict], most: int) -> str:
+    return ", ".join(names) if len(names) <= most else f"{len(names)} of {len(row)}"
+
+
+def _tests_there(certification: Certification, row: Sequence[Verdict], most: int) -> Sentence:
+    tests, missing = [], 0
     for test_id in row[0].run:
         known = [(own.criterion, value) for own in row if (value := own.run[test_id]) is not None]
-        missed = ", ".join(limit.title for limit, value in known if not limit.is_met_by(value))
+        missed = _listed([limit.title for limit, value in known if not limit.is_met_by(value)], row, most)
+        missing += bool(missed)
         shown = f"missed {missed}" if missed else "met all" if len(known) == len(row) else "missed none"
         faults = joined([fault.text for fault in certification.campaign.test(test_id).faults], "; ")
-        tests.append(Sentence("{} {}{}", test_id, shown, Sentence(", in doubt as {}", faults) if faults else ""))
+        doubt = Sentence(", in doubt as {}", faults) if faults and most > 1 else ", in doubt" * bool(faults)
+        tests.append(Sentence("{} {}{}", test_id, shown, doubt))
+    if len(tests) > most:
+        return Sentence("{} of {} tests missed a limit", missing or "none", len(tests))
     return joined(tests, "; ")

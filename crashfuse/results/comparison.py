@@ -122,7 +122,7 @@ def _row(result: PastResult | Earlier) -> dict[str, str]:
             "Note": "",
             "Recommended": given.get("approach", "–"),
             "Mean rating": f"{len(result.waived)} of {n} need not be run",
-            "Settings": ", ".join([*filter(None, [given.get("preset")]), f"seed {given.get('seed', '–')}"]),
+            "Settings": ", ".join(filter(None, [given.get("preset"), given.get("seed") and f"seed {given['seed']}"])),
         }
     config, n = result.config, len(result.config.approaches)
     if result.tests:

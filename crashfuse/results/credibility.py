@@ -2,7 +2,7 @@
 
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -15,13 +15,20 @@ from crashfuse.certification.certify import Certification
 from crashfuse.condition import ABOUT, about_label
 from crashfuse.results.certification_facts import facts
 from crashfuse.results.certification_tables import changed_text
+from crashfuse.results.result_tables import about_cells
 from crashfuse.results.table import frame_of
-from crashfuse.study.facts import campaign_facts
+from crashfuse.study.facts import campaign_facts, tuning_fact
 from crashfuse.study.repeatability import repeatability, repeats_of
 from crashfuse.units import UnitSystem, joined, number, read_out, said, speed, statements, weight
 from crashfuse.version import __version__
 
 _MOST = 3  # sentences of a code
+_BASES = {
+    "measured": ("says", "facts"),
+    "stated by the user": ("states", "stated_facts"),
+    "not known": ("lacks", "lacks_facts"),
+}
+"""What a line rests on, and where a factor has its sentences and facts."""
 
 
 @cache
@@ -38,7 +45,10 @@ def credibility_table(certification: Certification, units: UnitSystem | None = N
 
 
 def credibility_rows(certification: Certification) -> pd.DataFrame:
-    """One row a factor: what is asked, what the data say, and their source; no level, no compliance."""
+    """One row a factor and basis: what is asked, what is measured of it, stated by the user, or not known, its source.
+
+    No level, no compliance.
+    """
     known: dict[str, dict[str, None]] = {}
     for own in (*campaign_facts(certification.campaign), *facts(certification)):
         known.setdefault(own.code, {})[own.sentence] = None
@@ -46,31 +56,41 @@ def credibility_rows(certification: Certification) -> pd.DataFrame:
     return frame_of(
         {
             **{name: row[name] for name in ("activity", "factor", "question")},
-            "data_say": joined([*_sentences(row, values, known)]),
+            "basis": basis,
+            "data_say": joined(sentences),
             "source": row["source"],
         }
         for row in factors()
+        for basis, sentences in _by_basis(row, values, known).items()
+        if sentences
     )
 
 
-def _sentences(
+def _by_basis(
     row: Mapping[str, Any], values: Mapping[str, object], known: Mapping[str, Mapping[str, None]]
-) -> Iterator[str]:
-    of_codes = [[*known.get(code, ())] for code in row.get("facts", ())]
-    if stated := statements(row.get("says", ()), values):
-        yield stated
-    for sentences in of_codes:
+) -> dict[str, list[str]]:
+    found = {
+        basis: [*filter(None, [statements(row.get(texts, ()), values)]), *_of_facts(row.get(codes, ()), known)]
+        for basis, (texts, codes) in _BASES.items()
+    }
+    if "otherwise" in row and not any(found.values()):
+        found["measured"] = [row["otherwise"]]
+    if "unknown" in row:
+        found["not known"].append(f"The data do not say: {row['unknown']}.")
+    return found
+
+
+def _of_facts(codes: Iterable[str], known: Mapping[str, Mapping[str, None]]) -> Iterator[str]:
+    for sentences in ([*known.get(code, ())] for code in codes):
         yield from sentences[:_MOST]
         if len(sentences) > _MOST:
             yield f"({len(sentences) - _MOST} more are in report.html.)"
-    if "otherwise" in row and not (stated or any(of_codes)):
-        yield row["otherwise"]
-    if "unknown" in row:
-        yield f"The data do not say: {row['unknown']}."
 
 
 def _of_tests(certification: Certification) -> dict[str, object]:
     campaign, tests, config = certification.campaign, certification.campaign.tests, certification.config
+    quality, origin, tuning = campaign.quality, about_cells(campaign.cae.about), tuning_fact(campaign).sentence
+    is_stated = any(test.cae_tuned is not None for test in tests)
     repeats = repeatability(campaign, config.windows_ms, seed=config.seed)
     rated = [own[max(own)].value for own in repeats.values() if own]
     ends = [dict(about).get(f"{ABOUT}termination") for about in campaign.cae.about]
@@ -78,7 +98,12 @@ def _of_tests(certification: Certification) -> dict[str, object]:
     speeds, masses = ([getattr(t.condition, name) for t in tests] for name in ("speed_mps", "mass_kg"))
     return {
         "version": __version__,
-        "quality": joined(campaign.quality.sentences),
+        "quality": None if (unrecorded := quality.table.empty) else joined([*quality.sentences, quality.checks]),
+        "unrecorded": quality.checks if unrecorded else None,
+        **{"solver": origin.get("Solver"), "solver_version": origin.get("Version")},
+        "no_solver": None if "Solver" in origin else "The CAE runs' solver is not stated (about_solver of cae.csv).",
+        "tuned": tuning if is_stated else None,
+        "tuning_unknown": None if is_stated else tuning,
         "runs": f"{len(campaign.cae):,}",
         "ended": f"{ends.count('normal'):,}" if any(ends) else None,
         "tests": len(tests),
@@ -104,6 +129,8 @@ def _of_answers(certification: Certification) -> dict[str, object]:
     ]
     return {
         "planned": len(conditions),
+        ("tolerances" if certification.criteria.tolerances else "no_tolerances"): certification.criteria.scatter,
+        "no_costs": "Not declared." if certification.criteria.costs is None else None,
         "criteria": ", ".join(criterion.name for criterion in criteria),
         **{name: score and f"{score:.4f}" for name, score in zip(("brier", "brier_cae"), brier, strict=True)},
         "planned_paired": sum(certification.campaign.cae.paired_run(own) is not None for own in conditions),

@@ -17,7 +17,7 @@ from crashfuse.results.plots.displacement import missing_force
 from crashfuse.results.result import Figure, Result
 from crashfuse.results.result_tables import metrics_shown
 from crashfuse.results.table import Column, Table, frame_of
-from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, in_sentence, missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Study
 from crashfuse.units import IN_SI, MS, Quantity, Sentence, joined, number, statements
@@ -111,7 +111,7 @@ def whole_sentences(estimates: Iterable[Estimate]) -> list[str]:
 def whole_sentence(counts: Mapping[str, tuple[int, int]]) -> str:
     """How many left-out tests lie inside bands of whole pulses, by band or way left out."""
     shown = ", ".join(f"{key} {inside} of {n}" for key, (inside, n) in counts.items())
-    return f"Left-out tests inside as a whole (0–60 ms; nine of ten are meant to be): {shown}."
+    return f"Nine of ten left-out tests should lie inside as a whole (0–60 ms): {shown}."
 
 
 def metric_remarks(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[list[str], list[str]]:
@@ -126,7 +126,8 @@ def metric_remarks(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[lis
 
 def _averaged(who: str, metrics: Sequence[Metric]) -> str:
     away = {m.name: m.of_pulse / m.value - 1 for m in metrics if m.drawn and m.value and m.of_pulse is not None}
-    texts = [f"{METRIC_LABELS[name]} {number(100 * x, '+.0f')} %" for name, x in away.items() if abs(x) > _SAME]
+    told = {in_sentence(METRIC_LABELS[name]): x for name, x in away.items() if abs(x) > _SAME}
+    texts = [f"{label} {number(100 * x, '+.0f')} %" for label, x in told.items()]
     return f"{who}: values are those of a single test; the averaged pulse has {', '.join(texts)}." if texts else ""
 
 
@@ -250,8 +251,8 @@ def events_sentences(found: CaeEvents) -> list[str]:
         worth |= {"best": _range(best), "alone": best.rating_alone}
     return [
         *(
-            f"{_range(e)}: {_size(e)} ({Quantity(_ends_kn(e), '', '.0f')}) in {_which(e)} tests; mended alone, the CAE "
-            f"model rates {e.rating_alone:.3f}."
+            f"{_range(e)}: {_size(e)} ({Quantity(_ends_kn(e), '', '.0f')}) in {_which(e)} tests; mended alone: rating "
+            f"{e.rating_alone:.3f}."
             for e in named
         ),
         *([] if named else ["In no range of crush do two tests agree and would mending raise the rating."]),

@@ -24,7 +24,7 @@ from crashfuse.units import LB, MPH, G, Quantity, Sentence, joined, speed
 
 MEANING = "How a test narrows the band of the bias (RMS) follows from where it is, not from what it measures."
 _MOST = 20  # ranked tests of a report
-_TOLD = ("max_crush", "peak", "olc")
+_TOLD = {"max_crush": "crush", "peak": "peak", "olc": "OLC"}
 
 
 def sweep_result(sweep: SpeedSweep) -> Result:
@@ -48,11 +48,11 @@ def sweep_result(sweep: SpeedSweep) -> Result:
 
 def _ends(sweep: SpeedSweep) -> Iterator[Sentence]:
     approach, told = [*sweep.metrics][-1], []
-    for name in _TOLD:
+    for name, title in _TOLD.items():
         first, *_, last = sweep.over_speed(approach, name)
         if first.value is not None and last.value is not None:
             values = Quantity((first.value, last.value), METRIC_UNITS[name], ".0f", " to ")
-            told.append(Sentence("{} {}", METRIC_LABELS[name], values))
+            told.append(Sentence("{} {}", title, values))
     if told:
         speeds = speed(sweep.speeds_mps[0], sweep.speeds_mps[-1], between=" to ")
         yield Sentence("{} by {}: {}.", speeds, CLASSES[approach].in_words, joined(told, ", "))

@@ -26,8 +26,9 @@ from crashfuse.results.provenance import fit_record, prediction_command, provena
 from crashfuse.results.render.html import ReportForm
 from crashfuse.results.render.text import json_bytes, parquet_bytes
 from crashfuse.results.result import Content, Figure, ForReading, Result
-from crashfuse.results.result_tables import metrics_shown
+from crashfuse.results.result_tables import metrics_shown, of_folds
 from crashfuse.results.table import Table
+from crashfuse.signals.metrics import Metric
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts, distinct
 from crashfuse.study.prediction import PredictedPulse, by_one
@@ -84,7 +85,7 @@ def prediction_result(
 
 
 def _drawn(prediction: PredictedPulse, figure: str = "motion") -> Callable[[Display], Drawing]:
-    return lambda display: prediction.draw(figure, display=display)
+    return lambda display: prediction.draw(figure, average=False, display=display)
 
 
 def _of_format(pulses: Callable[..., PulseFiles], name: PulseFormat, units: UnitSystem) -> Content:
@@ -168,11 +169,13 @@ def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:
 
 
 def side_by_side(predictions: Sequence[PredictedPulse], base: int = 0) -> Table:
-    """Main metrics by one approach, for readers: first the ``base``, then each other with its differences from it."""
-    metrics = [[replace(metric, folds={}) for metric in own.preferred.metrics] for own in predictions]
-    shown = list(zip(column_names(predictions), metrics, strict=True))
-    shown.insert(0, shown.pop(base))
-    table, _ = metrics_shown(shown, predictions[0].campaign)
+    """Main metrics by one approach, in either way to fold: first the ``base``, then all others minus it."""
+    shown, names = dict[Sentence, Sequence[Metric]](), column_names(predictions)
+    for name, own in sorted(zip(names, predictions, strict=True), key=lambda pair: pair[0] != names[base]):
+        metrics = own.preferred.metrics
+        folds = {Sentence("{} if it folds as {}", name, to): [m.folds[to] for m in metrics] for to in metrics[0].folds}
+        shown |= folds or {name: [*metrics]}
+    table, _ = metrics_shown(shown.items(), predictions[0].campaign)
     label, first, *others = table.columns
     minus = [replace(own, kind="difference", source=own.title, further=(first.title,)) for own in others]
     minus = [replace(own, title=Sentence("{} − {}", own.title, first.title)) for own in minus]
@@ -222,6 +225,7 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
             "metric": m.name,
             **{name: getattr(m, name) for name in ("value", "lower", "upper", "unit")},
             "difference": None if m.value is None or base is None else m.value - base,
+            **of_folds(m),
         }
         for number, condition, prediction in zip(ids, conditions, predictions, strict=True)
         for estimate in prediction.estimates

@@ -12,6 +12,7 @@ from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.forecasts import SEEDS
 from crashfuse.condition import Condition
+from crashfuse.results.result_tables import about_cells
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import TO_TTZV, StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -37,6 +38,8 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
         "rating": campaign.rating_basis,
         "occupant": asdict(campaign.occupant),
         "cae_runs": len(campaign.cae),
+        "cae_sha256": campaign.cae.fingerprint,
+        "cae_about": about_cells(campaign.cae.about),
         "tests": list(campaign.test_ids),
         "archive": past_vehicles(campaign),
         "warnings": list(campaign.remarks),

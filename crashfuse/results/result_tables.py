@@ -20,7 +20,9 @@ from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.units import KN, MS, G, Quantity, Sentence
 
+IN_RANGE = "Inside the CAE runs' range"
 _FOLDS = ("others", "apart")  # in names of columns: as most tests at about the speed fold, and as one that stands apart
+_ENDS = ("value", "lower", "upper")
 _CURVES = ("acceleration", "lower", "upper", "whole_lower", "whole_upper", *_FOLDS)
 _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
 
@@ -99,19 +101,22 @@ def metrics_table(rows: _MetricRows, campaign: Campaign, first: str = "held_out"
 
     Where tests fold in two ways, there are columns of both, ``others_…`` and ``apart_…``, and which test is ``apart``.
     """
-    bases, ends = campaign.metric_bases, ("value", "lower", "upper")
+    bases = campaign.metric_bases
     table = pd.DataFrame(
-        {first: key, "approach": approach, "metric": m.name, **{end: getattr(m, end) for end in ends}}
-        | {"unit": m.unit, "basis": bases[m.name]}
-        | {f"{way}_{end}": getattr(fold, end) for way, fold in folds.items() for end in ends}
-        | ({"apart": [*m.folds][1]} if folds else {})
-        | {"of_pulse": m.of_pulse}
+        {first: key, "approach": approach, "metric": m.name, **{end: getattr(m, end) for end in _ENDS}}
+        | {"unit": m.unit, "basis": bases[m.name], **of_folds(m), "of_pulse": m.of_pulse}
         for key, approach, metrics in rows
         for m in metrics
-        for folds in [dict(zip(_FOLDS, m.folds.values(), strict=False))]
     )
     table = table[[*table.columns.drop("of_pulse"), "of_pulse"]]
-    return table.astype({name: float for name in table if str(name).endswith((*ends, "of_pulse"))})
+    return table.astype({name: float for name in table if str(name).endswith((*_ENDS, "of_pulse"))})
+
+
+def of_folds(metric: Metric) -> dict[str, object]:
+    """A metric in both ways to fold, by column; none if there is one."""
+    folds = dict(zip(_FOLDS, metric.folds.values(), strict=False))
+    values = {f"{way}_{end}": getattr(own, end) for way, own in folds.items() for end in _ENDS}
+    return values | ({"apart": [*metric.folds][1]} if folds else {})
 
 
 def metrics_shown(
@@ -174,7 +179,7 @@ def tests_table(campaign: Campaign) -> Table:
             "Test": test.id,
             **of_condition(test.condition),
             "CAE pulse": campaign.cae.ids[run] if run is not None else "emulator",
-            "Inside the CAE runs' range": not campaign.cae.extrapolation(test.condition),
+            IN_RANGE: not campaign.cae.extrapolation(test.condition),
             **({} if test.cae_tuned is None else {"CAE tuned to it": test.cae_tuned}),
             **{about_label(name): value for name, value in test.about},
         }
@@ -188,7 +193,7 @@ def about_table(campaign: Campaign) -> Table:
     """Where tests and CAE runs come from, as far as that is stated; empty if it is not."""
     rows = [(test.id, [test.about]) for test in campaign.tests if test.about]
     rows += [(f"{len(campaign.cae):,} CAE runs", list(campaign.cae.about))] if any(campaign.cae.about) else []
-    return Table.of("origins", ({"Of": of, **_about_cells(about)} for of, about in rows))
+    return Table.of("origins", ({"Of": of, **about_cells(about)} for of, about in rows))
 
 
 _WALLS = (
@@ -212,7 +217,8 @@ def wall_table(campaign: Campaign) -> Table:
     return Table("walls", pd.DataFrame(rows, columns=[column.title for column in _WALLS]), _WALLS)
 
 
-def _about_cells(about: Sequence[About]) -> dict[str, str]:
+def about_cells(about: Sequence[About]) -> dict[str, str]:
+    """What is stated of where rows come from, each value with the number of its rows."""
     counts: dict[str, Counter[str]] = {}
     for name, value in chain.from_iterable(about):
         counts.setdefault(about_label(name).capitalize(), Counter())[value] += 1

@@ -33,7 +33,7 @@ from crashfuse.results.result_tables import repeats_table
 from crashfuse.results.table import Column, Table
 from crashfuse.signals.rating import graded
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
-from crashfuse.study.facts import window_facts
+from crashfuse.study.facts import campaign_facts, window_facts
 from crashfuse.study.recommendation import Account, recommend, recommend_without, study_facts, worst_test
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
@@ -67,6 +67,7 @@ def study_result(study: Study, options: ReportOptions = ReportOptions(), window_
         advice = recommend_without(study, study.folds[0], window)
         verdict = advice.after(study.folds[0].ratings[advice.approach][window].overall)
         heading, about = "The test itself", tuple(fact.sentence for fact in worst.about_test)
+    known = {fact.sentence for fact in campaign_facts(campaign)}
     left_out = f"{'The' if alone else 'Each'} test was {way} and predicted from the others"
     tests = options.tests or (held_out if whole else (worst.test.id,))
     of_campaign: dict[str, Callable[[], tuple[Result, ...]]] = {
@@ -83,7 +84,10 @@ def study_result(study: Study, options: ReportOptions = ReportOptions(), window_
         held_out=held_out,
         answer=(*(fact.sentence for fact in verdict), f"{left_out}, rated by {campaign.rating_basis}."),
         shown=("means",) if study.speed_groups is None else ("means", "speed_groups"),
-        sentences={"remarks": about, "weak_spots": tuple(_weak_spots(study, recommend(study).approach))},
+        sentences={
+            "remarks": tuple(text for text in about if text not in known),
+            "weak_spots": tuple(_weak_spots(study, recommend(study).approach)),
+        },
         tables=_tables(study),
         figures=_figures(study, window, whole=whole),
         parts=Deferred(
@@ -137,7 +141,7 @@ def quality_of(account: Account, repeat: Repeatability | None) -> dict[Sentence,
         rated = f"{rated}, {expected.surprise(account.rating)} ({expected.range})"
     lines = {at_its_speed if account.with_group else Sentence("{} left out", test.id): Sentence("{}.", rated)}
     if not account.with_group:
-        without = "not computed yet, see Study" if account.neighbours else "the same, it is the only one"
+        without = "not computed yet, see Study" if account.neighbours else "the same"
         if account.without_neighbours is not None:
             without = graded(account.without_neighbours)
         lines[at_its_speed] = Sentence("{}.", without)
@@ -189,7 +193,7 @@ def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Re
     came_out = [expected.outcome(rating.overall)] if expected is not None and several else []
     about = estimates_result(study.campaign, fold.estimates, test, advice.sentences)
     draw = partial(study.draw, test.id)
-    figures = {"motion": Figure("Pulses over time", _drawn(window, partial(draw, notes=notes)))}
+    figures = {"motion": Figure("Pulses over time", _drawn(window, partial(draw, notes=notes)), not several)}
     if options.form == "whole":
         missed = expected is not None and expected.is_missed_by(rating.overall)
         if missed or test.id == worst_test(study, window).test.id:

@@ -43,8 +43,9 @@ class Cell(NamedTuple):
 
     @property
     def unbroken(self) -> str:
-        """All of it; no line ends within the detail or between number and unit."""
-        return unbroken(self.text) if not self.detail else self.text.replace(" ", "\N{NO-BREAK SPACE}")
+        """All of it; a line may end before the detail alone."""
+        parts = self.value, self.detail
+        return " ".join("\N{NO-BREAK SPACE}".join(own.split()) for own in parts) if self.detail else unbroken(self.text)
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,6 +149,13 @@ MAIN_METRICS = tuple(name for name, reading in _READINGS.items() if not reading.
 """The metrics that tables show first; the others are shown on demand, and are in every file."""
 
 
+def in_sentence(label: str) -> str:
+    """A label as within a sentence: its abbreviation, or in small letters."""
+    head = label.partition(",")[0]
+    short = head.partition("(")[2].rstrip(")") or head
+    return short if short[1].isupper() else f"{label[0].lower()}{label[1:]}"
+
+
 def metric_headings(filter_class: str = "", occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, str]:
     """Labels of the metrics; those of the occupant with their bases."""
     bases = metric_bases(filter_class, occupant)

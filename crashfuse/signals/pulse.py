@@ -62,10 +62,6 @@ class Pulse:
         """Time step in s."""
         return float((self.time_s[-1] - self.time_s[0]) / (self.time_s.size - 1))
 
-    def resampled(self, time_s: FloatArray) -> "Pulse":
-        """The pulse on another time grid, by linear interpolation; zero before and after the record."""
-        return Pulse(time_s, np.interp(time_s, self.time_s, self.accel_mps2, left=0.0, right=0.0))
-
     def kinematics(self, speed_mps: float) -> "Kinematics":
         """Velocity, displacement and time of zero velocity; the pulse's first sample is taken as contact."""
         return kinematics(self.accel_mps2, speed_mps, self.dt_s)

@@ -59,9 +59,8 @@ class RatingDistribution(Distribution):
     def _cut(self) -> float:
         return 0.0  # of a rating below 0 nothing is cut off
 
-    def cdf(self, x: float) -> float:
-        """Probability of a rating of at most ``x``."""
-        return super().cdf(float(_logs(x)))
+    def _place(self, x: float) -> float:
+        return float(_logs(x))
 
     def quantile(self, share: float) -> float:
         """The rating that a share of tests stays below."""
@@ -112,7 +111,7 @@ class ExpectedRating:
         n, rated = len(self.tests), rating_range(self.lowest, self.highest)
         where = f"up to {{}} {self.side}" if self.side else "within {}"
         return Sentence(
-            f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {self.likely}); "
+            f"We expect a rating of {self.range} over 0–{self.window_ms:g} ms (80 %, {self.likely}): "
             f"{n} left-out test{'s' * (n > 1)} {where} rated {rated}.",
             speed(self.reach_mps),
         )
@@ -139,7 +138,7 @@ class ExpectedRating:
         if lower <= rating <= upper:
             return "as expected"
         far = "" if least <= rating <= most else "far "
-        return f"{far}{'below' if rating < lower else 'above'} what was expected"
+        return f"{far}{'below' if rating < lower else 'above'} what we expected"
 
     def is_missed_by(self, rating: float) -> bool:
         """Whether a rating is below what was expected."""

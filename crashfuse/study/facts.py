@@ -13,7 +13,7 @@ from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G, Sentence, joined, statements
 
-_TIES = ("On {n_tests} left-out tests {equal} did as well.", "Higher rated: {preferred}.")
+_TIES = ("On {n_tests} left-out tests {equal} did as well.", "Ahead of it was {preferred}.")
 _RATED = (
     "Mean rating {mean_rating:.3f} ({grade}), worst {worst_rating:.3f} ({worst_test}, {speed_mps}), each test left out "
     "{way}.",
@@ -49,13 +49,13 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "campaign.notice": ("{label}", "{sentence}"),
     "recommendation.use": ("", "Use {method}.", *_TIES),
     "recommendation.outcome": ("", "We recommended {method}.", *_TIES, "{outcome}"),
-    "recommendation.by_the_paper": ("", "So advises the paper (Sect. 4.3): the nearest test is {away_mps} away."),
+    "recommendation.by_the_paper": ("", "The paper advises it (Sect. 4.3), as the nearest test is {away_mps} away."),
     "recommendation.expected": ("", "{sentence}"),
-    "recommendation.farther": ("", "No test is near in speed: see the width of the band."),
+    "recommendation.farther": ("", "No test ran near this speed: look at the width of the band."),
     "recommendation.raw_cae": ("", "The raw CAE model rated {mean_rating:.2f} on the same tests."),
     "recommendation.no_better": ("", "Expect no better than the raw CAE model here."),
     "recommendation.mixture": ("", "{sentence}"),
-    "recommendation.poor": ("", "Less than Good is {likely}: take it as a guide, not as proof."),
+    "recommendation.poor": ("", "A rating below Good is {likely}: take it as a guide, not as proof."),
     "recommendation.ratings": ("", *_RATED),
     "recommendation.coverage": (
         "",

@@ -30,7 +30,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
-from crashfuse.units import counted, difference
+from crashfuse.units import counted, difference, read_out
 
 Ratings = Mapping[str, Mapping[str, Mapping[float, float]]]
 """Overall ratings by held-out test, approach and window in ms."""
@@ -300,10 +300,10 @@ class StudyComparison:
         if first.fingerprint != second.fingerprint:
             cautions.append(f"Their data differ: {_what_differs(first, second)}")
         if first.basis != second.basis:
-            cautions.append(f"Rated by {first.basis}, and by {second.basis}.")
+            cautions.append(f"The first is rated by {first.basis}, the second by {second.basis}.")
         for one, other, which in ((first, second, "first"), (second, first, "second")):
             if alone := [test for test in one.tests if test not in other.tests]:
-                cautions.append(f"Rated in the {which} only: {', '.join(alone)}.")
+                cautions.append(f"Only the {which} has {read_out(alone)}.")
         return tuple(cautions)
 
     def over(self, window_ms: float | None = None, left_out: str | None = None) -> pd.DataFrame:

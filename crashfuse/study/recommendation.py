@@ -252,7 +252,7 @@ def _ties(
     for part, ratings in by_part.items():
         higher, lower = max(ratings), ratings[0]
         if higher - lower >= _TOLD:
-            preferred.append(f"{names[ratings.index(higher)]} {part} ({higher:.3f} for {lower:.3f})")
+            preferred.append(f"{names[ratings.index(higher)]} {part} ({higher:.3f}, not {lower:.3f})")
     return {"n_tests": n_tests, "equal": names[1:], "preferred": preferred}
 
 

@@ -66,7 +66,7 @@ class Repeatability:
         """How the rating of an approach's prediction compares with what a repeat would get."""
         place = "below" if rating < self.lower else "above" if rating > self.upper else "within"
         repeat = f"A repeat of this test would rate {self.text} (95 %)"
-        return f"{repeat}; the prediction's {rating:.3f} ({label}) is {place} what repeats reach."
+        return f"{repeat}. The prediction's {rating:.3f} ({label}) is {place} what repeats reach."
 
 
 def repeatability(

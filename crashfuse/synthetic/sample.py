@@ -15,28 +15,13 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.files.atomic import new_folder
 from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.synthetic.vehicle import cae_pulses, measured_pulses
+from crashfuse.synthetic.vehicle import CONSTANTS, cae_pulses, measured_pulses
 from crashfuse.units import LB, MPH, MS, G
 
 NAME = "Sample (synthetic)"
 NOTICE = "Synthetic: every pulse comes from a lumped-parameter simulation; no real vehicle was modelled or crashed."
 
-_I_FWD, _I_AWD, _II_AWD = ("Type I", "FWD"), ("Type I", "AWD"), ("Type II", "AWD")  # powertrain and drive
-
-TABLE_1 = (
-    (8.1, 1994.67, 1400.00, *_I_AWD),
-    (12.1, 2163.74, 1592.95, *_II_AWD),
-    (16.7, 2120.14, 1600.23, *_I_FWD),
-    (22.0, 2237.39, 1765.26, *_II_AWD),
-    (24.9, 2100.43, 1554.56, *_I_FWD),
-    (25.2, 2155.42, 1707.12, *_II_AWD),
-    (25.2, 2058.97, 1507.84, *_I_FWD),
-    (35.2, 2179.31, 1745.51, *_II_AWD),
-    (35.1, 2107.68, 1556.64, *_I_FWD),
-    (35.2, 2166.85, 1737.20, *_II_AWD),
-    (35.2, 2168.93, 1694.65, *_II_AWD),
-)  # speed (mph), front and rear weight (lb), powertrain and drive of Zeng et al. 2023, Table 1, tests 1 to 11
-
+TABLE_1 = tuple(map(tuple, CONSTANTS["table_1"]))  # speed (mph), front and rear weight (lb), powertrain and drive
 _N_RUNS = 1009
 _LOW, _HIGH = (0.0, 1922.0, 1349.0), (35.2, 2185.0, 1770.0)  # mph, lb, lb: Zeng et al. 2023, Sec. 4
 _STORED_G = 0.002  # resolution of the stored CAE pulses: far finer than any sensor, and compresses well

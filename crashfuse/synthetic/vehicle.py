@@ -4,16 +4,15 @@ Barrier ─ rails, shell ─ body ─ rear mass; barrier ─ engine contact ─ 
 lumped-mass model of Kamal (SAE 700414, 1970), reduced to what shapes the pulse of the passenger compartment; Huang,
 *Vehicle Crash Mechanics* (CRC Press, 2002), ch. 4–5, discusses such models and their elements.
 
-One is the CAE model, one the truth behind the tests, which differs as reality does from a simulation: sheet metal that
-hardens with strain rate, rails that are stiffer at first and softer later, another fold length, an engine that hits
-the barrier earlier and harder, more damping, other powertrains, test-to-test scatter, and sensor noise.
-
-The constants have the order of magnitude of a mid-size car; within that they were set so that the CAE model rates
-against the truth as in Table 5 of Zeng et al. 2023, and peak, t0, crush and rebound are realistic.
+``vehicles.toml`` has the CAE model, and the truth behind the tests: with powertrain Type I and front-wheel drive, which
+:func:`equipped` turns into the other variants.
 """
 
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -183,46 +182,17 @@ def _field(rows: Sequence[Sequence[CrushZone | Coupling]], name: str) -> npt.NDA
     return np.array([[getattr(element, name) for element in row] for row in rows])
 
 
-_STEEL_MPS = 1400.0  # Cowper-Symonds rate of high-tensile steel (D = 3200/s, q = 5), 145 mm wide rail: D·C/0.33
+_ELEMENTS = get_type_hints(Vehicle)
+CONSTANTS = tomllib.loads(Path(__file__).with_name("vehicles.toml").read_text(encoding="utf-8"))
 
-CAE_MODEL = Vehicle(
-    powertrain_kg=215.0,
-    rear_share=0.3,
-    rails=CrushZone(
-        (0.0, 0.02, 0.05, 0.158, 0.223, 0.475, 0.86),
-        (0.0, 11e3, 93e3, 93e3, 187e3, 199e3, 241e3),
-        unloading_npm=19e6,
-        fold_share=0.23,
-        fold_length_m=0.103,
-    ),
-    shell=CrushZone((0.0, 0.08, 0.285, 0.415), (0.0, 37e3, 164e3, 228e3), unloading_npm=18.5e6, gap_m=0.156),
-    engine=CrushZone((0.0, 0.03, 0.15, 0.3), (0.0, 122e3, 472e3, 944e3), unloading_npm=19.5e6, gap_m=0.44),
-    firewall=CrushZone((0.0, 0.06, 0.2, 0.3), (0.0, 84e3, 254e3, 427e3), unloading_npm=17.5e6, gap_m=0.097),
-    mounts=Coupling(stiffness_npm=2.1e6, damping_nspm=2e3, strength_n=36e3),
-    rear=Coupling(stiffness_npm=5.9e6, damping_nspm=14e3),
-)  # the biased model behind the CAE runs, without strain rate or powertrain variants
 
-TRUTH = Vehicle(
-    powertrain_kg=200.0,
-    rear_share=0.3,
-    rails=CrushZone(
-        (0.0, 0.021, 0.053, 0.133, 0.188, 0.58, 1.08),
-        (0.0, 9e3, 80e3, 80e3, 184e3, 107e3, 128e3),
-        unloading_npm=13.5e6,
-        fold_share=0.24,
-        fold_length_m=0.141,
-        rate_mps=_STEEL_MPS,
-    ),
-    shell=CrushZone(
-        (0.0, 0.08, 0.43, 0.59), (0.0, 22e3, 164e3, 234e3), unloading_npm=12e6, gap_m=0.122, rate_mps=_STEEL_MPS
-    ),
-    engine=CrushZone((0.0, 0.03, 0.15, 0.3), (0.0, 184e3, 496e3, 992e3), unloading_npm=16e6, gap_m=0.296),
-    firewall=CrushZone(
-        (0.0, 0.06, 0.2, 0.3), (0.0, 105e3, 299e3, 501e3), unloading_npm=11e6, gap_m=0.15, rate_mps=_STEEL_MPS
-    ),
-    mounts=Coupling(stiffness_npm=1.4e6, damping_nspm=4.1e3, strength_n=22e3),
-    rear=Coupling(stiffness_npm=7.7e6, damping_nspm=27e3),
-)  # the truth with powertrain Type I and front-wheel drive; `equipped` turns it into the other variants
+def _vehicle(name: str) -> Vehicle:
+    parts = {part: own for part, own in CONSTANTS[name].items() if isinstance(own, dict)}
+    tuples = {part: {k: tuple(v) if isinstance(v, list) else v for k, v in own.items()} for part, own in parts.items()}
+    return Vehicle(**CONSTANTS[name] | {part: _ELEMENTS[part](**own) for part, own in tuples.items()})
+
+
+CAE_MODEL, TRUTH = map(_vehicle, ("cae_model", "truth"))
 
 SENSOR_NOISE_MPS2 = 3.0 * G  # standard deviation of white noise before the filter; CFC 60 leaves about 0.4 g of it
 

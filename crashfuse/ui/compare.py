@@ -152,7 +152,7 @@ def _show_why(comparison: _Comparison) -> None:
     said = rating_sentences(explanation)
     st.markdown(f"**{LABELS[approach]} {plain(rating_headline(explanation))}**")
     draw = partial(comparison.study.draw, test.id, display=display)
-    bars, words = st.columns(2, gap="medium")
+    bars, words = st.container(key="why").columns([3, 2], gap="medium")
     with bars:
         alt = f"The four scores of every prediction of test {test.id}, as bars"
         show_cached_figure(partial(draw, "scores"), alt, "parts", comparison.key, name="scores")
@@ -185,15 +185,15 @@ def _show_ratings(comparison: _Comparison) -> None:
     window, approach = results.window_label(window_ms), st.session_state["explained"]
     st.subheader(f"Ratings; scores and single draws over {window}", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
-    is_to_ttzv = config.to_ttzv and fold.ttzv_ms is not None
-    to_ttzv = {name: fold.overall_to_ttzv(name) for name in fold.ratings if is_to_ttzv}
+    to_ttzv = {name: fold.overall_to_ttzv(name) for name in fold.ratings if config.to_ttzv and fold.ttzv_ms is not None}
     show_table(results.ratings_table(fold.ratings, window_ms, comparison.repeats, draws, to_ttzv), "ratings")
     known = () if comparison.advice is None else comparison.advice.sentences
     about = estimates_result(campaign, fold.estimates, comparison.view.held_out, known)
     metrics, others = about.tables["metrics"], {*fold.ratings} - {BASELINE, approach}
     if not st.toggle("Metrics of all approaches", key="all_metrics", persist_state="session"):
         metrics = metrics.without(*(LABELS[name] for name in others))
-    results.show_metrics(replace(about, tables={**about.tables, "metrics": metrics}))
+    with st.container(key="metrics"):
+        results.show_metrics(replace(about, tables={**about.tables, "metrics": metrics}))
     results.show_details(about)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from crashfuse.results.campaign import cae_errors_table
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import events_sentences, events_table
 from crashfuse.results.plots.displacement import missing_force
-from crashfuse.results.result_tables import about_table, quality_table, tests_table, wall_table
+from crashfuse.results.result_tables import IN_RANGE, about_table, quality_table, tests_table, wall_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.study.facts import campaign_facts
 from crashfuse.ui import import_step
@@ -29,9 +30,9 @@ from crashfuse.ui.kit.computation import mending_request, study_request
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.frame import offer_sample, show_title
 from crashfuse.ui.kit.navigation import open_page, show_link
-from crashfuse.ui.kit.progress import show_end, show_job
+from crashfuse.ui.kit.progress import result_or_none
 from crashfuse.ui.kit.results import show_problems, show_table
-from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.text import TTZV, plain
 from crashfuse.ui.kit.uploads import Source, begin_import, leave_import, open_uploads, running_import, source_at
 from crashfuse.units import speed
 
@@ -45,7 +46,6 @@ _WAYS = {
 }
 _ASKED = "asked for the next prediction"  # session key
 _MEND = "What to mend in the CAE model"
-_MOST_BUTTONS = 30  # tests; of more one is chosen from a list
 _LAYOUT = """<pre>tests.csv            one row a test: id, speed_mph, front_weight_lb, rear_weight_lb
 tests/&lt;id&gt;.csv       its pulse: time_ms, acceleration_g
 cae.csv              one row a CAE run: id, speed_mph, front_weight_lb, rear_weight_lb
@@ -90,8 +90,6 @@ def _show_head(view: View) -> None:
         st.caption(f"Tests at {at} · Fingerprint {campaign.fingerprint[:12]}", width="content", help=tip)
         for way, (label, icon) in _WAYS.items():
             st.button(label, icon=icon, on_click=st.session_state.update, args=({"opening": way},))
-    if campaign.notice:
-        st.caption(f":material/science: {plain(campaign.notice)}")
     for warning in campaign.warnings:
         st.warning(plain(warning), icon=":material/warning:")
     editing.offer_leaving_out(view)
@@ -137,11 +135,10 @@ def _show_tests(view: View) -> None:
     draw = partial(campaign.draw, tests=shown, held_out=test.id, cfc=cfc, display=display)
     key = test.id, shown, cfc, display
     show_cached_figure(draw, alt, "tests", campaign.fingerprint, key, name=f"tests {choice}")
-    reading = "as they are in the files"
-    if campaign.channel_filter_class is not None:
-        reading = f"filtered to CFC {campaign.channel_filter_class:g}, as campaign.toml asks"
+    asked = campaign.channel_filter_class
+    reading = "as they are in the files" if asked is None else f"filtered to CFC {asked:g}, as campaign.toml asks"
     if cfc is None:
-        st.caption(f"Read {reading}. Dark: slow; bright: fast; dashes, marks: repeats. Click a name to hide its test.")
+        st.caption(f"Read {reading}. Dark: slow; bright: fast; dashes, marks: repeats.")
         return
     accel = test.pulse.accel_mps2
     filtered = cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
@@ -156,7 +153,7 @@ def _show_conditions(view: View) -> None:
     alt, key = "Speed against front and rear weight of CAE runs and tests", (view.held_out.id, view.display.system)
     show_cached_figure(draw, alt, "conditions", campaign.fingerprint, key, name="conditions")
     in_their_table = {about_label(name) for test in campaign.tests for name, _ in test.about}
-    show_table(tests_table(campaign).without(*in_their_table), "conditions")
+    show_table(tests_table(campaign).without(IN_RANGE, *in_their_table), "conditions")  # which the figure shows
     if not (about := about_table(campaign)).empty:
         st.markdown("**Where tests and CAE runs come from**")
         show_table(about, "about")
@@ -170,9 +167,16 @@ def _show_conditions(view: View) -> None:
 
 def _show_library(view: View) -> None:
     campaign, test, display = view.campaign, view.held_out, view.display
-    remark = f"CAE / test, **difference**; TTZV: time of zero velocity. {campaign.rating_basis}."
-    show_table(cae_errors_table(campaign, display.window_ms), "cae errors", remark)
-    _choose_overlaid(view)
+    errors, table = cae_errors_table(campaign, display.window_ms), st.container()
+    with st.container(horizontal=True, vertical_alignment="center"):
+        _choose_overlaid(view)
+        meaning = f"{TTZV} Ratings by {campaign.rating_basis}."
+        is_whole = st.toggle("CAE and test", key="cae and test", persist_state="session", help=meaning)
+    if not is_whole:
+        minus = (replace(own, kind="difference") if own.kind == "pair" else own for own in errors.columns)
+        errors = replace(errors, columns=tuple(minus))
+    with table:
+        show_table(errors, "cae errors", "CAE / test, **difference**" if is_whole else "CAE minus test")
     left, right = st.columns(2, gap="medium")
     with left:
         draw = partial(campaign.draw, "cae and test", held_out=test.id, display=display)
@@ -182,6 +186,7 @@ def _show_library(view: View) -> None:
         alt = "Pulses of the CAE model over time: the middle 90 % of all runs, and paired runs"
         draw = partial(campaign.draw, "cae", display=display)
         show_cached_figure(draw, alt, "library", campaign.fingerprint, display, name="CAE runs")
+        st.caption(plain(campaign.quality.summary))
     _show_quality(campaign)
     if len(campaign.tests) > 1:
         with right:
@@ -193,20 +198,15 @@ def _choose_overlaid(view: View) -> None:
     address.put(key, view.held_out.id)
     look: dict[str, Any] = {"key": key, "label_visibility": "collapsed"}
     look["on_change"] = lambda: choose_held_out(view.campaign.test(state[key]))
-    if len(ids) > _MOST_BUTTONS:
-        st.selectbox("Test", ids, **look)
-    else:
-        st.segmented_control("Test", ids, required=True, wrap=True, format_func=plain, **look)
+    st.segmented_control("Test", ids, required=True, wrap=True, format_func=plain, **look)
 
 
 def _show_mending(view: View) -> None:
     campaign, display = view.campaign, view.display
     tip = "A line a test, dark: slow, bright: fast. By all tests: a diagnosis, no left-out prediction."
     st.markdown(f"**{_MEND}**", help=tip)
-    job = mending_request(campaign, display.window_ms).find()
-    if job is None or (events := job.result) is None:
-        if job is not None:
-            (show_job if job.active else show_end)(job)
+    events = result_or_none(mending_request(campaign, display.window_ms), invitation="", button=_MEND)
+    if events is None:
         return
     alt = "Force that the CAE model lacks in each test over displacement, and the ranges to mend"
 
@@ -224,8 +224,8 @@ def _show_mending(view: View) -> None:
 
 def _show_quality(campaign: Campaign) -> None:
     verdict = campaign.quality
-    st.markdown(f"**Quality of the CAE runs**: {plain(verdict.summary)}")
     if not (table := quality_table(verdict)).empty:
+        st.markdown(f"**Quality of the CAE runs**: {plain(verdict.summary)}")
         show_table(table, "quality")
     for sentence in verdict.named:
         st.warning(plain(sentence), icon=":material/warning:")

@@ -53,7 +53,7 @@ def show(view: View, row: DeltaGenerator) -> None:
     try:
         if len(studies) < 2:
             raise UsageError("Only two studies are compared, by their ratings.")
-        _show_compared(_compared(studies[0], studies[1]), view, row)
+        _show_compared(StudyComparison(*studies), view, row)
     except UsageError as error:
         st.info(plain(error), icon=":material/join_inner:")
 
@@ -141,11 +141,6 @@ def _open_certification(earlier: Earlier, view: View) -> None:
         labelled = [name for name, label in LABELS.items() if label == earlier.settings.get("approach")]
         state["approach"] = next(iter(labelled), APPROACH)
         open_next("certify")
-
-
-@st.cache_resource(max_entries=20, show_spinner=False, hash_funcs={PastResult: lambda result: result.id})
-def _compared(first: PastResult, second: PastResult) -> StudyComparison:
-    return StudyComparison(first, second)
 
 
 def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -> None:

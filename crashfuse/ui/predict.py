@@ -87,7 +87,8 @@ def _ask_and_answer(view: View, config: StudyConfig, request: Request[Fitted]) -
     show_training(config, fitted.approaches)
     if advice is not None:
         here = [fact.sentence for fact in condition_facts(campaign, condition)]
-        results.show_recommendation(advice.brief, [*dict.fromkeys([*advice.sentences, *here])])
+        use = f":material/lightbulb: **{plain(advice.brief)}**"
+        results.show_with_reasons(use, [*dict.fromkeys([*advice.sentences, *here])])
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", ["Pulses", "Over speed", "Next test"], key="predict_tab")
         best = by_preference(fitted.approaches)[0] if advice is None else advice.approach

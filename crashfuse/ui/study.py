@@ -34,7 +34,6 @@ from crashfuse.ui.kit.text import A_REPEAT, DRAWS, TTZV, plain
 
 _NUMBER, _PAST, _BANDS = "Number of tests", "Past results", "Bands"
 _TABS = ["Ratings", _BANDS, _NUMBER, _PAST]
-_GRADES = "Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor."
 _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 
 
@@ -80,7 +79,8 @@ class _Outcome(NamedTuple):
 
 def _show_headline(outcome: _Outcome) -> None:
     use, *reasons = (outcome.view.display.words(fact.sentence) for fact in recommend(outcome.shown).facts)
-    results.show_recommendation(use, [*reasons, f"By {outcome.view.campaign.rating_basis}: {_GRADES}", A_REPEAT])
+    basis = f"By {outcome.view.campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58."
+    results.show_with_reasons(f":material/lightbulb: **{plain(use)}**", [*reasons, basis, A_REPEAT])
     window_ms = outcome.view.display.window_ms
     show_table(quality_table(outcome.study, window_ms), "quality", f"Ratings over {results.window_label(window_ms)}.")
 
@@ -119,7 +119,6 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
             st.session_state["explained"] = approach
 
     left_out, draw = how_left_out(leave_out), partial(study.draw, display=outcome.view.display)
-    st.markdown(f"**Each test, {left_out}, {results.window_label(outcome.view.display.window_ms)}**")
     alt = f"Ratings of each test, {left_out}, by approach, with their mean"
     clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=f"ratings {left_out}")
     with st.container(horizontal=True, vertical_alignment="center"):
@@ -171,9 +170,9 @@ def _show_files(outcome: _Outcome) -> None:
 
 def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -> None:
     campaign = view.campaign
-    st.markdown("How good are predictions from fewer tests, and what would one more add?")
     request = learn_curve(campaign, replace(CURVE_CONFIG, seed=config.seed, device=config.device))
-    whole = result_or_none(request, invitation="", button=f"Predict from 1 to {len(campaign.tests) - 1} tests")
+    question = "How good are predictions from fewer tests, and what would one more add?"
+    whole = result_or_none(request, invitation=question, button=f"Predict from 1 to {len(campaign.tests) - 1} tests")
     if whole is None:
         return
     criteria = view.folder / "criteria.toml"

@@ -10,7 +10,7 @@ from typing import Any
 
 import streamlit as st
 
-from crashfuse.approaches.registry import BASELINE, LABELS
+from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign_folder.load import ARCHIVE
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError, DataError
@@ -29,8 +29,9 @@ from crashfuse.ui.kit.figures import choose, show_cached_figure, show_tabs
 from crashfuse.ui.kit.files import offer
 from crashfuse.ui.kit.frame import choose_settings
 from crashfuse.ui.kit.navigation import open_next, show_link
-from crashfuse.ui.kit.results import show_table, window_label
+from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import LF, TIME_DOMAIN, plain
+from crashfuse.units import read_out
 from crashfuse.vehicle_archive import LEAST_VEHICLES, VehicleArchive, load_archive
 
 _PAST = "past vehicles"  # widget key
@@ -87,7 +88,7 @@ def _show_form(view: View) -> None:
             study = None if wrong else request.find()
             _offer(study, "Train without them", request.start, wrong)
             if study is not None and (predicted := study.result or study.part) is not None:
-                _show_predicted(view, predicted, config)
+                _show_predicted(predicted, config)
         else:
             st.caption(f"{plain(campaign.test_ids[0])} is the only test: none is left to learn from.")
     fit = fit_request(campaign, config)
@@ -98,8 +99,8 @@ def _show_form(view: View) -> None:
         with suppress(CrashfuseError):  # starting the job shows it
             ready = ready or (fitted is None and not trouble and fit.in_cache())
         if ready:
-            learned = f"Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs."
-            st.markdown(f":material/check_circle: {learned} Predict answers any condition at once.")
+            learned = f"{len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs"
+            st.markdown(f":material/check_circle: Learned from {learned}.")
             show_link("predict", "Predict a new condition")
         else:
             _offer(fitted, _ON_ALL, fit.start, trouble)
@@ -131,12 +132,9 @@ def _offer(job: Job[Any] | None, label: str, start: Callable[[], None], trouble:
         progress.show_end(job)
 
 
-def _show_predicted(view: View, study: Study, config: StudyConfig) -> None:
+def _show_predicted(study: Study, config: StudyConfig) -> None:
     progress.show_training(config, study.config.approaches)
-    window_ms, n = view.display.window_ms, len(study.folds)
-    rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
-    of = plain(study.folds[0].held_out) if n == 1 else f"mean of {n} tests"
-    st.markdown(f":material/check_circle: Rated, {of}, {window_label(window_ms)}: {rated}.")
+    st.markdown(f":material/check_circle: Rated, {plain(read_out([fold.held_out for fold in study.folds]))}.")
 
     def open_test(test: CrashTest) -> None:
         choose_held_out(test)

@@ -52,7 +52,7 @@ def test_no_page_makes_anything_of_it(server: Server, user: User, foreign: Path)
         *((user.press, "Undo"), (user.go, "Train"), (user.choose_approaches, "CAE", "Displacement domain")),
         *((user.open_tab, "Diagnostics"), (user.sees, "Train without", "button")),
         *((user.go, "Compare"), (user.sees, "Predict test", "button"), (user.starts, "Predict test", FIGURE)),
-        *((user.press, "Notes and marks on", "summary"), (user.sees, "Log in again")),
+        *((user.press, "Notes and marks", "summary"), (user.sees, "Log in again")),
         *((user.open_tab, "Why"), (user.sees, "Humps, and")),
         *((user.open_tab, "Ratings and metrics"), (user.sees, "Ratings; scores")),
         *((user.open_tab, "Pulses"), (user.sees, "Nearest")),

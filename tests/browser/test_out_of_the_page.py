@@ -85,7 +85,7 @@ def test_a_figure_is_saved_as_it_is_shown_and_notes_and_marks_go_onto_it_and_int
     assert "test T1 and its prediction by Displacement domain<" in saved  # not by CAE, which is hidden
     assert "@font-face" in saved  # which no other program has: without it, and without lengths, words would overlap
     assert len(re.findall("<(?:text|tspan)[^>]* textLength=", saved)) > 20
-    engineer.press("Notes and marks on T1", "summary")
+    engineer.press("Notes and marks", "summary")
     engineer.fill("Note", "<b>hump</b> comes early")
     engineer.fill("From (ms)", "25")
     engineer.fill("To (ms)", "20")
@@ -109,7 +109,7 @@ def test_a_figure_is_saved_as_it_is_shown_and_notes_and_marks_go_onto_it_and_int
     assert "Outside the range of the CAE runs" not in report
     engineer.press("", '[data-testid="stDialog"] [aria-label="Close"]')
     engineer.sees("<b>hump</b> comes early", FIGURE)
-    engineer.press("Notes and marks on T1", "summary")
+    engineer.press("Notes and marks", "summary")
     engineer.presses_until(lambda: not (campaign_on_disk / "notes.csv").exists(), "Delete")
     engineer.presses_until(lambda: (campaign_on_disk / "notes.csv").exists(), "Put back")
     engineer.presses_until(lambda: not (campaign_on_disk / "notes.csv").exists(), "Delete")

@@ -137,9 +137,9 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     user.press("The worst test, S4", "summary")
     said = user.sees("it rates 0.")
     assert "We left out S4 (25.0 mph) and rated it over 0–60 ms. Rated 0." in said
-    assert re.search(r"far below what was expected: 0\.\d\d to 0\.\d\d \(80.%\)\. S4 differs from the other ", said)
+    assert re.search(r"far below what we expected: 0\.\d\d to 0\.\d\d \(80.%\)\. S4 differs from the other ", said)
     user.go("Compare")
-    user.sees("far below what was expected (0.")
+    user.sees("far below what we expected (0.")
     user.press("Why", PILL)
     user.sees("Corridor (40 %)", FIGURE)
     told = user.sees("curves as they stand")

@@ -7,21 +7,25 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Answer, Certification, Variant, certify_matrix, without_each_test
-from crashfuse.certification.criteria import Criteria, Criterion, varied
+from crashfuse.certification.criteria import Criteria, Criterion, Tolerances, varied
 from crashfuse.certification.domain import Domain
+from crashfuse.certification.earlier import parse_earlier
+from crashfuse.certification.forecasts import Plan, spreads
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.verdict import Verdict, Word
+from crashfuse.certification.verdict import Verdict, Word, all_met
+from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
 from crashfuse.execution.run import Run
 from crashfuse.execution.workers import Local
-from crashfuse.results.certification import certification_record
-from crashfuse.results.certification_facts import facts
+from crashfuse.results.certification import certification_json, certification_record, certification_result
+from crashfuse.results.certification_facts import facts, spot_check
 from crashfuse.results.certification_tables import certification_table, planned, track_record_table
 from crashfuse.signals.metrics import metric_values
-from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.config import StudyConfig
@@ -58,6 +62,69 @@ def estimates(campaign: Campaign, verdict: Verdict) -> list[Estimate]:
     """The prediction there by each seed that the verdict is averaged over."""
     seeds = [replace(CONFIG, seed=seed) for seed in range(2)]
     return [estimate_at(campaign, verdict.condition, "displacement_domain", seed) for seed in seeds]
+
+
+def test_a_spot_check_is_a_criterion_on_the_rating_of_one_planned_test(campaign: Campaign) -> None:
+    """Each has the probability of a rating criterion; one drawn at random the mean, as simulated draws come out."""
+    found = certified(campaign)
+    of_rating = {i: row[2].probability for i, row in found.rows.items() if row[2].word != "outside"}
+    assert found.spot_checks == of_rating
+    assert list(of_rating) == ["M20", "M30"]
+    without = certified(campaign, Criteria((CRUSH, PEAK)))
+    good = certified(campaign, Criteria((CRUSH, PEAK, replace(RATING, at_least=0.8))))
+    assert without.spot_checks == good.spot_checks
+    assert all(good.spot_checks[i] < p for i, p in of_rating.items() if p)
+    assert without.judged[0] == good.judged[0][:2]
+    told, met = spot_check(good), [all_met(good.rows[i]).probability for i in good.spot_checks]
+    rng = np.random.default_rng(0)
+    drawn = rng.integers(2, size=100_000)
+    chances = np.array([[*good.spot_checks.values()], met])[:, drawn]
+    shares = (rng.random(chances.shape) < chances).mean(axis=1)
+    assert [told["rates"], told["meets"]] == pytest.approx(shares, abs=0.005)
+    assert (told["tests"], told["least"]) == (2, min(good.spot_checks.values()))
+    assert certification_record(good)["spot_check"] == told
+    table = certification_table(good).groupby("id")["spot_check"].first()
+    assert table.dropna().to_dict() == good.spot_checks
+    there = certify_matrix(campaign, CRITERIA, Matrix(("T",), (campaign.tests[2].condition,)), CAE)
+    assert (there.spot_checks, spot_check(there)) == ({}, {})
+
+
+def test_tolerances_scatter_what_a_planned_test_shows(campaign: Campaign) -> None:
+    """Each is a normal: of a pulse whose metrics are known as formulas, and in the probability by simulation."""
+
+    def half_sine(at: Condition) -> FloatArray:
+        """A vehicle on a spring: peak v0 w, crush v0 / w, w the root of stiffness over mass."""
+        w = np.sqrt(5e5 / at.mass_kg)
+        return np.asarray(-at.speed_mps * w * np.sin(w * GRID_S) * (w * GRID_S < np.pi))
+
+    at = Condition.of_vector([12.0, 900.0, 700.0])
+    told = spreads(half_sine, at, Tolerances(0.5, 0.02, 0.01), campaign.occupant)
+    peak, by_weight = np.sqrt(5e5 / 1600) * 12.0, 0.02 * np.array([900, 700]) / 1600 / 2
+    parts = [0.5 * KPH / 12.0, *by_weight]
+    assert told["peak"] == pytest.approx(peak / G * np.hypot.reduce([*parts, 0.01]), rel=0.01)
+    of_speed = spreads(half_sine, at, Tolerances(0.5), campaign.occupant)
+    assert of_speed["max_crush"] == pytest.approx(1e3 * 0.5 * KPH / np.sqrt(5e5 / 1600), rel=0.01)
+    none = spreads(half_sine, at, Tolerances(), campaign.occupant)
+    assert {none[name] for name in ("peak", "max_crush", "mean")} == {0.0}
+
+    criteria = Criteria((CRUSH, PEAK, RATING), tolerances=Tolerances(1.0, 0.02, 0.02))
+    plain, asked = (certify_matrix(campaign, own, matrix(campaign, 20.0), CAE) for own in (CRITERIA, criteria))
+    emulator = CaeModel().fit(campaign.cae).emulator_
+    here, rng = plain.matrix.conditions[0], np.random.default_rng(0)
+    for number, limit in enumerate((CRUSH, PEAK)):
+        (before, after) = (own.judged[0][number] for own in (plain, asked))
+        sd = spreads(emulator.predict, here, criteria.tolerances or Tolerances(), campaign.occupant)[limit.metric]
+        forecast = Plan.of(campaign, CRITERIA, plain.matrix, replace(CAE, windows_ms=(60.0,)), Run.of(campaign))
+        (known,) = forecast.forecasts.averaged(forecast.cells, "").values()
+        centre, scale, freedom, *_ = known.distributions[0, known.names.index(limit.metric)]
+        drawn = centre + scale * rng.standard_t(freedom, 200_000) + sd * rng.standard_normal(200_000)
+        assert after.probability == pytest.approx((drawn <= limit.at_most).mean(), abs=0.005)
+        assert after.upper - after.lower > before.upper - before.lower  # type: ignore[operator]
+    assert asked.judged[0][2] == plain.judged[0][2]  # a rating has no tolerance
+    assert parse_earlier(certification_json(asked)).criteria.tolerances == criteria.tolerances
+    assert "1 km/h, 2 % of each weight" in certification_result(asked).sentences["verdicts"][-1]
+    assert "No tolerance" in certification_result(plain).sentences["verdicts"][-1]
+    assert asked.record.decided == plain.record.decided
 
 
 def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) -> None:
@@ -221,7 +288,7 @@ def test_a_confidence_that_the_record_does_not_support_leaves_every_verdict_open
     assert {own.word for own in inside} == {"open"}
     sure = [own for own in inside if own.probability is not None and not 0.001 < own.probability < 0.999]
     assert sure
-    assert all("supports a confidence of" in own.reason and "not 0.999" in own.reason for own in sure)
+    assert all("enough for a confidence of" in own.reason and "not of 0.999" in own.reason for own in sure)
 
 
 def test_a_limit_that_no_test_comes_near_is_named(campaign: Campaign) -> None:
@@ -229,7 +296,7 @@ def test_a_limit_that_no_test_comes_near_is_named(campaign: Campaign) -> None:
     far = Criterion("far", "max_crush", at_most=3000.0)
     verdict = certified(campaign, Criteria((CRUSH, PEAK, RATING, far), 0.8)).verdicts[0][3]
     assert verdict.word == "met"
-    assert "No left-out test came near this limit" in verdict.reason
+    assert "No hidden test came near this limit" in verdict.reason
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -251,7 +318,7 @@ def test_a_metric_that_no_pulse_is_long_enough_for_leaves_the_others_judged(camp
     found = certify_matrix(campaign, both, matrix(campaign, 20.0), CAE)
     [[slow, wide]] = found.verdicts
     assert (slow.word, slow.probability, wide.word) == ("open", None, "met")
-    assert "too short for the OLC" in slow.reason
+    assert "too early to tell the OLC" in slow.reason
     assert (found.waived, found.run_first) == ({}, None)
     assert found.answers == {"M20": "cannot say"}
 
@@ -324,7 +391,7 @@ def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_littl
     tests = tuple(failed if one.id == test.id else one for one in campaign.tests)
     doubtful = replace(found, campaign=replace(campaign, tests=tests))
     assert "spike of 60.0 g at 30.0 ms" in run_already(doubtful)["P1"]
-    ran = f"Test {test.id} was run for it, at {test.condition}, and measured "
+    ran = f"Test {test.id} was run for it, at {test.condition}: it measured "
     assert ran in found.verdicts[0][0].reason
     assert certify_matrix(campaign, loose, Matrix(("P3",), (other,)), CAE).run == {}
 

@@ -5,7 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from crashfuse.certification.criteria import Costs, Criterion, criteria_of, criteria_text, read_criteria
+from crashfuse.certification.criteria import (
+    Costs,
+    Criterion,
+    Tolerances,
+    criteria_of,
+    criteria_text,
+    likely_unit,
+    read_criteria,
+)
 from crashfuse.errors import DataError
 from tests.conftest import problems_of
 
@@ -46,6 +54,20 @@ def test_a_file_declares_criteria_and_their_confidence(tmp_path: Path) -> None:
         Criterion("rating", "rating", at_least=0.8, window_ms=60.0),
     )
     assert found.windows_ms == (60.0,)
+    asked = read_criteria(criteria_file(tmp_path, f"[tolerances]\nspeed_kph = 0.5\n{CRUSH}at_most = 650"))
+    assert asked.tolerances == Tolerances(0.5, 0.0, 0.0)
+    assert read_criteria(criteria_file(tmp_path, criteria_text(asked))) == replace(asked, declared=0.95)
+
+
+@pytest.mark.parametrize(
+    ("metric", "limit", "unit"),
+    [("delta_v", 40, "mph"), ("delta_v", 49, ""), ("delta_v", 66, ""), ("delta_v", 17, "m/s"), ("delta_v", 300, ""),
+     ("max_crush", 2.3, "inches"), ("max_crush", 6.2, "cm"), ("olc", 588, "m/s²"), ("t0", 40, ""), ("rating", 0.8, "")],
+)  # fmt: skip
+def test_a_limit_that_is_near_in_another_unit_alone_gets_that_unit(metric: str, limit: float, unit: str) -> None:
+    """Tests show 58 to 66 of the metric's unit; 40 mph is 64 km/h, 17 m/s is 61 km/h."""
+    assert likely_unit(Criterion("own", metric, at_most=limit), [58.0, 66.0]) == unit
+    assert likely_unit(Criterion("own", metric, at_most=limit), []) == ""
 
 
 def test_mappings_declare_the_same_criteria_as_a_file(tmp_path: Path) -> None:
@@ -99,7 +121,10 @@ NO_COSTS = "expected costs test and wrong_answer, above 0, the wrong answer the 
         (f"{CRUSH}at_most = inf", "expected a number of 0 or more for at_most, in mm, found inf; correct the limit."),
         (f"{CRUSH}at_most = 0x1{'0' * 5000}", "criteria.toml, row 3: expected numbers of fewer than 1000 characters"),
         (f"{CRUSH}at_most = -1", "expected a number of 0 or more for at_most, in mm, found -1; correct the limit."),
-        (f"{CRUSH}at_least = 700\nat_most = 600", "expected at_most of at least 700, which is at_least, found 600;"),
+        (
+            f"{CRUSH}at_least = 700\nat_most = 600",
+            "expected at_most of at least 700 mm, which is at_least, found 600 mm;",
+        ),
         (f"{CRUSH}at_most = 650\nwindow_ms = 60", "expected no window_ms, which only the rating has, found 60"),
         (f"{CRUSH}at_most = 650\nhint = 1", "the keys name, metric, unit, window_ms, at_least, at_most, found"),
         (f'{CRUSH}at_most = 650\nname = " "', "expected a name of at most 100 characters in one line"),
@@ -113,8 +138,11 @@ NO_COSTS = "expected costs test and wrong_answer, above 0, the wrong answer the 
         (f"confidence = 0.4\n{CRUSH}at_most = 650", "expected a confidence from 0.5 to 0.999999, found 0.4"),
         (f'confidence = "0.95"\n{CRUSH}at_most = 650', "from 0.5 to 0.999999, found '0.95'"),
         (f'confidence = "high"\n{CRUSH}at_most = 650', "expected a confidence from 0.5 to 0.999999, found 'high'"),
-        (f"sure = 0.95\n{CRUSH}at_most = 650", "expected confidence, [costs] and [[criterion]], found sure; remove"),
+        (f"sure = 0.95\n{CRUSH}at_most = 650", "expected confidence, [costs], [tolerances] and [[criterion]], found"),
         (f"costs = 3\n{CRUSH}at_most = 650", f"{NO_COSTS}3"),
+        (f"tolerances = 3\n{CRUSH}at_most = 650", "tolerances from 0 to 5 (speed_kph), 0.1 (weight)"),
+        (f"[tolerances]\nweight = 2.0\n{CRUSH}at_most = 650", "found weight 2"),
+        (f"[tolerances]\nspeed_mph = 1.0\n{CRUSH}at_most = 650", "found speed_mph 1"),
         (f"[costs]\ntest = 5\n{CRUSH}at_most = 650", f"{NO_COSTS}test 5"),
         (f"[costs]\ntest = -1\nwrong_answer = 5\n{CRUSH}at_most = 650", f"{NO_COSTS}test -1, wrong_answer 5"),
         (f"[costs]\ntest = 5\nwrong_answer = 5\n{CRUSH}at_most = 650", f"{NO_COSTS}test 5, wrong_answer 5"),

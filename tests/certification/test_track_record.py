@@ -265,23 +265,23 @@ def test_a_record_supports_the_confidence_that_it_makes_likely(decided: int, wro
     assert (said is None) is supports
     if said is not None:
         needed = 9 if wrong == 0 else 29
-        assert f"takes {needed} verdicts with at most {wrong} wrong" in said
+        assert f"takes {needed} with {f'at most {wrong}' if wrong else 'none'} wrong" in said
     said = Support(47, 0, 47, 0, near=True).shortfall(0.99)  # 0.9896 is not shown as 0.99
     assert said is not None
-    assert 0.989 <= float(said.partition("supports a confidence of ")[2].partition(", not")[0]) < 0.99
+    assert 0.989 <= float(said.partition("enough for a confidence of ")[2].partition(", not of")[0]) < 0.99
 
 
 def test_few_verdicts_of_its_own_are_told_though_those_on_other_criteria_suffice() -> None:
     """Two right ones do not support 0.95, though with fifty on other criteria they do; nine do, alone."""
-    expected = (2, 0, "2 left-out tests, none"), (0, 0, "no left-out test"), (30, 3, "3 wrong"), (9, 0, None)
+    expected = (2, 0, "2 hidden tests, none"), (0, 0, "Not checked on any"), (30, 3, "3 wrong"), (9, 0, None)
     for decided, wrong, told in expected:
         said = Support(200, wrong, own_decided=decided, own_wrong=wrong, near=True).reservation(0.95)
         assert (told is None) is (said is None)
         assert (told or "") in (said or "")
-        assert said is None or said.endswith(f"0.95: 200, at most 5 a test, {counted_wrong(wrong)}.")
+        assert said is None or said.endswith(f"200 verdicts, {counted_wrong(wrong)}: enough for a confidence of 0.95.")
     unsupported = Support(5, 0, 2, 0, near=False).reservation(0.95)
     assert unsupported is not None
-    assert "support" not in unsupported
+    assert "enough" not in unsupported
 
 
 @pytest.mark.parametrize(
@@ -294,6 +294,6 @@ def test_right_verdicts_on_others_do_not_make_up_for_its_own_wrong_ones(wrong: i
     said = support.shortfall(0.95)
     assert (said is not None) is refuted
     if said is not None:
-        assert said.startswith(f"{wrong} of {n} verdicts on this metric, one a test, were wrong: that refutes")
+        assert said.startswith(f"{wrong} of {n} verdicts on this metric, one a test, were wrong: too many for a")
     before = Support(500, wrong, 0, 0, near=True, before=n, wrong_before=wrong).shortfall(0.95)
     assert (before is not None) is refuted

@@ -156,25 +156,22 @@ def test_the_reason_gives_value_interval_limit_and_probability(campaign: Campaig
     """As a sentence, in the metric's unit."""
     found = verdict(campaign, Criterion("crush", "max_crush", at_most=510.0))
     assert found.reason == (
-        "498.0 mm expected, 480.4 to 519.6 mm in 95 % of tests; the limit is at most 510 mm, "
-        "met with probability 0.841 only."
+        "We expect 498.0 mm (95 % of tests: 480.4 to 519.6 mm); at most 510 mm is met with probability 0.841 only."
     )
     assert (found.value, found.lower, found.upper) == pytest.approx((498.0, 480.4, 519.6), abs=0.01)
     found = verdict(campaign, found.criterion, tests=("T2",))  # what that measured is known: it is on another test
     assert found.word == "open"
-    assert found.reason.endswith("the limit is at most 510 mm, met by another test with probability 0.841 only.")
+    assert found.reason.endswith("at most 510 mm is met by another test with probability 0.841 only.")
 
 
 def test_an_interval_with_an_open_end_tells_the_other() -> None:
     """As tables of metrics do, in the reader's units; without any end it is a dash."""
     change = Criterion("change", "delta_v", at_most=64.0)
-    assert change.compared(61.0, None, 64.75).startswith("61.00 km/h expected, ≤ 64.75 km/h in 95 % of tests")
+    assert change.compared(61.0, None, 64.75).startswith("We expect 61.00 km/h (95 % of tests: ≤ 64.75 km/h)")
     assert said(change.interval(58.2, None), MPH_LB) == "≥ 36.16 mph"
     assert str(change.interval(None, None)) == "–"
     told = Criterion("crush", "max_crush", at_most=300.0).compared(None, 200.0, 260.0)  # the pulse does not stop
-    assert told == (
-        "200.0 to 260.0 mm in 95 % of tests, no single value expected (record too short); the limit is at most 300 mm"
-    )
+    assert told == "95 % of tests: 200.0 to 260.0 mm, no single value expected (record too short); at most 300 mm"
 
 
 @pytest.mark.parametrize(
@@ -194,7 +191,7 @@ def test_a_limit_stands_with_all_its_digits(metric: str, limit: float, said: str
 def test_round_values_keep_their_digits() -> None:
     """A value of 30 g stands as exactly as one of 26.52 g; a limit as it was declared."""
     peak = Criterion("peak", "peak", at_most=40.0)
-    assert peak.compared(30.0, 26.52, 36.754).startswith("30.00 g expected, 26.52 to 36.75 g in")
+    assert peak.compared(30.0, 26.52, 36.754).startswith("We expect 30.00 g (95 % of tests: 26.52 to 36.75 g)")
     assert peak.limits == "at most 40 g"
     assert said(peak.shown(120.0), UnitSystem(acceleration="m/s²")) == "1177 m/s²"
 
@@ -204,7 +201,7 @@ def test_a_rating_is_at_most_one(campaign: Campaign) -> None:
     found = verdict(campaign, Criterion("rating", "rating", at_least=0.7, window_ms=60.0))
     assert (found.lower, found.upper) == pytest.approx((0.820, 0.944), abs=1e-3)
     assert found.word == "met"
-    assert found.reason.startswith("0.900 expected, 0.820 to 0.944 in 95 % of tests; the limit is at least 0.70")
+    assert found.reason.startswith("We expect 0.900 (95 % of tests: 0.820 to 0.944); at least 0.70")
 
 
 @pytest.mark.parametrize("value", [None, 12.0])
@@ -229,7 +226,8 @@ def test_a_test_that_was_run_there_stands_beside_the_verdict_and_may_reopen_it(
     assert found.word == word
     assert found.probability == alone.probability
     does = "meets" if measured <= at_most else "misses"
-    assert found.reason == f"{alone.reason} Test T5 was run there and measured {measured:.1f} mm, which {does} it."
+    ran = f"Test T5 was run there: it measured {measured:.1f} mm, which {does} the limit."
+    assert found.reason == f"{alone.reason} {ran}"
     assert found.run == {"T5": measured, "T6": None}
 
 

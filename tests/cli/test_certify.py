@@ -3,6 +3,7 @@
 import hashlib
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,11 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note, write_notes
-from crashfuse.certification import file_store
-from crashfuse.certification.criteria import Costs, read_criteria
+from crashfuse.certification import file_store, seal
+from crashfuse.certification.criteria import Costs
 from crashfuse.certification.earlier import read_earlier
-from crashfuse.certification.matrix import Matrix
+from crashfuse.signals.pulse import GRID_S, Pulse
 from tests.archives import made_archive
 from tests.cli.conftest import Shell, run
 from tests.conftest import write_campaign
@@ -70,7 +70,8 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, t
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert "bracket came loose" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
-    assert list(verdicts) == [*CONTRACT, "basis", "need_not_be_run", "all_met_at_least", "answer", "all_met"]
+    further = ["basis", "need_not_be_run", "all_met_at_least", "answer", "all_met", "spot_check"]
+    assert list(verdicts) == [*CONTRACT, *further, "probability_lower", "probability_upper"]
     assert verdicts["id"].tolist() == [i for i in "ABC" for _ in range(3)]
     assert verdicts["window_ms"].dropna().unique().tolist() == [60.0]
     assert (verdicts["lower"] <= verdicts["value"]).all()
@@ -130,25 +131,39 @@ def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path
 
 
 @pytest.mark.slow
-def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Path) -> None:
-    """Criteria, matrix, fingerprint and settings as used are in it; so are numbers, to the digits of the table."""
-    assert run(*certifying(planned, tmp_path / "first")) == cli.DONE
-    record = json.loads((tmp_path / "first" / "certification.json").read_text(encoding="utf-8"))
-    campaign = load_campaign(planned)
-    assert record["fingerprint"] == campaign.fingerprint
-    assert record["config"]["approaches"] == ["cae"]
-    assert record["settings"]["seeds"] == "0 and 1"
-    assert read_earlier(tmp_path / "first").criteria == read_criteria(planned / "criteria.toml")
-    frame = pd.DataFrame(record["matrix"])
-    for again, own in zip(
-        Matrix.of(frame, campaign.factors).conditions, Matrix.read(planned / "matrix.csv", {"drive": ()}).conditions,
-        strict=True,
-    ):  # fmt: skip
-        np.testing.assert_allclose(again.vector, own.vector, rtol=1e-9)
-    frame.to_csv(tmp_path / "matrix.csv", index=False)
-    assert run(*certifying(planned, tmp_path / "again", "--matrix", tmp_path / "matrix.csv")) == cli.DONE
-    for name in ("certification.csv", "track_record.csv"):
-        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+def test_a_forged_verdict_under_a_valid_seal_is_found_by_recomputing(
+    planned: Path, campaign: Campaign, tmp_path: Path, shell: Shell
+) -> None:
+    """What is true agrees to the last digit, with a test run since put aside; a forger's seal holds all the same."""
+    key, out, again = tmp_path / "key", tmp_path / "out", ("--recompute", planned, "--workers", "1")
+    assert run("key", key) == cli.DONE
+    fewer = write_campaign(campaign.without([campaign.test_ids[-1]]), tmp_path / "fewer")
+    inputs = ("--criteria", planned / "criteria.toml", "--matrix", planned / "matrix.csv")
+    assert run(*certifying(fewer, out, *inputs, "--seal", key)) == cli.DONE
+    printed = shell.prints("verify", out, *again)
+    head, _, other, verdicts = printed.partition("agree")[2].splitlines()[:4]
+    assert " ".join(head.split()) == "not derived to the last digit"
+    assert (verdicts.split(), other.split()[:2]) == (["verdicts", "0", "9"], ["other", "values"])
+    assert "Not derived: crashfuse, python, platform, packages, date, " in printed
+    record = json.loads((out / "certification.json").read_text(encoding="utf-8"))
+    word, probability, *ends = record["cells"]["B"]["crush"]
+    forged = {"met": "not met"}.get(word, "met")
+    record["cells"]["B"]["crush"] = [forged, probability, *ends]
+    (out / "certification.json").write_text(json.dumps(record), encoding="utf-8")
+    trials = (out / "track_record.csv").read_text(encoding="utf-8")
+    (out / "track_record.csv").write_text(trials.replace("True", "False", 1), encoding="utf-8")
+    seal.seal(out, seal.read_key(key, "private"), record["seal"]["rests_on"], None)
+    assert run("verify", out, "--key", f"{key}.pub") == cli.DONE
+    said = shell.wrong_data("verify", out, *again)
+    assert f"certification.json, cells, B, crush: expected ['{word}', {probability}" in said
+    assert f"found ['{forged}', {probability}" in said
+    assert "track_record.csv, " in said
+    assert "2 problems found." in said
+    stiffer = [replace(t, id=f"V{t.id}", pulse=Pulse(GRID_S, 1.02 * t.pulse.accel_mps2)) for t in campaign.tests]
+    stranger = write_campaign(replace(campaign, tests=tuple(stiffer)), tmp_path / "van")
+    said = shell.wrong_data("verify", out, "--recompute", stranger)
+    assert "found one of fewer, none of whose tests is in van" in said
+    assert "1 problem found." in said
 
 
 @pytest.mark.slow

@@ -127,5 +127,5 @@ def test_what_cannot_be_drawn_is_one_sentence(
     assert none in shell.wrong_data("figures", tmp_path / "none.html", *out)
     assert "Not a folder, but a file, is" in shell.wrong_usage("figures", report, "--out", report)
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    assert 'python -m pip install "crashfuse[figures]"' in shell.wrong_usage("figures", report, *out)
+    assert 'python -m pip install ".[figures]"' in shell.wrong_usage("figures", report, *out)
     assert not (tmp_path / "out").exists()

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from markupsafe import escape
 
@@ -30,16 +31,18 @@ from crashfuse.results.certification_facts import (
     exceptions,
     facts,
     sentences,
-    support_text,
 )
 from crashfuse.results.certification_tables import certification_table, planned, turned_texts
 from crashfuse.results.display import DEFAULT, Display
-from crashfuse.results.plots.certification import verdict_matrix
+from crashfuse.results.figures import how_left_out
 from crashfuse.results.provenance import certify_command
+from crashfuse.results.render.figure_files import contents_of
 from crashfuse.results.render.html import report
 from crashfuse.signals.occupant import OccupantModel
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating import rate_iso18571
 from crashfuse.study.config import StudyConfig
-from crashfuse.units import KPH, KPH_KG, MPH
+from crashfuse.units import KPH, KPH_KG, MPH, G
 from tests.golden import assert_golden
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -161,6 +164,10 @@ def variants(certification: Certification, alone: Certification) -> Iterator[tup
     yield "run, would miss", replace(certification, verdicts=(missed, tuple(replace(o, run={}) for o in missed), third))
     yield "tests near", near(certification)
     yield "factors", with_factors(certification)
+    inches = replace(certification.criteria.items[0], at_most=17.0)
+    criteria = replace(certification.criteria, items=(inches, *certification.criteria.items[1:]))
+    rows = tuple((replace(row[0], criterion=inches), *row[1:]) for row in certification.verdicts)
+    yield "a limit in inches", replace(certification, criteria=criteria, verdicts=rows)
     yield "a single test", alone
 
 
@@ -196,14 +203,14 @@ def test_answers_have_what_decides_them(certification: Certification) -> None:
     met = row_as(first, "met", 0.9, 0.99, 1)
     missed, undecided = replace(first[0], word="not met"), replace(second[1], word="open", probability=0.5)
     rest = tuple(replace(own, word="met") for own in second[2:])
-    outside = "cannot say: outside what the tests check"
+    outside = "cannot say: not covered by tests"
     assert told(met, (missed, undecided, *rest), third) == [
-        "skip: all met at once: 0.890",
+        "skip: meets all: 0.890",
         "would miss: misses crush",
         outside,
     ]
     assert told(met, (replace(missed, word="met"), undecided, *rest), third)[1] == "run: open: OLC"
-    short = "cannot say: records too short for crush, OLC, rating"
+    short = "cannot say: records end early: crush, OLC, rating"
     assert told(met, row_as(second, "open", None), third)[1] == short
 
 
@@ -218,7 +225,7 @@ def test_skips_faster_than_any_that_was_checked_are_named(certification: Certifi
     (fact,) = (fact for fact in facts(found) if fact.code == "record.slower")
     faster = [i for i, condition in met.matrix.items if condition.speed_mps > slow + KPH]
     assert list(fact.about) == faster
-    assert "slower" in fact.sentence
+    assert "faster" in fact.sentence
     assert fact.sentence in against(found).values()
     assert fact.sentence in certification_record(found)["sentences"]  # type: ignore[operator]
     assert not values(certification, "record.slower")
@@ -243,9 +250,9 @@ def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confid
     ids, rows = certification.matrix.ids, all_as(certification, "met", 0.93, 0.94, 0.99)
     found = replace(certification, verdicts=rows)
     assert (list(found.uncertain), list(found.waived), found.run_first) == ([ids[0]], [ids[1], ids[2]], None)
-    assert [(own.word, own.why) for own in planned(found)][:1] == [("run", "all met at once: only 0.790")]
+    assert [(own.word, own.why) for own in planned(found)][:1] == [("run", "meets all: only 0.790")]
     reasons = certification_table(found).set_index("id")["reason"]
-    assert reasons.str.contains("all met at once: only 0.790").tolist() == [True] * 3 + [False] * 6
+    assert reasons.str.contains("meets all: only 0.790").tolist() == [True] * 3 + [False] * 6
     assert list(certification_record(found)["waived"]) == [ids[1], ids[2]]  # type: ignore[call-overload]
 
 
@@ -287,11 +294,10 @@ def test_of_conditions_to_be_tested_the_fastest_is_run_first(certification: Cert
 
 
 def test_what_stands_apart_is_named_beside_the_answer(certification: Certification) -> None:
-    """Where it does, and nowhere else: in the figure, in the table, and in the list by speed."""
+    """Where it does, and nowhere else: in the table, and in the list by speed."""
     found = near(certification)
-    beside = verdict_matrix(found).figure().layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
-    assert list(beside) == ["run", "run", "run; T1 stands apart"]
-    assert certification_result(found).tables["planned"].frame["Answer"].tolist() == ["run"] * 3
+    reasons = certification_result(found).tables["planned"].frame["Why"]
+    assert reasons.str.contains("T1 stands apart").tolist() == [False, False, True]
     *_, last = planned(found)
     told = ("M70", "run", "open: crush, OLC, rating", ("T1 stands apart there",))
     assert (last.id, last.word, last.why, last.further) == told
@@ -307,6 +313,10 @@ def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certi
     assert 0 < near < decided
     kept = certification_record(certification)["track_record"]
     assert isinstance(kept, dict)
+    assert next(iter(kept)) == "near_limit"
+    assert sentences(certification, "record")[0].startswith(f"Near the limits, where it matters: {near} verdicts")
+    far = replace(certification, record=TrackRecord(tuple(t for t in record.trials if not t.near)))
+    assert sentences(far, "record")[0].startswith("Near the limits, where it matters: no verdict")
     at_most = pytest.approx(1 - 0.05 ** (1 / near), abs=1e-4)
     assert kept["near_limit"] == {"n": near, "wrong": 0, "wrong_at_most": at_most}
     assert kept["intervals"] == dict(zip(("inside", "n"), record.intervals, strict=True))
@@ -314,9 +324,12 @@ def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certi
 
 def test_each_criterion_stands_beside_what_its_own_record_supports(certification: Certification) -> None:
     record, asked = certification.record, certification.criteria
-    told = certification_result(certification).tables["record"].frame["What this record supports"].tolist()
-    assert told == [*(support_text(record, own, asked.confidence) for own in asked.items), ""]
-    assert len({*told}) > 2
+    table = certification_result(certification).tables["record"].frame
+    first, *told, _, with_runs = table["What this record supports"]
+    assert told == [record.support(own).text(asked.confidence) for own in asked.items]
+    assert (first, with_runs, len({*told})) == ("", "", 2 + 1)
+    near, *_, all_of_it, _ = table[["Met", "Not met"]].sum(axis=1)
+    assert (near, all_of_it) == (record.near_limit.decided[0], record.decided[0])
 
 
 def test_probabilities_that_did_not_come_true_or_gain_nothing_are_exceptions(certification: Certification) -> None:
@@ -385,12 +398,37 @@ def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: C
         assert str(escape(verdict.reason)) in text
     cells = re.findall("<td class=(met|not-met|open|outside)>", text)
     assert len(cells) == len(certification.cells) + len(certification.record.counted)
-    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1 + 1  # domain, record, reliability, matrix, scales
+    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1 + 1 + 4  # domain, record, matrix, scales, tests
     assert certification.campaign.fingerprint in text
+    assert f"<code>{certification.campaign.cae.fingerprint}</code>" in text
+    assert "<td>Solver of the CAE runs</td><td><code>not stated</code></td>" in text
     assert certify_command(certification) in text
     for place in ("summary", "domain", "record"):
         assert all(str(escape(sentence)) in text for sentence in sentences(certification, place))
     assert all(str(escape(sentence)) in text for told in exceptions(certification).values() for sentence in told)
+
+
+def test_a_probability_stands_beside_what_the_tests_leave_open_of_it(certification: Certification) -> None:
+    """In the file of verdicts, in the record and in the dossier; wider where seeds differ."""
+    table = certification_table(certification)
+    for (i, verdict), lower, upper in zip(
+        certification.cells, table["probability_lower"], table["probability_upper"], strict=True
+    ):
+        if verdict.probability is not None and verdict.probability_interval is not None:
+            assert 0 <= lower <= verdict.probability <= upper <= 1
+            assert verdict.probability_interval == (lower, upper)
+            kept = certification_record(certification)["monte_carlo"]
+            assert kept[i]["interval"][verdict.criterion.name] == (lower, upper)  # type: ignore[index]
+    shown = certification_result(certification).tables["verdicts"].frame["Probability, 95 %"]
+    assert shown.str.fullmatch(r"[01]\.\d\d–[01]\.\d\d").all()
+
+
+def test_slides_say_what_the_answer_rests_on(certification: Certification) -> None:
+    """The record with its bounds, the quality of the CAE runs, and the seal."""
+    for key, seal in (("", "Not sealed."), ("ab", "Sealed by the key ab.")):
+        told = contents_of(certification_result(replace(certification, key=key)), DEFAULT).evidence
+        assert told[0] == sentences(certification, "record")[0]
+        assert told[2:] == (certification.campaign.quality.checks, seal)
 
 
 def test_notes_on_tests_stand_in_the_dossier_as_text(certification: Certification, text: str) -> None:
@@ -401,6 +439,35 @@ def test_notes_on_tests_stand_in_the_dossier_as_text(certification: Certificatio
     assert "id=notes" not in text
 
 
+def test_left_out_tests_stand_beside_the_cae_model_and_what_was_predicted_without_them(
+    certification: Certification, text: str
+) -> None:
+    """The CAE pulse is that of the run; the ratings of predictions are those by which the record judges."""
+    campaign, result = certification.campaign, certification_result(certification)
+    measured = {
+        (trial.held_out, how_left_out(trial.left_out)): trial.measured
+        for trial in certification.record.trials
+        if trial.verdict.criterion.metric == "rating"
+    }
+    table = result.tables["left_out"].frame
+    of_cae = table[table["Pulse"] == "CAE"].set_index("Test")["overall"]
+    told = table[table["Pulse"] != "CAE"].set_index(["Test", "Pulse"])["overall"]
+    assert {key: measured[key] for key in told.index} == pytest.approx(told.to_dict(), abs=1e-9)
+    assert of_cae.index.tolist() == [*campaign.test_ids]
+    for test, part in zip(campaign.tests, result.parts["left_out"], strict=True):
+        run = campaign.cae.paired_run(test.condition)
+        pulse = Pulse(GRID_S, campaign.cae.accel_mps2[run].astype(float))
+        assert of_cae[test.id] == pytest.approx(rate_iso18571(test.pulse, pulse, 60.0).overall, abs=1e-9)
+        lines = part.figures["overlay"].draw(DEFAULT).figure().data
+        drawn = {line.name: line.y for line in lines if line.mode == "lines"}
+        assert f"<h3>{part.title}</h3>" in text
+        assert test.id in part.title
+        np.testing.assert_allclose(drawn["Test"], test.pulse.accel_mps2 / G, rtol=1e-6)
+        np.testing.assert_allclose(drawn["CAE"], pulse.accel_mps2 / G, rtol=1e-6)
+    kept = certification_record(certification)["track_record"]["ratings"]  # type: ignore[index]
+    assert kept == table.to_dict("records")
+
+
 def test_a_single_test_makes_a_dossier_that_says_so(alone: Certification) -> None:
     """No record, no figures of one, no table of repeats; everything outside."""
     result = certification_result(alone)
@@ -408,7 +475,7 @@ def test_a_single_test_makes_a_dossier_that_says_so(alone: Certification) -> Non
     assert [fact.code for fact in facts(alone) if fact.code.startswith("record")] == ["record.none"]
     assert not re.findall("<h2>(How well tests repeat)</h2>", text)
     assert "Each test was left out in turn" not in text
-    assert set(result.tables["planned"].texts()["Why"]) == {"outside what the tests check"}
+    assert set(result.tables["planned"].texts()["Why"]) == {"not covered by tests"}
 
 
 def test_limits_stand_as_declared_beside_the_readers_units(certification: Certification) -> None:
@@ -431,7 +498,7 @@ def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certificat
     text = report(certification_result(found), DEFAULT)
     assert "360 more rows are in certification.csv." in text
     assert "200 more rows are in certification.csv." in text
-    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # the matrix as one figure, in colours alone
+    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1 + 4  # the matrix as one figure, in colours alone
 
 
 def test_the_command_is_parsed_back_to_its_settings(certification: Certification) -> None:

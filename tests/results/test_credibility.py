@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from crashfuse.cae_library import NAMED_LIMITS, RunQuality
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification, Variant, certify_matrix
-from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.criteria import Costs, Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.run import Run
@@ -29,15 +30,23 @@ def certification(campaign: Campaign, shared_cache: Path) -> Certification:
     return certify_matrix(campaign, criteria, matrix, config, Run(Cache(shared_cache)))
 
 
+def lines(certification: Certification, factor: str, display: Display = DEFAULT) -> dict[str, str]:
+    """What the data say of a factor, by its basis."""
+    table = credibility_table(certification, display.system)
+    return dict(table[table["factor"] == factor].set_index("basis")["data_say"])
+
+
 def says(certification: Certification, factor: str, display: Display = DEFAULT) -> str:
-    """What the data say of a factor."""
-    return str(credibility_table(certification, display.system).set_index("factor").loc[factor, "data_say"])
+    """All of it."""
+    return " ".join(lines(certification, factor, display).values())
 
 
 def test_every_factor_has_a_number_or_says_that_there_is_none(certification: Certification) -> None:
     """The thirteen factors of V&V 40; every fact that is asked for exists."""
     table = credibility_table(certification)
-    counts = table["activity"].str.partition(":")[0].value_counts()
+    counts = table.drop_duplicates("factor")["activity"].str.partition(":")[0].value_counts()
+    assert set(table["basis"]) == {"measured", "stated by the user", "not known"}
+    assert not table.duplicated(["factor", "basis"]).any()
     activities = ["Code verification", "Calculation verification", "Validation", "Applicability"]
     assert counts[activities].tolist() == [2, 3, 6, 2]
     assert (table[["factor", "question", "data_say"]] != "").all(axis=None)
@@ -51,7 +60,7 @@ def test_its_numbers_are_those_of_the_certification(certification: Certification
     for factor, told in (
         ("Decision consequence", "Not declared."),
         (factors()[14]["factor"], "1 of 2 planned tests lie inside the validated domain, 50 % outside."),
-        ("Output comparison", f"In all {n} verdicts on left-out tests, 0 wrong"),
+        ("Output comparison", f"In all {n} verdicts, none wrong"),
         ("Relevance of the quantities of interest", "1 of 1 criteria have a left-out test near"),
     ):
         assert told in says(certification, factor)
@@ -60,11 +69,19 @@ def test_its_numbers_are_those_of_the_certification(certification: Certification
 
 def test_what_the_campaign_states_takes_the_place_of_what_is_not_said(certification: Certification) -> None:
     """How runs ended, where tests come from, what the CAE model was tuned to."""
+    solver, tuned, cost = "Software quality assurance", "Test samples", "Decision consequence"
     campaign, ends = certification.campaign, ("normal", *("error",) * (len(certification.campaign.cae) - 1))
-    about = tuple((("about_termination", end),) for end in ends)
-    tests = [replace(test, cae_tuned=False, about=(("about_laboratory", "L"),)) for test in campaign.tests]
-    stated = replace(campaign, cae=replace(campaign.cae, about=about), tests=tuple(tests))
-    for own, is_stated in ((certification, False), (replace(certification, campaign=stated), True)):
+    about = tuple((("about_termination", end), ("about_solver", "S")) for end in ends)
+    tests = [replace(test, cae_tuned=test.id == "T1", about=(("about_laboratory", "L"),)) for test in campaign.tests]
+    library = replace(campaign.cae, about=about, quality=(RunQuality(0.0, 0.0, 0.0),) * len(ends))
+    stated = replace(campaign, cae=library, tests=tuple(tests), quality_limits=NAMED_LIMITS["nchrp-179"])
+    dear = replace(certification.criteria, costs=Costs(5.0, 100.0))
+    for own, is_stated in ((certification, False), (replace(certification, campaign=stated, criteria=dear), True)):
+        basis = "stated by the user" if is_stated else "not known"
+        assert "runs' solver" in lines(own, solver)[basis]
+        assert "CAE model was tuned" in lines(own, tuned)[basis]
+        assert ("pay" if is_stated else "Not declared.") in lines(own, cost)[basis]
+        assert "quality checks" in lines(own, "Numerical solver error")["measured" if is_stated else "not known"]
         assert (f"1 of {len(ends)} CAE runs are stated to have ended normally." in says(own, "Use error")) is is_stated
         assert ("did not end normally" in says(own, "Use error")) is is_stated
         assert ("laboratory 4" in says(own, "Test conditions")) is is_stated

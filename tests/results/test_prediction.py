@@ -139,6 +139,11 @@ def test_each_column_is_followed_by_its_differences_from_the_first(campaign: Cam
     in_si = side_by_side([base, other]).texts(Display(unit="m/s²"))
     peak = in_si.set_index("Pulse metric").loc["Peak deceleration (m/s²)"]
     assert float(peak["21.0 mph − 20.0 mph"]) == pytest.approx(3.25 * G, abs=0.05)
+    folds = (replace(m, folds={"most": m, "T9": replace(m, value=0.0)}) for m in other.estimates[0].metrics)
+    vars(other.estimates[0])["metrics"] = tuple(folds)
+    columns = list(side_by_side([base, other]).texts())[2::2]  # both in place of their mixture
+    assert columns == ["21.0 mph if it folds as most", "21.0 mph if it folds as T9"]
+    assert predictions_table([base, other])["apart_value"].dropna().eq(0).sum() == len(base.estimates[0].metrics)
 
 
 def test_a_column_beside_says_where_it_is_an_extrapolation(campaign: Campaign) -> None:

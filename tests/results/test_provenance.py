@@ -81,6 +81,10 @@ def test_the_provenance_names_data_versions_and_settings(campaign: Campaign) -> 
     assert record["seed"] == 5
     assert record["held_out"] == ["T2"]
     assert record["channel_filter_class"] is None
+    assert (record["cae_sha256"], record["cae_about"]) == (campaign.cae.fingerprint, {})
+    about = ((("about_solver", "A"), ("about_version", "1")),) * 23 + ((("about_solver", "B"),),)
+    stated = provenance.provenance(replace(campaign, cae=replace(campaign.cae, about=about)), [], StudyConfig())
+    assert stated["cae_about"] == {"Solver": "A (23), B (1)", "Version": "1 (23)"}
     assert {"numpy", "torch"} <= set(record["packages"])  # type: ignore[call-overload]
     fewer = replace(campaign.without(["T3"]), unused=(("T3", campaign.test("T3").condition),), warnings=("Noise.",))
     record = provenance.provenance(fewer, [], StudyConfig())

@@ -69,7 +69,7 @@ def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
     assert re.search(r"<td>T1</td><td>–</td><td>–</td><td>0.950 \[0.91, 0.97\]</td><td>T9</td>", text)
     assert re.search(r"<td>A repeat</td><td>–</td><td>–</td><td>0.975 Excellent</td>", text)
     repeat = "A repeat of this test would rate 0.950 [0.91, 0.97] (95 %)"
-    assert f"{repeat}; the prediction&#39;s 1.000 (CAE) is above" in text
+    assert f"{repeat}. The prediction&#39;s 1.000 (CAE) is above" in text
     assert "How well tests repeat" not in study_report(study)
 
 
@@ -153,7 +153,7 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert len(text.contents.figures) == 3
     assert '"name":"Test"' not in text
     assert "by speed</h2>" in text
-    assert "Expected over 0–60 ms: 1.00 (80 %, Excellent)" in text
+    assert "We expect a rating of 1.00 over 0–60 ms (80 %, Excellent)" in text
     assert "Nearest tests by speed and weights: T1 (0.0 mph" in text
     assert "crashfuse predict CAMPAIGN --out DIR --speed-mph 15 " in text
 
@@ -163,7 +163,7 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
     beside = [predicted(campaign, other)]
     text = report(prediction_result(predicted(campaign, here), beside, "short"))
     assert len(text.contents.figures) == 2
-    for kept in ("Expected over 0–60 ms", "Pulse metric", "Beside other predictions", "Limits</h2>", "--speed-mph 15 "):
+    for kept in ("We expect a rating", "Pulse metric", "Beside other predictions", "Limits</h2>", "--speed-mph 15 "):
         assert kept in text
     for left in ("Data: ", "Method and settings", "by speed</h2>", "Over displacement", "How the fit went"):
         assert left not in text

@@ -65,16 +65,6 @@ def test_vehicle_that_never_stops_has_no_t0() -> None:
     assert 0 < t0_s[1] < DURATION_S
 
 
-def test_resampling_a_straight_line_is_exact_and_zero_outside() -> None:
-    ramp = Pulse(np.linspace(0, 0.01, 101), np.linspace(5, 25, 101))
-    grid_s = np.linspace(-0.005, 0.015, 401)
-    found = ramp.resampled(grid_s)
-    inside = (grid_s >= 0) & (grid_s <= 0.01)
-    np.testing.assert_allclose(found.accel_mps2[inside], 5 + 2000 * grid_s[inside], rtol=1e-12)
-    assert not found.accel_mps2[~inside].any()
-    assert found.dt_s == pytest.approx(5e-5)
-
-
 def test_pulse_keeps_its_own_read_only_copy() -> None:
     accel = half_sine()
     pulse = Pulse(GRID_S, accel)

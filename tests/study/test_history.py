@@ -220,8 +220,8 @@ def test_the_difference_is_second_minus_first_with_its_standard_error() -> None:
     assert fused["difference"] == pytest.approx(np.mean([0.05, 0.08, 0.01]))
     assert fused["difference"] / fused["standard_error"] == pytest.approx(paired.statistic)
     assert (fused["higher"], fused["lower"]) == (3, 0)
-    assert "Rated in the first only: T4." in compared.cautions
-    assert "Rated in the second only: T5." in compared.cautions
+    assert "Only the first has T4." in compared.cautions
+    assert "Only the second has T5." in compared.cautions
 
 
 def test_windows_and_ways_are_compared_like_with_like() -> None:
@@ -253,7 +253,7 @@ def test_studies_of_two_vehicles_are_refused() -> None:
         StudyComparison(study(FIRST), fused)
     copy = {"campaign": "copy of alpha", "fingerprint": "b"}
     one_test_more = StudyComparison(raw({"T1": 0.5}), raw({"T1": 0.5 + 4e-7, "T2": 0.4}, **copy))
-    assert "Rated in the second only: T2." in one_test_more.cautions
+    assert "Only the second has T2." in one_test_more.cautions
     renamed = study({}, ratings={"T1": {"fused": {60.0: 0.8}}}, campaign="copy of alpha")
     assert StudyComparison(study(FIRST), renamed).ways == ["test"]
 

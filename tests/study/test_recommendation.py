@@ -205,7 +205,7 @@ def test_the_headline_says_which_window_prefers_what_cannot_be_told_apart(campai
     assert found.approach == "displacement_domain"
     for headline in (found.sentences[0], found.after(0.85)[0].sentence):
         assert "the displacement domain. On 3 left-out tests the time domain did as well. " in headline
-        assert re.search(r"Higher rated: the time domain over 0–20 ms \(1\.000 for 0\.\d{3}\)", headline)
+        assert re.search(r"Ahead of it was the time domain over 0–20 ms \(1\.000, not 0\.\d{3}\)", headline)
     clear = [early_right, estimate("displacement_domain", rest, test, 0.5)]
     assert not recommend_for(clear, rest, test.condition).ties
 
@@ -272,7 +272,7 @@ def test_less_than_good_is_said_to_be_likely_where_it_is(
     rest, test = campaign.without(["T2"]), campaign.test("T2")
     one = estimate("displacement_domain", rest, test, scaled_to(rating, rest, test, measure))
     said = " ".join(recommend_for([one], rest, test.condition).sentences)
-    assert re.findall("Less than Good is ([a-z ]+)", said) == likely
+    assert re.findall("A rating below Good is ([a-z ]+)", said) == likely
 
 
 @pytest.mark.parametrize(("speed_mph", "warned"), [(30.0, False), (60.0, True)])
@@ -321,7 +321,7 @@ def test_a_test_far_below_its_expectation_is_told_with_its_range_and_its_rating(
     assert found.approach == "displacement_domain"
     assert found.disappoints
     assert found.expected is not None
-    assert found.expected.surprise(found.rating) == "far below what was expected"
+    assert found.expected.surprise(found.rating) == "far below what we expected"
     assert (found.neighbours, found.departure) == (("T2",), None)
     assert account(campaign, CONFIG, fold(campaign, "T3", 0.5, 0.99), 20.0).window_ms == 20.0
 
@@ -368,9 +368,9 @@ def test_ranges_and_grades_agree_with_what_is_displayed(campaign: Campaign) -> N
     assert told.range == "0.88 to 0.94"
     assert told.grades == "Good"
     assert told.outcome(0.8801) == "Rated 0.880 (Good), as expected: 0.88 to 0.94 (80 %)."
-    assert told.outcome(0.8004).startswith("Rated 0.800 (Good), below what was expected: ")  # the grade of its rating
-    assert told.outcome(0.878).startswith("Rated 0.878 (Good), below what was expected: ")  # not what 0.88 begins with
-    assert told.surprise(0.75) == "below what was expected"
-    assert told.surprise(0.96) == "above what was expected"
-    assert told.surprise(0.59) == "far below what was expected"
+    assert told.outcome(0.8004).startswith("Rated 0.800 (Good), below what we expected: ")  # the grade of its rating
+    assert told.outcome(0.878).startswith("Rated 0.878 (Good), below what we expected: ")  # not what 0.88 begins with
+    assert told.surprise(0.75) == "below what we expected"
+    assert told.surprise(0.96) == "above what we expected"
+    assert told.surprise(0.59) == "far below what we expected"
     assert replace(told, upper=0.951).grades == "Good to Excellent"

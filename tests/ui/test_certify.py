@@ -123,7 +123,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert tab(session, "Validated domain").charts == 1
     assert tab(session, "Track record").charts == 1
     (record,) = [own for own in session.tables if "What this record supports" in own]
-    assert record["Criterion"].tolist() == ["crush", "rating", "All"]
+    assert record["Criterion"].tolist() == ["Near a limit", "crush", "rating", "All", "All, with CAE runs"]
     session.app.button_group(key="record").set_value("Are the probabilities right?")
     assert session.run().charts == 1
 
@@ -153,8 +153,7 @@ def test_a_click_says_what_another_question_would_change(
     fitting_is_an_error()
     session.fill({"What if": ["confidence 0.99", "limits 5 % stricter"]})
     table = session.finish().tables[-1]
-    looser = of_library(asking, confidence=0.99)
-    assert table["Need not be run"].tolist()[0] == "{} of {}".format(*looser.saved)
+    assert table["Need not be run"].tolist()[0] == "{} of {}".format(*of_library(asking, confidence=0.99).saved)
     assert table["What if"].tolist() == ["confidence 0.99", "limits 5 % stricter"]
     turned = [text for text in table["What changes"] if text != "nothing"]
     assert all(re.search(r"→ .* \(.*\)", text) for text in turned)
@@ -168,9 +167,10 @@ def test_what_one_test_less_would_change_is_in_the_files(visit: Visit, monkeypat
     taken: list[Result] = []
     monkeypatch.setattr("crashfuse.ui.certify.results.offer_result", lambda result, *_: taken.append(result))
     session.press("Export")
-    content = taken[-1].files["credibility.csv"]()
-    assert isinstance(content, bytes)
-    assert b"without T1: " in content
+    content, matrix = (taken[-1].files[name]() for name in ("credibility.csv", "matrix.csv"))
+    assert isinstance(matrix, bytes)
+    assert "without T1: " in str(content)
+    assert [row.split(",")[0] for row in matrix.decode().split()] == [row.split(",")[0] for row in MATRIX.split()]
 
 
 @pytest.mark.usefixtures("asking")
@@ -184,7 +184,7 @@ def test_other_pages_know_the_last_verdicts_or_what_they_take(visit: Visit, monk
 
     monkeypatch.setattr("crashfuse.ui.certify.results.last_verdicts", noted)
     visit("train", approach="lf_tcn")
-    assert known[-1] == (None, "3 planned tests are not judged yet")
+    assert known[-1] == (None, "3 planned tests not judged yet")
     visit("train", **LINK, criteria="peak~~~x~")
     assert "found 'x'" in known[-1][1]
 

@@ -157,5 +157,5 @@ def shade_window(drawing: Drawing, window_ms: float, *, rows: int = 1) -> None:
     """Shade the rated window [0, window_ms) in every row, and label it."""
     for row in range(1, rows + 1):
         drawing.shade(0, window_ms, f"y{row if row > 1 else ''}", fillcolor=WINDOW, opacity=0.55)
-    words, place = f"rated: 0–{window_ms:g} ms", Look(xanchor="right", yanchor="top")
+    words, place = f"rated: 0–{window_ms:g} ms", Look(xanchor="right", yanchor="bottom")  # above all curves
     drawing.note(words, window_ms, 1, "y domain", font_size=12, font_color=WINDOW_INK, **place)

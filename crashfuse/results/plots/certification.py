@@ -12,7 +12,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
-from crashfuse.results.certification_tables import ANSWER, answer_texts, planned
+from crashfuse.results.certification_tables import planned
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.drawing import Drawing, Look, Sheer
 from crashfuse.results.figures import WITH_GROUP, how_left_out
@@ -34,6 +34,7 @@ _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "tria
 _MAX_RUNS = 600  # more points only fill the same cloud
 _CHECKED = _AGREES = "#0072B2"
 _DISAGREES, _INTERVAL = "#D55E00", "#868D98"
+_ANSWER = "A test there"
 _BARS = {"met": _AGREES, "not met": _DISAGREES, "open": "#C29200", "outside": _INTERVAL}  # on a page of either theme
 _HEAD_PX, _FOOT_PX, _LETTERS_OF_HEADS = 88, 30, 55  # the page has its rows below a head of that height
 _MET_SIDE, _MISSED_SIDE = 3.0, 1.5  # of a scale, in usual widths of an interval from the limit
@@ -46,8 +47,8 @@ def verdict_matrix(
 
     A mark carries ``"<condition> | <criterion>"``. ``part`` takes some of the sorted conditions.
     """
-    by_speed = sorted(certification.rows.items(), key=lambda row: row[1][0].condition.speed_mps)  # else as they come
-    ids, rows = zip(*by_speed[part], strict=True)
+    asked = planned(certification)[part]
+    ids, rows = [own.id for own in asked], [certification.rows[own.id] for own in asked]
     criteria, confidence = certification.criteria.items, certification.criteria.confidence
     width = min(max(_HEADER_CHARACTERS // len(criteria), 9), 22)
     names = [_header(criterion, width, display) for criterion in criteria]
@@ -57,13 +58,13 @@ def verdict_matrix(
     above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
     drawing = drawing_of_points(above + _BELOW_PX + _ROW_PX * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
-    answer_of = answer_texts(certification)
-    answers = [answer_of[i] for i in ids]
+    alike = {i: f", as {tick_name(other)}" for i, other in certification.counted_once.items()}
+    answers = [own.word + f": {own.brief}" * (own.word == "was run") + alike.get(own.id, "") for own in asked]
     codes = np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8)
     scale = [(end / len(WORDS), VERDICT_COLOURS[w]) for i, w in enumerate(WORDS) for end in (i, i + 1)]
     texts, cells = ([[_cell(own, confidence, between) for own in row] for row in rows] for between in ("<br>", " "))
     heads = (" ".join(f"{own.name} {display.words(own.limits)}".split()) for own in criteria)
-    table = {"Row": labels, **dict(zip(heads, zip(*cells, strict=True), strict=True)), ANSWER: answers}
+    table = {"Row": labels, **dict(zip(heads, zip(*cells, strict=True), strict=True)), _ANSWER: answers}
     look, clicked = Look(z=codes, colorscale=scale, zmin=-0.5, zmax=len(WORDS) - 0.5), list[str]()
     if with_words:
         size = min(12, max(_LETTERS // len(names), 6))
@@ -83,8 +84,8 @@ def verdict_matrix(
         drawing.axis("y", tickvals=labels, ticktext=short)
         drawing.axis("y2", **drawing.axes["y"].look)  # at an axis, which is drawn as marks are on it
         drawing.axis("y2", overlaying="y", side="right", categoryarray=labels, ticktext=answers, ticklabelstandoff=4)
-        drawing.update(margin_r=max(map(len, [*answers, ANSWER])) * _LETTER_PX + 10)
-        drawing.note(f"<b>{ANSWER}</b>", 1, 1, xanchor="left", yanchor="bottom", xshift=3)
+        drawing.update(margin_r=max(map(len, [*answers, _ANSWER])) * _LETTER_PX + 10)
+        drawing.note(f"<b>{_ANSWER}</b>", 1, 1, xanchor="left", yanchor="bottom", xshift=3)
     return drawing
 
 
@@ -146,8 +147,9 @@ def _draw_scale(
         places, values = zip(*measured, strict=True)
         drawn = np.clip(values, low, high)
         sides = ["middle right" if value < (low + high) / 2 else "middle left" for value in drawn]
-        look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip", textfont_size=11)
+        look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip", cliponaxis=False)
         texts = [f" {replace(criterion.shown(v / factor), values=(v,), unit='')} " for v in values]
+        look["textfont"] = {"size": 11, "shadow": "auto"}  # of the page's colour, over a limit
         look |= Look(text=texts, textposition=sides, name=f"{criterion.title}: measured")
         drawing.add(look | Look(x=drawn, y=places, **at), {"label": [ids[row] for row in places], "x": values})
     cells = Look(x=[(low + high) / 2] * len(ids), y=[*range(len(ids))], marker_opacity=0, marker_size=_ROW_PX - 8)
@@ -169,8 +171,8 @@ def _ends_of_scale(
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
-    name = [f"<b>{line}</b>" for line in wrap(criterion.title, width)]
-    return "<br>".join(name + wrap(unbroken(display.words(criterion.limits)), width))
+    name = [f"<b>{line}</b>" for line in wrap(criterion.title, width, break_long_words=False)]
+    return "<br>".join([*name, *wrap(unbroken(display.words(criterion.limits_by("≥", "≤"))), width)])
 
 
 def _cell(verdict: Verdict, confidence: float, between: str) -> str:

@@ -18,7 +18,7 @@ from crashfuse.results.plots.palette import COLOURS, CURSOR, DASHES, MEASURED_CO
 from crashfuse.signals.pulse import FloatArray
 
 TEST = "test"  # key of the measured curve among those of the approaches
-POINTWISE, WHOLE = "95 of 100 tests inside at each point", "9 of 10 tests inside as a whole, 0–60 ms"
+POINTWISE, WHOLE = "95 of 100 tests at each point", "9 of 10 tests as a whole, 0–60 ms"
 _WHOLE_ALPHA, _SMOOTH = 0.11, 15  # of the shade of whole curves; samples to either side, 1.2 ms
 
 Band = tuple[FloatArray, FloatArray, FloatArray]

@@ -178,7 +178,7 @@ def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str |
             ends_mm, 0 * force_kn, force_kn, name=f"Event {rank}", legend="Events by rank", legendgroup="events",
             showlegend=rank == 1, colour=colour,
         )  # fmt: skip
-        drawing.note(f"<b>{rank}</b>", ends_mm.mean(), force_kn[0], "y", yshift=10 * np.sign(event.force_n))
+        drawing.note(f"<b>{rank}</b>", ends_mm.mean(), 1, "y domain", yanchor="bottom")  # above all curves
     forces = dict(zip(found.tests, found.force_n / _KN, strict=True))
     for test, style in by_speed(found.tests, display, highlight=highlight):
         drawing.line(found.displacement_m / _MM, forces[test], **style)

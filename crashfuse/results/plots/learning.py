@@ -47,7 +47,7 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
     place = list(errors).index(chosen)
     drawing.rule("x", place, colour=CURSOR, width=None, dash="dot")
     side = "right" if place > len(errors) / 2 else "left"
-    drawing.note("chosen", place, 1, "y domain", xanchor=side, yanchor="top")
+    drawing.note("chosen", place, 1, "y domain", xanchor=side, yanchor="bottom")
     title = "How far a test may differ from the others (shared part: 1)"
     drawing.axis("x", title, type="category", range=None, unifiedhovertitle=None)
     drawing.axis("y", "Error", "CAE RMS = 1", rangemode="tozero")
@@ -92,7 +92,7 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> Dr
             _below(drawing, even["n_tests"], 100 * even["decided"], name, hover, Look(yaxis="y3"))
     _expect(drawing, curve)
     drawing.rule("x", n, colour=CURSOR, dash="dot")
-    drawing.note(f"all {n} tests", n, 1, "y domain", xanchor="left", yanchor="top")
+    drawing.note(f"all {n} tests", n, 1, "y domain", xanchor="left", yanchor="bottom")
     return drawing
 
 

@@ -110,7 +110,7 @@ _DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))  # of the r
 
 def rating_parts(ratings: Mapping[str, Rating]) -> Drawing:
     """Draw the four scores of each approach as bars, beside each other."""
-    drawing = drawing_of_points(250, type="category", ticks="", showgrid=False)
+    drawing = drawing_of_points(300, type="category", ticks="", showgrid=False)
     parts = [f"{part.capitalize()} ({100 * weight:.0f} %)" for part, weight in WEIGHTS.items()]
     for name, rating in ratings.items():
         scores = [getattr(rating, part) for part in WEIGHTS]

@@ -28,7 +28,7 @@ FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido", "pptx")}  # modules, by format
 _BEGIN, _END = '<script type="application/json" id="report">', "</script>"
 _WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
-_SLIDE_ROWS, _ANSWERS = 12, 3  # of the table that answers; sentences of the first slide
+_SLIDE_ROWS, _ANSWERS, _NARROW = 12, 3, 4  # of the first slide: rows of its table, sentences, columns beside a figure
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
     "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
@@ -63,6 +63,7 @@ class FiguresOfReport(NamedTuple):
     answers: tuple[str, ...] = ()
     table: tuple[tuple[str, ...], ...] = ()  # its headings, then its rows
     against: tuple[str, ...] = ()
+    evidence: tuple[str, ...] = ()  # what the answer rests on
 
 
 class Report(str):
@@ -85,7 +86,8 @@ def contents_of(result: Result, display: Display) -> FiguresOfReport:
     table = tuple(tuple(map(str, row)) for row in (rows.columns, *rows.to_numpy()[:_SLIDE_ROWS], *left) if len(rows))
     labels, doubts = tuple(fact.label for fact in result.facts), tuple(against_lines(result, display))
     others = tuple(text for text in notices if text not in answers)  # a fact may be an answer, too
-    return FiguresOfReport(display.words(result.heading), others, labels, figures, answers, table, doubts)
+    evidence = tuple(map(display.words, result.sentences.get("evidence", ())))
+    return FiguresOfReport(display.words(result.heading), others, labels, figures, answers, table, doubts, evidence)
 
 
 def slides(result: Result, display: Display) -> bytes:
@@ -111,6 +113,7 @@ def read_figures(path: Path) -> FiguresOfReport:
         values = json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))
         figures = tuple(ReportFigure(**figure) for figure in values["figures"])
         lines = {name: tuple(map(str, values[name])) for name in ("notices", "labels", "answers", "against")}
+        lines["evidence"] = tuple(map(str, values.get("evidence", ())))
         table = tuple(tuple(map(str, row)) for row in values["table"])
         report = FiguresOfReport(title=str(values["title"]), figures=figures, table=table, **lines)
     except (ValueError, TypeError, LookupError, RecursionError) as error:
@@ -131,7 +134,7 @@ def missing_for(formats: Sequence[FigureFormat]) -> str:
     instead = "Or save figures from the report in a browser."
     if any(importlib.util.find_spec(module) is None for form in formats for module in _NEEDS[form]):
         extra = "pptx" if "pptx" in formats else "figures"
-        wanted = f'need python -m pip install "crashfuse[{extra}]"'
+        wanted = f'need python -m pip install ".[{extra}]" in a checkout'
         return f"Figures as {', '.join(formats)} {wanted}. {instead}"
     if any(map(_NEEDS.__getitem__, formats)) and not _browser():
         return f"Figures are drawn by Chrome, Chromium or Edge, and none was found (BROWSER_PATH names one). {instead}"
@@ -207,7 +210,7 @@ def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str
 
 
 def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
-    """Slides in 16:9: the answer with notices, then a figure each, the answer's first."""
+    """Slides in 16:9: the answer with notices, what it rests on, then a figure each, the answer's first."""
     from pptx import Presentation
     from pptx.enum.text import PP_ALIGN
     from pptx.util import Emu, Inches, Pt
@@ -228,37 +231,45 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
         if text:  # else an empty box would stand there
             write(slide.shapes.add_textbox(0, 0, 0, 0), text, top, height, size)
 
+    def draw(slide: Any, figure: ReportFigure, image: bytes, top: float, width: float, height: float) -> None:  # noqa: ANN401
+        picture = slide.shapes.add_picture(io.BytesIO(image), left, Inches(top))
+        scale = min(Inches(width) / picture.width, Inches(height) / picture.height)
+        picture.width, picture.height = Emu(int(picture.width * scale)), Emu(int(picture.height * scale))
+        picture.left, picture.name = Emu(left + (Inches(width) - picture.width) // 2), figure.title
+
     first, (headline, *details) = deck.slides.add_slide(only_title), report.answers[:_ANSWERS] or ("",)
-    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28)
+    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28 if len(headline) < 100 else 20)
     below(first, report.title if headline else "", 1.1, 0.3, 14)
     below(first, "\n".join(details), 1.5, 0.9, 14)
-    _add_table(first, report.table)
+    drawn = sorted(zip(report.figures, images, strict=True), key=lambda own: not own[0].is_answer)
+    narrow = any(figure.is_answer for figure, _ in drawn) and len(next(iter(report.table), ())) in range(1, _NARROW + 1)
+    if narrow:
+        draw(first, *drawn[0], 2.4, 6.5, 3.6)
+    _add_table(first, report.table, *((7.2, 5.5) if narrow else (0.6, 12.1)))
     below(first, "\n".join([*report.notices, *report.against]), 6.1, 1.2, 11)
-    top, height = Inches(1.15), Inches(5.75)
-    drawn = zip(report.figures, images, strict=True)
-    for figure, image in sorted(drawn, key=lambda own: not own[0].is_answer):
+    if report.evidence:
+        slide = deck.slides.add_slide(only_title)
+        write(slide.shapes.title, "What it rests on", 0.3, 0.75, 20)
+        below(slide, "\n".join(report.evidence), 1.3, 5.5, 16)
+    for figure, image in drawn:
         slide = deck.slides.add_slide(only_title)
         write(slide.shapes.title, figure.title, 0.3, 0.75, 20)
-        picture = slide.shapes.add_picture(io.BytesIO(image), left, top)
-        scale = min(width / picture.width, height / picture.height)
-        picture.width, picture.height = Emu(int(picture.width * scale)), Emu(int(picture.height * scale))
-        picture.left = Emu(left + (width - picture.width) // 2)
-        picture.name = figure.title
+        draw(slide, figure, image, 1.15, 12.1, 5.75)
         below(slide, ". ".join(filter(None, (report.title, *report.labels))) + ".", 6.95, 0.4, 11)
     stream = io.BytesIO()
     deck.save(stream)
     return stream.getvalue()
 
 
-def _add_table(slide: Any, rows: Sequence[Sequence[str]]) -> None:  # noqa: ANN401 - python-pptx has no types
+def _add_table(slide: Any, rows: Sequence[Sequence[str]], left: float, width: float) -> None:  # noqa: ANN401 - has no types
     from pptx.util import Inches, Pt
 
     if not rows:
         return
     lengths = [max(len(row[place]) for row in rows) + 2 for place in range(len(rows[0]))]
-    table = slide.shapes.add_table(len(rows), len(lengths), *map(Inches, (0.6, 2.5, 12.1, 0.25 * len(rows)))).table
+    table = slide.shapes.add_table(len(rows), len(lengths), *map(Inches, (left, 2.5, width, 0.25 * len(rows)))).table
     for column, length in zip(table.columns, lengths, strict=True):
-        column.width = Inches(12.1 * length / sum(lengths))
+        column.width = Inches(width * length / sum(lengths))
     for number, row in enumerate(rows):
         table.rows[number].height = Inches(0.25)
         for cell, text in zip(table.rows[number].cells, row, strict=True):

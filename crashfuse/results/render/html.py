@@ -19,6 +19,7 @@ from crashfuse.results.provenance import provenance
 from crashfuse.results.render.figure_files import HEIGHT_PX, FiguresOfReport, Report, contents_of, embedded, file_name
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result import Result
+from crashfuse.results.result_tables import about_cells
 from crashfuse.results.table import Table
 
 
@@ -76,6 +77,7 @@ def _of_campaign(result: Result, display: Display) -> dict[str, object]:
     if campaign is None:
         return {}
     record = provenance(campaign, result.held_out, config)
+    stated = about_cells(campaign.cae.about)
     return {
         "campaign": campaign,
         "config": config,
@@ -84,6 +86,8 @@ def _of_campaign(result: Result, display: Display) -> dict[str, object]:
         "origin": {
             "Command": result.command(display.system),
             "Campaign fingerprint (SHA-256)": campaign.fingerprint,
+            **{f"{name} of the CAE runs": stated.get(name, "not stated") for name in ("Solver", "Version")},
+            "CAE runs: conditions and pulses (SHA-256)": record["cae_sha256"],
             **({"Archive of past vehicles": record["archive"]} if record["archive"] else {}),
             "crashfuse": record["crashfuse"],
             "Python, platform": f"{record['python']}, {record['platform']}",

@@ -1,7 +1,7 @@
 """The acceptance criteria: those of the campaign, an uploaded file's, or typed in."""
 
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Literal
 
 import streamlit as st
@@ -50,7 +50,7 @@ def criteria_asked(view: View) -> Criteria | None:
     if rows := [row for text in state["criteria"] if (row := _row(text))]:
         confidence = usual.declared if state["confidence"] == usual.confidence else state["confidence"]
         require_few(rows, "the criteria")
-        return criteria_of(rows, confidence, costs or None)
+        return replace(criteria_of(rows, confidence, costs or None), tolerances=usual.tolerances)
     if wrong is not None:
         raise wrong
     return None

@@ -74,11 +74,11 @@ def last_verdicts(view: View) -> tuple[Certification | None, str]:
     except CrashfuseError as error:
         return None, f"the criteria or planned tests cannot be read: {error}"
     if criteria is None:
-        return None, "criteria are not declared: start with limits of these tests"
+        return None, "no criteria declared yet"
     if matrix is None:
         return None, "no tests are planned yet"
     verdicts = judge(view.campaign, criteria, matrix).result
-    return verdicts, "" if verdicts is not None else f"{len(matrix.ids):,} planned tests are not judged yet"
+    return verdicts, "" if verdicts is not None else f"{len(matrix.ids):,} planned tests not judged yet"
 
 
 def question(criteria: Criteria, matrix: Matrix) -> str:
@@ -104,7 +104,6 @@ def _show_figure(view: View, certification: Certification, name: str, alt: str, 
 def show_record(view: View, certification: Certification) -> None:
     """Show how often verdicts, also earlier ones, were wrong."""
     result = certification_result(certification)
-    st.caption("Verdicts on each test from the others, and without its speed group, against what was measured.")
     _show_sentences(result.sentences["record"])
     if certification.record.trials:
         with st.expander("Verdicts on left-out tests, by criterion", icon=":material/table:"):
@@ -115,7 +114,6 @@ def show_record(view: View, certification: Certification) -> None:
     with st.expander("Earlier verdicts", icon=":material/history:", expanded=certification.since is not None):
         _choose_earlier(certification)
         if certification.since is None:
-            st.caption("Tests run since are held against earlier verdicts.")
             return
         _show_sentences(result.sentences["since"])
         if certification.since.trials:
@@ -191,7 +189,7 @@ def show_domain(view: View, certification: Certification) -> None:
 
 
 _CELL, _CRITERION = "cell", "criterion of the cell"  # session keys
-_FEW, _MOST, _MANY_PX = 12, 200, 560  # planned tests in a list without scrolling, and at all; height of one that does
+_MOST = 200  # planned tests in a list
 _WITHOUT = "without "  # what if
 
 
@@ -210,10 +208,10 @@ def show_answer(view: View, certification: Certification) -> None:
     if chosen not in {row.id for row in rows}:  # of another matrix, or none: the one to act on
         acting = [row.id for row in rows if row.word == "run"] or [rows[0].id]
         chosen, criterion = certification.run_first or acting[-1], ""
-    left, right = st.columns([11, 5], gap="medium")
+    left, right = st.container(key="answers").columns([12, 5], gap="small")
     with left:
         _show_planned(view, certification, chosen)
-    with right:
+    with right, st.container(key="why"):
         _show_reason(certification, view.display, chosen, criterion)
     _show_variants(certification)
     caveats = exceptions(certification)
@@ -225,21 +223,21 @@ def show_answer(view: View, certification: Certification) -> None:
 
 def _show_planned(view: View, certification: Certification, chosen: str) -> None:
     rows = planned(certification)
-    with st.container(height=_MANY_PX if len(rows) > _FEW else "content", border=False):
-        left, right = st.columns([5, 6], gap=None)
-        with left, st.container(gap=None, key="planned_tests"):
-            for number, row in enumerate(rows[:_MOST]):
-                label = f"**{row.word}** *{plain(row.id)}* {plain(view.display.speed(row.condition.speed_mps))} · "
-                st.button(
-                    label + plain(view.display.words(row.why)), key=f"planned {row.word} {number}", width="stretch",
-                    type="primary" if row.id == chosen else "secondary", on_click=_choose, args=(row.id,),
-                )  # fmt: skip
-        with right:
-            draw = partial(planned_scales, certification, view.display, slice(_MOST), names=False)
-            alt = "Interval or measured value, and limit, by planned test and criterion"
-            show_clickable(draw, alt, _choose, "planned scales", _key(certification), view.display, name="planned")
+    left, right = st.columns([10, 11], gap=None)
+    with left, st.container(gap=None, key="planned_tests"):
+        st.markdown(f"**Answer** *Test* **{view.display.system.speed}**")
+        for number, row in enumerate(rows[:_MOST]):
+            label = f"**{row.word}** *{plain(row.id)}* **{view.display.speeds(row.condition.speed_mps):.1f}** "
+            st.button(
+                label + plain(view.display.words(row.brief)), key=f"planned {row.word} {number}", width="stretch",
+                type="primary" if row.id == chosen else "secondary", on_click=_choose, args=(row.id,),
+            )  # fmt: skip
+    with right:
+        draw = partial(planned_scales, certification, view.display, slice(_MOST), names=False)
+        alt = "Interval, measured value and limit by test"
+        show_clickable(draw, alt, _choose, "planned scales", _key(certification), view.display, name="planned")
     more = f" The slowest {_MOST} of {len(rows)}." if len(rows) > _MOST else ""
-    st.caption(f"Bar: 95 of 100 tests there. Line: the limit, missed where shaded. Dot: measured.{more}")
+    st.caption(f"Bar: 95 of 100 tests. Line: limit, missed where shaded. Dot: measured.{more}")
 
 
 def _choose(cell: str) -> None:
@@ -247,25 +245,20 @@ def _choose(cell: str) -> None:
 
 
 def _show_reason(certification: Certification, display: Display, test: str, criterion: str) -> None:
-    state, rows = st.session_state, {row.id: row for row in planned(certification)}
-    row, verdicts = rows[test], {own.criterion.name: own for own in certification.rows[test]}
-    state[shown := f"planned test of {len(rows)}"] = test
-    st.selectbox(
-        "Why?", list(rows), key=shown, on_change=lambda: _choose(state[shown]),
-        format_func=lambda i: f"{i} · {display.speed(rows[i].condition.speed_mps)} · {rows[i].word}",
-    )  # fmt: skip
+    state, row = st.session_state, next(row for row in planned(certification) if row.id == test)
+    verdicts = {own.criterion.name: own for own in certification.rows[test]}
     with st.container(border=True):
-        st.markdown(f"**{plain(row.word)}** · {plain(display.words(joined([row.why, *row.further], '; ')))}")
-        st.caption(plain(display.condition(row.condition)))
+        st.markdown(f"**{plain(row.id)}: {plain(row.word)}** at {plain(display.condition(row.condition))}")
+        if more := [*([row.why] if row.why != row.brief else []), *row.further]:
+            st.caption(plain(display.words(joined(more, "; "))))
         state[_CRITERION] = criterion if criterion in verdicts else _deciding(row, certification)
         st.pills(
             "Criterion", list(verdicts), key=_CRITERION, required=True, label_visibility="collapsed",
-            format_func=lambda name: plain(f"{verdicts[name].criterion.title}: {verdicts[name].word}"),
+            format_func=lambda name: plain(verdicts[name].criterion.title),
             on_change=lambda: _choose(f"{test} | {state[_CRITERION]}"),
         )  # fmt: skip
         verdict = verdicts[state[_CRITERION]]
-        st.markdown(f"**{plain(display.words(joined([verdict.criterion.label, verdict.criterion.limits], ', ')))}**")
-        st.markdown(plain(display.words(verdict.reason)))
+        st.markdown(f"**{verdict.word}:** {plain(verdict.criterion.label)}\n\n{plain(display.words(verdict.reason))}")
         button, args = "See the predicted pulse there", (certification.campaign, row.condition)
         if st.button(button, icon=":material/arrow_forward:", on_click=address.choose_condition, args=args):
             open_page("predict")

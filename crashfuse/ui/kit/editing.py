@@ -145,7 +145,7 @@ def notes_of(view: View) -> tuple[Note, ...]:
 def edit_notes(view: View, notes: Sequence[Note]) -> None:
     """Show the notes on the held-out test, to be deleted, and a form for another."""
     test = view.held_out.id
-    folded = st.expander(f"Notes and marks on {plain(test)}", icon=":material/edit_note:", on_change="rerun")
+    folded = st.expander("Notes and marks", icon=":material/edit_note:", on_change="rerun")
     if not folded.open:  # as most readers leave it
         return
     with folded:

@@ -272,11 +272,11 @@ def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None)
         return view
     config = address.page_config()
     colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
-    label = f"{config.preset.capitalize()} settings"
-    label += f", seed {config.seed}" if address.acts("seed", address.here().page) else ""
+    seeded = f", seed {config.seed}" if config.seed and address.acts("seed", address.here().page) else ""
     with row:
-        st.subheader(detail(view), width="content", anchor=False)
-        st.badge(label, color=colour, help="As chosen on the page Train.")
+        if text := detail(view):
+            st.subheader(text, width="content", anchor=False)
+        st.badge(f"{config.preset.capitalize()} settings{seeded}", color=colour, help="As chosen on the page Train.")
         if address.acts("leave_out", address.here().page) and config.leave_out == "speed group":
             st.badge("All at its speed left out", color="orange")
     seed, seeds = st.session_state.get("seed", 0), address.CHOICES["seed"].options
@@ -302,13 +302,14 @@ def _show_answer(row: DeltaGenerator, view: View) -> None:
     campaign, words = view.campaign, view.display.words
     _link(row, "tests", counted(len(campaign.tests), "test"), "On Data.", "data", data_tab="Tests")
     _link(row, "cae", counted(len(campaign.cae), "CAE run"), "On Data.", "data", data_tab="CAE model")
-    verdicts, told = last_verdicts(view)
-    meaning = "Which planned tests need not be run?"
-    if verdicts is not None:
-        n, of = verdicts.saved
-        told = f"{n:,} of {counted(of, 'planned test')} need not be run"
-        meaning = "A test there would meet all criteria at once."
-    _link(row, "certify", f"**{plain(told)}**", meaning, "certify")
+    if address.here().page != "certify":  # which has it larger
+        verdicts, told = last_verdicts(view)
+        meaning = "Which planned tests need not be run?"
+        if verdicts is not None:
+            n, of = verdicts.saved
+            told = f"{n:,} of {counted(of, 'planned test')} need not be run"
+            meaning = "A test there would meet all criteria at once."
+        _link(row, "certify", f"**{plain(told)}**", meaning, "certify")
     for fact in campaign_facts(campaign):
         page, chosen = _PLACE_OF.get(fact.code, ("", {}))
         label = plain(fact.label)

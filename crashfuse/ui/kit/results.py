@@ -18,7 +18,7 @@ from crashfuse.results.rating_tables import REPEAT, TTZV_COLUMN
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result import Result
 from crashfuse.results.table import VAGUE, Cell, Column, Table
-from crashfuse.signals.metrics import MAIN_METRICS
+from crashfuse.signals.metrics import MAIN_METRICS, in_sentence
 from crashfuse.signals.rating import WEIGHTS, Rating
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.ui.kit.navigation import component
@@ -150,11 +150,6 @@ def ratings_table(
     return Table.of("ratings", rows, *grades, *parts, Column("Single draws", "range", form=".3f"))
 
 
-def show_recommendation(headline: str, reasons: Sequence[str]) -> None:
-    """Show the recommendation in a line; reasons unfold."""
-    show_with_reasons(f":material/lightbulb: **{plain(headline)}**", reasons)
-
-
 def show_with_reasons(text: str, reasons: Sequence[str]) -> None:
     """Show what is known, in Markdown; reasons unfold."""
     with st.container(horizontal=True, wrap=False, vertical_alignment="center", key="recommendation"):
@@ -165,13 +160,14 @@ def show_with_reasons(text: str, reasons: Sequence[str]) -> None:
 
 
 def show_metrics(about: Result, *hidden: str, beside: bool = False) -> None:
-    """Show the main pulse metrics of test and approaches, but for those hidden; in few words beside a figure."""
+    """Show the main pulse metrics, but for those hidden; in few words beside a figure."""
     main = about.tables["metrics"].without(*hidden)
     headings = main.frame["label"]
     if beside:
-        main = replace(main, frame=main.frame.assign(label=headings.str.partition(",")[0]))
+        short = headings.map(in_sentence)
+        main = replace(main, frame=main.frame.assign(label=short.str[:1].str.upper() + short.str[1:]))
     has_dash = any(cell.detail == VAGUE for _, cells in main.cells().values() for cell in cells)
-    remark = "Middle of tests [95 of 100 inside]." + f" {VAGUE}: wider than its value." * has_dash
+    remark = "Middle [95 of 100 tests]." + f" {VAGUE}: wider than its value." * has_dash
     missed = " Coloured: the test lies outside." if main.is_marked else ""
     meanings = [f"{headings[name]}: {METRICS[name]}" for name in MAIN_METRICS]
     show_table(main, remark=f"{remark}{missed}", meanings=meanings)
@@ -179,7 +175,7 @@ def show_metrics(about: Result, *hidden: str, beside: bool = False) -> None:
 
 def show_details(about: Result, remarks: Sequence[str] = ()) -> None:
     """Show, folded, what few readers need."""
-    with st.expander("More: equivalent pulses, loading, rebound; notes; fits", icon=":material/notes:"):
+    with st.expander("More metrics, notes, fits", icon=":material/notes:"):
         show_table(about.tables["more_metrics"])
         st.caption(PULSE_SHAPE)
         st.caption("  \n".join(map(plain, [*about.sentences["more_missing"], *remarks])))

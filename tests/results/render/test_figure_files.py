@@ -39,7 +39,8 @@ def report_of(*figures: go.Figure, titles: Sequence[str] = ("Result", "Result: B
     drawn = zip(titles, figures, strict=False)
     content = [ReportFigure(t, json.loads(f.to_json()), "Time (ms),Test\n0,1\n", t == "Limits") for t, f in drawn]
     notices, labels = ("It is odd.", "Made up & small."), ("T9 stands apart", "Made up")
-    return FiguresOfReport("Tiny: a study", notices, labels, tuple(content), ("Skip one.",), TABLE, ("Odd: so.",))
+    told = ("Skip one.",), TABLE, ("Odd: so.",), ("None wrong.", "Not sealed.")
+    return FiguresOfReport("Tiny: a study", notices, labels, tuple(content), *told)
 
 
 REPORT = report_of(drawn("a </script> <b", 300), drawn("c", 500), drawn("d", 400))
@@ -99,19 +100,22 @@ def test_figures_become_files_in_every_format() -> None:
     assert png.startswith(b"\x89PNG")
     assert struct.unpack(">II", png[16:24]) == (1920, 1000)
     slides = pptx.Presentation(io.BytesIO(files["figures.pptx"])).slides
-    assert [slide.shapes.title.text for slide in slides] == ["Skip one.", "Limits", "Result", "Result: By test"]
-    _, below, table, notices = slides[0].shapes
+    titles = ["Skip one.", "What it rests on", "Limits", "Result", "Result: By test"]
+    assert [slide.shapes.title.text for slide in slides] == titles
+    assert slides[1].shapes[-1].text_frame.text == "None wrong.\nNot sealed."
+    _, below, pulse, table, notices = slides[0].shapes
+    assert pulse.left + pulse.width <= table.left, "a narrow table stands beside the figure that answers"
     assert (below.text_frame.text, notices.text_frame.text) == (
         "Tiny: a study",
         "It is odd.\nMade up & small.\nOdd: so.",
     )
     assert tuple(tuple(cell.text for cell in row.cells) for row in table.table.rows) == TABLE
-    for slide in list(slides)[1:]:
+    for slide in list(slides)[2:]:
         (picture,) = [shape for shape in slide.shapes if hasattr(shape, "image")]
         assert picture.left >= 0
         assert picture.top + picture.height <= 7.5 * 914400
         assert "Made up" in [shape.text_frame.text for shape in slide.shapes if shape.has_text_frame][-1]
-    assert next(shape for shape in slides[3].shapes if hasattr(shape, "image")).image.blob == png
+    assert next(shape for shape in slides[4].shapes if hasattr(shape, "image")).image.blob == png
 
 
 @needs_browser
@@ -160,5 +164,5 @@ def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UsageError, match="Chrome, Chromium or Edge, and none was found"):
         figure_files(REPORT, ("svg",))
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "pptx" else object())
-    with pytest.raises(UsageError, match=re.escape('python -m pip install "crashfuse[pptx]"')):
+    with pytest.raises(UsageError, match=re.escape('python -m pip install ".[pptx]"')):
         figure_files(REPORT, ("pptx",))

@@ -1,6 +1,6 @@
 // On paper figures are narrower and lower, with smaller words, so that two or three fit a page; afterwards all is as it was.
 const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, SHARE_OF_FEW = 0.5, FEW = 3, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11, IN_CELLS_PX = 9;
-const MARGINS_PX = 110, LETTER_PX = 6, PANEL_PX = 79;
+const MARGINS_PX = 110, LETTER_PX = 6, PANEL_PX = 90;
 const before = new Map();
 const figures = () => document.querySelectorAll(".plotly-graph-div");
 const cells = figure => figure.data.flatMap((trace, number) => trace.type === "heatmap" ? [number] : []);
@@ -36,8 +36,10 @@ const onPaper = figure => {
     const [low, high] = layout[key].domain ?? [0, 1], length = (changes.height - MARGINS_PX) * (high - low);
     const title = wrapped(layout[key].title.text, length / LETTER_PX), longest = Math.max(...title.split("<br>").map(line => line.length));
     if (key.startsWith("y")) changes[`${key}.title.text`] = title;
-    changes[`${key}.title.font.size`] = key.startsWith("y") ? Math.max(8, Math.min(WORDS_PX, length / longest / 0.55)) : WORDS_PX;
+    changes[`${key}.title.font.size`] = key.startsWith("y") ? Math.max(8, Math.min(WORDS_PX, length / longest / 0.66)) : WORDS_PX;
   }
+  const sizes = Object.keys(changes).filter(key => /^y.*title\.font/.test(key)), least = Math.min(...sizes.map(key => changes[key]));
+  sizes.forEach(key => changes[key] = least); // panels above each other have titles of one size
   return changes;
 };
 const kept = (figure, changes) => Object.fromEntries(Object.keys(changes).map(path =>
