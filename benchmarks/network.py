@@ -22,7 +22,7 @@ import numpy.typing as npt
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.approaches.time_domain.network import Tcn
-from crashfuse.approaches.time_domain.training import Checkpoint, TrainingObjective, minimise, predict
+from crashfuse.approaches.time_domain.training import Checkpoint, TrainingObjective, mean_outputs, minimise
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
@@ -86,7 +86,9 @@ class _Training:
         config, scaling = self._approach.config, self._approach.scaling_
         network = Tcn.joined(self._networks, config)
         parts = np.array_split(self._unseen.vectors, np.ceil(len(self._unseen) / _PULSES_AT_ONCE))
-        self._accel_mps2 = np.concatenate([predict(network, scaling, vectors) for vectors in parts])
+        self._accel_mps2 = np.concatenate(
+            [scaling.pulses(mean_outputs(network, scaling.inputs(own)), own) for own in parts]
+        )
         return float(np.sqrt(np.mean((self._accel_mps2 - self._unseen.accel_mps2) ** 2))) / G
 
     def mean_rating(self) -> float:

@@ -122,6 +122,7 @@ class CaeLibrary:
     left_out: tuple[tuple[str, RunQuality], ...] = ()  # runs that exceed the campaign limits, by id
     about: tuple[About, ...] = ()  # where each comes from; empty likewise
     untrained: frozenset[str] = frozenset()  # ids of runs that networks are not trained on
+    paired_only: frozenset[str] = frozenset()  # ids of runs that nothing is learned from, but found at their conditions
 
     def __repr__(self) -> str:
         return f"<CaeLibrary of {len(self):,} runs>"
@@ -141,7 +142,7 @@ class CaeLibrary:
         for run_id, condition in zip(self.ids, self.conditions, strict=True):
             digest.update(f"{run_id}|{condition!r}\n".encode())
         digest.update(np.ascontiguousarray(self.accel_mps2).tobytes())
-        digest.update("|".join(sorted(self.untrained)).encode())
+        digest.update("|".join([*sorted(self.untrained), *(f"\n{own}" for own in sorted(self.paired_only))]).encode())
         return digest.hexdigest()
 
     def paired_run(self, condition: Condition) -> int | None:
@@ -156,9 +157,15 @@ class CaeLibrary:
         return min(alike, key=lambda i: (-condition.shared_factors(self.conditions[i]), away[i]), default=None)
 
     @cached_property
+    def learned_from(self) -> Self:
+        """The runs that anything is learned from."""
+        left = self.without(self.paired_only)
+        return replace(left, paired_only=frozenset()) if left.paired_only else left
+
+    @cached_property
     def for_networks(self) -> Self:
         """The runs that networks are trained on."""
-        left = self.without(self.untrained)
+        left = self.learned_from.without(self.untrained)
         return replace(left, untrained=frozenset()) if left.untrained else left
 
     def paired_ids(self, conditions: Iterable[Condition]) -> frozenset[str]:

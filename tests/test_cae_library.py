@@ -118,6 +118,8 @@ def test_networks_are_trained_without_the_runs_of_tests_that_are_left_out(campai
     assert marked.for_networks.fingerprint == others.fingerprint
     assert len({cae.fingerprint, marked.fingerprint, others.fingerprint}) == 3
     assert cae.for_networks is cae
+    known = replace(cae, paired_only=paired)
+    assert known.learned_from.fingerprint == known.for_networks.fingerprint == others.fingerprint != known.fingerprint
 
 
 EURO_NCAP, NCHRP = NAMED_LIMITS["euro-ncap-vt-2025"], NAMED_LIMITS["nchrp-179"]
@@ -166,13 +168,8 @@ def test_runs_are_counted_by_what_is_known_of_them(library: CaeLibrary) -> None:
 
 
 def test_runs_that_were_left_out_stay_in_the_verdict(library: CaeLibrary) -> None:
-    kept = [i for i in range(len(library)) if i not in (3, 4)]
-    rest = replace(
-        library,
-        ids=tuple(library.ids[i] for i in kept),
-        quality=tuple(library.quality[i] for i in kept),
-        left_out=tuple((library.ids[i], library.quality[i]) for i in (3, 4)),
-    )
+    left_out = tuple((library.ids[i], library.quality[i]) for i in (3, 4))
+    rest = replace(library.without(frozenset(dict(left_out))), left_out=left_out)
     verdict = judge_quality(rest, EURO_NCAP)
     assert (verdict.runs, verdict.passed, verdict.failing, verdict.left_out) == (24, 19, ("C03", "C04"), True)
     many = replace(library, quality=(RunQuality(0.2),) * len(library))

@@ -286,18 +286,19 @@ class Approach(ABC):
             self.restore(campaign, FittedState(text["values"], entry), run)
             return float(text["seconds"])
 
-        return self, run.get_or_compute(FITS, self._fit_key(campaign), learn, restore)
+        return self, run.get_or_compute(FITS, self.fit_key(campaign), learn, restore)
 
     def is_cached(self, campaign: Campaign) -> bool:
         """Whether :meth:`fitted` would find this fit in the campaign's cache."""
-        return Cache(campaign.cache_folder).is_cached(FITS, self._fit_key(self._taught(campaign)))
+        return Cache(campaign.cache_folder).is_cached(FITS, self.fit_key(self._taught(campaign)))
 
     def _taught(self, campaign: Campaign) -> Campaign:
         # fits that past vehicles do not change are those without an archive
         return replace(campaign, prior=self.taught_by(campaign.prior))
 
-    def _fit_key(self, campaign: Campaign) -> dict[str, object]:
-        return {**self.identity, "campaign": campaign.fingerprint}
+    def fit_key(self, campaign: Campaign) -> dict[str, object]:
+        """All that determines a fit."""
+        return {**self.identity, "campaign": replace(campaign, cae=campaign.cae.learned_from).fingerprint}
 
     def _thinned(self, campaign: Campaign) -> Campaign:
         n = len(campaign.tests)

@@ -106,10 +106,6 @@ class Emulator:
         signs = rng.choice([-1.0, 1.0], size=(n, 1))
         return np.asarray(max(condition.speed_mps, _LEAST_MPS) * signs * (self.residuals_[chosen] @ self.modes_))
 
-    def arrays(self) -> Entry:
-        """The fitted state, for the cache."""
-        return {name: getattr(self, name) for name in _LEARNED}
-
     def restore(self, learned: Entry, cae: CaeLibrary) -> Self:
         """Restore a fitted state; raises if it cannot be that of this library."""
         for name in _LEARNED:
@@ -205,13 +201,13 @@ class CaeModel:
 
     def fit(self, cae: CaeLibrary, run: Run = UNKEPT) -> Self:
         """Train the emulator, or load it from the cache."""
-        self.cae_, self.emulator_ = cae, (emulator := Emulator())
-        key = {"cae": cae.fingerprint, "code": Code(Emulator.__module__)}
+        self.cae_, self.emulator_, runs = cae, (emulator := Emulator()), cae.learned_from
+        key = {"cae": runs.fingerprint, "code": Code(Emulator.__module__)}
 
         def compute() -> tuple[Emulator, Entry]:
-            return emulator.fit(cae, run.watch), emulator.arrays()
+            return emulator.fit(runs, run.watch), {name: getattr(emulator, name) for name in _LEARNED}
 
-        run.get_or_compute("emulator", key, compute, lambda entry: emulator.restore(entry, cae))
+        run.get_or_compute("emulator", key, compute, lambda entry: emulator.restore(entry, runs))
         return self
 
     def pulse(self, condition: Condition) -> CaePulse:

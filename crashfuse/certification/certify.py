@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
-_LEARN, _JUDGE, _WITH_RUNS = "Left-out tests", "Conditions of the matrix", "Left-out tests with their CAE runs"  # steps
+_LEARN, _JUDGE = "Left-out tests", "Planned tests"  # steps
 Rows = tuple[tuple[Verdict, ...], ...]
 Answer = Literal["was run", "skip", "run", "would miss", "cannot say"]
 """The first that is true: a test was made for it; it would meet all criteria at once, and skipping pays; it would miss
@@ -158,6 +158,10 @@ class Certification:
         record = replace(self.record, since=since.held_against(self.criteria))
         verdicts = _hold(self.judged, self.campaign, self.criteria, record)
         return replace(self, verdicts=verdicts, record=record, since=since)
+
+    def without(self, test: str) -> Campaign:
+        """The campaign as if a test had not been run, by :meth:`Plan.without`."""
+        return Plan.of(self.campaign, self.criteria, self.matrix, self.config, Run.of(self.campaign)).without(test)
 
     @cached_property
     def rows(self) -> dict[str, tuple[Verdict, ...]]:
@@ -274,7 +278,7 @@ def certify(
     costs : (float, float), optional
         Of a test and of a wrong answer, in one currency, in place of those of the criteria.
     robustness : bool
-        Whether to judge without each test, too. It computes all of it again.
+        Whether to judge without each test, too.
     approach : str
         Whose predictions are judged.
     config : StudyConfig
@@ -325,7 +329,7 @@ def certify_matrix(
     plan = Plan.of(campaign, criteria, matrix, config, run)
     forecasts, start = plan.forecasts, time.perf_counter()
     at_trials = forecasts.averaged(plan.trials, _LEARN, learn_for=plan.cells)
-    with_runs = forecasts.all(plan.with_runs, _WITH_RUNS)
+    with_runs = forecasts.all(plan.with_runs, _LEARN)
     learned = time.perf_counter()
     at_cells = plan.widened(forecasts.averaged(plan.cells, _JUDGE), criteria.tolerances)
     seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
@@ -359,11 +363,12 @@ def certify_matrix(
 
 def without_each_test(certification: Certification, run: Run) -> Certification:
     """The certification with the variants that lack a test."""
-    campaign, asked = certification.campaign, (certification.criteria, certification.matrix, certification.config, run)
-    tests = campaign.test_ids if len(campaign.tests) > 1 else ()
-    others = ((f"without {test}", certify_matrix(campaign.without((test,)), *asked)) for test in tests)
-    variants = (Variant.of(name, certification, other) for name, other in others)
-    return replace(certification, variants=(*certification.variants, *variants))
+    asked = certification.criteria, certification.matrix, certification.config, run
+    tests = certification.campaign.test_ids if len(certification.campaign.tests) > 1 else ()
+    others = [
+        Variant.of(f"without {i}", certification, certify_matrix(certification.without(i), *asked)) for i in tests
+    ]
+    return replace(certification, variants=(*certification.variants, *others))
 
 
 def recompute(folder: str | Path, campaign: Campaign, **run: Unpack[RunOptions]) -> pd.DataFrame:

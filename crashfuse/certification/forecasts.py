@@ -52,6 +52,38 @@ class Forecast:
     apart_share: FloatArray  # (n_seeds,): of draws that fold as that one
 
     @classmethod
+    def of(cls, fit: Fit, condition: Condition, windows_ms: Sequence[float]) -> Self:
+        """What a fit predicts at a condition, and its rating over windows as those of its left-out tests."""
+        (estimate,) = estimates_at([fit], condition, with_state=False)
+        drawn, apart = estimate.drawn, estimate.apart
+        found = metric_distributions(drawn, fit.metric_errors)
+        known = {name: None if own is None else own.median for name, own in found.items()}
+        unknown = [name for name, own in found.items() if own is None]
+        of_pulse = metric_values(estimate.accel_mps2, condition.speed_mps, occupant=estimate.occupant, names=unknown)
+        known |= {name: float(value) for name, value in of_pulse.items() if np.isfinite(value)}
+        pairs = [(fit.campaign.test(test_id), own.accel_mps2) for test_id, own in fit.left_out.items()]
+        away = np.abs(np.array([test.condition.speed_mps for test, _ in pairs]) - condition.speed_mps)
+        agreements, here = np.array(list(fit.agreements.values())), estimate.agreement
+        for window in windows_ms:
+            ratings = np.array([overall_rating(test.pulse, own, window) for test, own in pairs])
+            rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
+            name = f"{RATING} {window:g}"
+            found[name], known[name] = rating, None if rating is None else rating.median
+        ways = () if apart is None else (~apart, apart)
+        by_way = [{name: values[way] for name, values in drawn.items()} for way in ways]
+        folds = [metric_distributions(values, fit.metric_errors) for values in by_way] or [{}, {}]
+        arrays = {
+            "accel_mps2": estimate.accel_mps2,
+            "values": np.array([np.nan if known[name] is None else known[name] for name in found], dtype=np.float64),
+            "distributions": _rows(found, found),
+            "ranks": _ranks(np.array(list(drawn.values()))),
+            "whole_mps2": np.array(estimate.whole_band() or np.empty((0, N_SAMPLES))),
+            "folds": np.array([_rows(fold, found) for fold in folds]),
+            "apart_share": np.array(0.0 if apart is None else apart.mean()),
+        }
+        return cls(tuple(found), **{name: array[np.newaxis] for name, array in arrays.items()})
+
+    @classmethod
     def mean(cls, by_seed: Sequence[Self]) -> Self:
         """The mean of forecasts by several seeds, of networks, fits and draws alike."""
         arrays = {name: np.concatenate([getattr(own, name) for own in by_seed]) for name in _SHAPES}
@@ -154,51 +186,6 @@ _SHAPES: Mapping[str, tuple[int | None, ...]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Forecaster:
-    """A fitted approach, and how its predictions of tests that it had not seen rated."""
-
-    fit: Fit
-    speeds_mps: FloatArray
-    rated: dict[float, FloatArray]  # by window in ms, each of shape (n_tests,)
-
-    @classmethod
-    def of(cls, fit: Fit, campaign: Campaign, windows_ms: Sequence[float]) -> Self:
-        """Rate the left-out predictions of a fit over windows; the campaign is the one that it learned from."""
-        pairs = [(campaign.test(test_id), own.accel_mps2) for test_id, own in fit.left_out.items()]
-        rated = {w: np.array([overall_rating(test.pulse, own, w) for test, own in pairs]) for w in windows_ms}
-        return cls(fit, np.array([test.condition.speed_mps for test, _ in pairs]), rated)
-
-    def at(self, condition: Condition) -> Forecast:
-        """The forecast at a condition."""
-        (estimate,) = estimates_at([self.fit], condition, with_state=False)
-        drawn, apart = estimate.drawn, estimate.apart
-        found = metric_distributions(drawn, self.fit.metric_errors)
-        known = {name: None if own is None else own.median for name, own in found.items()}
-        unknown = [name for name, own in found.items() if own is None]
-        of_pulse = metric_values(estimate.accel_mps2, condition.speed_mps, occupant=estimate.occupant, names=unknown)
-        known |= {name: float(value) for name, value in of_pulse.items() if np.isfinite(value)}
-        away = np.abs(self.speeds_mps - condition.speed_mps)
-        agreements, here = np.array(list(self.fit.agreements.values())), estimate.agreement
-        for window, ratings in self.rated.items():
-            rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
-            name = f"{RATING} {window:g}"
-            found[name], known[name] = rating, None if rating is None else rating.median
-        ways = () if apart is None else (~apart, apart)
-        by_way = [{name: values[way] for name, values in drawn.items()} for way in ways]
-        folds = [metric_distributions(values, self.fit.metric_errors) for values in by_way] or [{}, {}]
-        arrays = {
-            "accel_mps2": estimate.accel_mps2,
-            "values": np.array([np.nan if known[name] is None else known[name] for name in found], dtype=np.float64),
-            "distributions": _rows(found, found),
-            "ranks": _ranks(np.array(list(drawn.values()))),
-            "whole_mps2": np.array(estimate.whole_band() or np.empty((0, N_SAMPLES))),
-            "folds": np.array([_rows(fold, found) for fold in folds]),
-            "apart_share": np.array(0.0 if apart is None else apart.mean()),
-        }
-        return Forecast(tuple(found), **{name: array[np.newaxis] for name, array in arrays.items()})
-
-
 def _rows(distributions: Mapping[str, Distribution | None], names: Iterable[str]) -> FloatArray:
     return np.array([_UNKNOWN if (own := distributions.get(name)) is None else astuple(own) for name in names])
 
@@ -230,16 +217,17 @@ class Query(NamedTuple):
     held_out: tuple[str, ...]
     approach: str
     condition: Condition
-    with_runs: bool = False  # from the CAE runs paired with the tests held out, too
+    runs: Literal["kept", "paired", "dropped"]  # CAE runs at the tests held out
     seed: int = 0
 
 
 def training(campaign: Campaign, asked: Query) -> Campaign:
     """What a forecast is learned from."""
-    others = campaign.without(asked.held_out)
-    if asked.with_runs:
-        return others
-    return replace(others, cae=campaign.cae.without(paired_runs(campaign, asked.held_out)))
+    others, cae, runs = campaign.without(asked.held_out), campaign.cae, paired_runs(campaign, asked.held_out)
+    if asked.runs != "paired":
+        return replace(others, cae=cae.without(runs)) if asked.runs == "dropped" else others
+    of_others = (cae.ids[row] for test in others.tests if (row := cae.paired_run(test.condition)) is not None)
+    return replace(others, cae=replace(cae, paired_only=runs.difference(of_others)))
 
 
 def paired_runs(campaign: Campaign, tests: Sequence[str]) -> frozenset[str]:
@@ -256,7 +244,7 @@ class Forecasts:
     windows_ms: tuple[float, ...]
     config: StudyConfig
     run: Run
-    _known: dict[tuple[tuple[str, ...], bool], Campaign] = field(default_factory=dict)
+    _known: dict[tuple[object, ...], Campaign] = field(default_factory=dict)
 
     def averaged(self, asked: Sequence[Query], step: str, learn_for: Sequence[Query] = ()) -> dict[Query, Forecast]:
         """Forecasts by all seeds, of what no seed changes by the first."""
@@ -276,7 +264,7 @@ class Forecasts:
         tasks: dict[tuple[object, ...], list[Query]] = {}
         for each in missing:
             seed = each.seed if self._is_fitted(each) else None
-            tasks.setdefault((each.held_out, each.with_runs, seed), []).append(each)
+            tasks.setdefault((each.held_out, each.runs, seed), []).append(each)
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
         to_learn = {each.seed: each for each in learn_for if not self._is_fitted(each) and not self.is_known(each)}
         chunks[:0] = [list(to_learn.values())] if to_learn else []
@@ -311,7 +299,7 @@ class Forecasts:
         return self.run.cache.find(_KIND, key, Forecast.restored)
 
     def _training(self, asked: Query) -> Campaign:
-        key = asked.held_out, asked.with_runs
+        key = asked.held_out, asked.runs
         if key not in self._known:
             self._known[key] = training(self.campaign, asked)
         return self._known[key]
@@ -324,10 +312,9 @@ def _forecast(
     with one_thread_throughout():
         for name, seed in dict.fromkeys((each.approach, each.seed) for each in asked):
             fit = Fit.of(learned_from, name, _by(config, seed), run)
-            forecaster = Forecaster.of(fit, learned_from, windows_ms)
             for each in asked:
                 if (each.approach, each.seed) == (name, seed):
-                    forecast = forecaster.at(each.condition)
+                    forecast = Forecast.of(fit, each.condition, windows_ms)
                     run.cache.put(_KIND, _key(learned_from, each, config, windows_ms), forecast.entry)
                     made.append((each, forecast))
     return made
@@ -397,16 +384,22 @@ class Plan(NamedTuple):
             splits += [(test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)]
         all_have_runs = all(campaign.cae.paired_run(condition) is not None for condition in matrix.conditions)
         trials = [
-            Query(held_out, name, test.condition, with_runs=all_have_runs or not paired_runs(campaign, held_out))
+            Query(held_out, name, test.condition, "kept" if all_have_runs else "dropped")
             for test, _, held_out in splits
             for name in dict.fromkeys((approach, BASELINE))
         ]
-        with_runs = [trial._replace(with_runs=True) for trial in trials if not trial.with_runs]
-        cells = [Query((), approach, condition, with_runs=True) for condition in matrix.conditions]
+        lacking = {out for out in {out for _, _, out in splits} if not all_have_runs and paired_runs(campaign, out)}
+        with_runs = [trial._replace(runs="paired") for trial in trials if trial.held_out in lacking]
+        cells = [Query((), approach, condition, "kept") for condition in matrix.conditions]
         # networks, which all trials share, are trained on none of the runs that one of these lacks
-        tests = sorted({test for trial in with_runs for test in trial.held_out})
-        if CLASSES[approach].trains_networks and (untrained := paired_runs(campaign, tests)):
+        if CLASSES[approach].trains_networks:
+            tests = sorted({test for out in lacking for test in out})
+            untrained = campaign.cae.untrained | paired_runs(campaign, tests)
             campaign = replace(campaign, cae=replace(campaign.cae, untrained=untrained))
         windows_ms = {*criteria.windows_ms, criteria.spot_check.window_ms or WINDOW_MS}
         forecasts = Forecasts(campaign, tuple(sorted(windows_ms)), config, run)
         return cls(splits, trials, with_runs, cells, forecasts)
+
+    def without(self, test: str) -> Campaign:
+        """What the record learns from where this test alone is left out."""
+        return training(self.forecasts.campaign, next(trial for trial in self.trials if trial.held_out == (test,)))

@@ -126,7 +126,7 @@ class Fit:
         def restore(entry: Entry) -> Errors:
             return {name: numbers(entry, name, len(left_out) + len(usual.get(name, ()))) for name in METRIC_LABELS}
 
-        key = {**learned.identity, "campaign": campaign.fingerprint, "code": Code(__name__)}
+        key = {**learned.fit_key(campaign), "code": Code(__name__)}
         errors = run.get_or_compute(_JUDGED, key, judge, restore)
         return cls(learned, config, seconds, left_out, errors, campaign)
 

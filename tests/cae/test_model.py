@@ -1,5 +1,7 @@
 """The CAE model over time and displacement: what was run, else what is emulated from other runs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -157,6 +159,13 @@ def test_a_paired_run_beats_the_emulator(campaign: Campaign) -> None:
     alone = Condition.of_vector([12.0, 930.0, 690.0])
     np.testing.assert_array_equal(model.pulse(alone).accel_mps2, model.emulator_.predict(alone))
     assert model.notes(alone)[0] == "CAE pulse: from the emulator."
+    own = frozenset({campaign.cae.ids[run]})  # known where it is, and nothing learned from it
+    known, others = (CaeModel().fit(cae) for cae in (replace(campaign.cae, paired_only=own), campaign.cae.without(own)))
+    assert (known.pulse(condition).source, others.pulse(condition).source) == (
+        f"run {campaign.cae.ids[run]}",
+        "emulator",
+    )
+    np.testing.assert_array_equal(known.emulator_.predict(condition), others.emulator_.predict(condition))
 
 
 def test_the_emulator_is_trained_once(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from crashfuse.certification.certify import Answer, Certification, Variant, cert
 from crashfuse.certification.criteria import Criteria, Criterion, Tolerances, varied
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import parse_earlier
-from crashfuse.certification.forecasts import Plan, spreads
+from crashfuse.certification.forecasts import Plan, Query, spreads, training
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word, all_met
@@ -254,9 +254,7 @@ def test_nobody_can_choose_the_seed(campaign: Campaign) -> None:
 
 
 @pytest.mark.parametrize("all_have_runs", [False, True])
-def test_left_out_tests_have_a_cae_run_where_all_planned_conditions_have_one(
-    campaign: Campaign, *, all_have_runs: bool
-) -> None:
+def test_left_out_tests_have_a_cae_run_where_all_planned_ones_do(campaign: Campaign, *, all_have_runs: bool) -> None:
     """Else the record is made without, and that with these runs stands beside it."""
     planned = Matrix(("P",), (campaign.tests[1].condition,)) if all_have_runs else matrix(campaign, 20.0)
     found = certify_matrix(campaign, CRITERIA, planned, CAE)
@@ -276,7 +274,7 @@ def test_other_limits_take_no_new_prediction(
     """Forecasts are kept; only the window of a rating is part of them."""
     certified(campaign)
     fitting_is_an_error()
-    monkeypatch.setattr("crashfuse.certification.forecasts.Forecaster.at", None)
+    monkeypatch.setattr("crashfuse.certification.forecasts.Forecast.of", None)
     other = Criteria((replace(CRUSH, at_most=500.0), replace(PEAK, at_most=20.0), replace(RATING, at_least=0.9)), 0.8)
     assert certified(campaign, other).criteria == other
 
@@ -360,15 +358,10 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
     found = certify_matrix(campaign, CRITERIA, Matrix(("P1", "P2", "P3"), (test.condition, rounded, apart)), CAE)
     assert found.run == {"P1": (test.id,), "P2": (test.id,)}
     crush, _, rating = found.verdicts[0]
-    assert crush.run[test.id] == pytest.approx(
-        metric_values(test.pulse.accel_mps2, test.condition.speed_mps)["max_crush"]
-    )
-    [trial] = [
-        one
-        for one in found.record.trials
-        if (one.held_out, one.left_out, one.verdict.criterion) == (test.id, "test", RATING)
-    ]
-    assert rating.run == {test.id: trial.measured}
+    measured = metric_values(test.pulse.accel_mps2, test.condition.speed_mps)
+    assert crush.run[test.id] == pytest.approx(measured["max_crush"])
+    trials = {(one.held_out, one.left_out, one.verdict.criterion): one for one in found.record.trials}
+    assert rating.run == {test.id: trials[test.id, "test", RATING].measured}
     assert (found.answers["P1"], found.answers["P2"]) == ("was run", "was run")
     assert [*run_already(found).values()] == [f"{test.id} missed Peak deceleration"] * 2
     assert certification_table(found)["test"].tolist() == [test.id] * 6 + [""] * 3
@@ -455,5 +448,22 @@ def test_each_test_is_left_out_if_asked_for(campaign: Campaign) -> None:
     found = certify_matrix(campaign, *asked)
     first, *others = without_each_test(found, Run()).variants[len(found.variants) :]
     assert [(own.name, own.left_out) for own in others] == [(f"without {i}", i) for i in campaign.test_ids[1:]]
-    assert first == Variant.of("without T1", found, certify_matrix(campaign.without(("T1",)), *asked))
+    assert first == Variant.of("without T1", found, certify_matrix(found.without("T1"), *asked))
     assert first.left_out == "T1"
+
+
+@pytest.mark.parametrize("approach", ["cae", "displacement_domain", "time_domain", "fused"])
+def test_a_fit_without_a_test_serves_its_cae_run_and_what_if(campaign: Campaign, approach: str) -> None:
+    """Equal keys are one fit; with its run, the CAE pulse is known where a test is predicted, and no test's changes."""
+    config, planned = StudyConfig(approaches=(approach,)), matrix(campaign, 20.0)
+    plan, key = Plan.of(campaign, CRITERIA, planned, config, Run()), config.create(approach).fit_key
+    for asked in plan.with_runs:
+        without, known = (
+            training(plan.forecasts.campaign, asked._replace(runs=runs)) for runs in ("dropped", "paired")
+        )
+        assert key(without) == key(known)
+        assert without.cae.paired_run(asked.condition) is None is not known.cae.paired_run(asked.condition)
+    what_if = Plan.of(plan.without("T4"), CRITERIA, planned, config, Run())
+    assert key(training(what_if.forecasts.campaign, what_if.cells[0])) == key(plan.without("T4"))
+    twins = replace(campaign, tests=(*campaign.tests, replace(campaign.tests[0], id="T0")))
+    assert not training(twins, Query(("T0",), approach, twins.tests[0].condition, "paired")).cae.paired_only

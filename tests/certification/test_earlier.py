@@ -326,9 +326,7 @@ def test_a_record_is_known_by_its_content_and_by_its_id(today: Certification) ->
 
 
 @pytest.mark.parametrize(("off_kph", "counts"), [(0.95, True), (1.1, False)])
-def test_a_test_is_made_for_the_nearest_condition_though_a_little_off(
-    today: Certification, off_kph: float, counts: bool
-) -> None:
+def test_a_test_is_made_for_a_condition_a_little_off(today: Certification, off_kph: float, counts: bool) -> None:
     """To 1 km/h and 2 %; one made for none tells nothing."""
     others = today.campaign.test_ids[1:]
     found = since(moved(today, off_kph, *others), earlier(today, MET))

@@ -150,9 +150,7 @@ near_conditions = st.builds(
 
 
 @given(st.lists(near_conditions, min_size=1, max_size=8, unique=True), st.lists(near_conditions, max_size=4))
-def test_a_test_is_made_for_the_nearest_condition_within_its_tolerance(
-    planned: list[Condition], run: list[Condition]
-) -> None:
+def test_a_test_is_made_for_the_nearest_condition(planned: list[Condition], run: list[Condition]) -> None:
     """As asked of each condition by itself: 1 km/h and 2 % of each weight, and no factor tells them apart."""
     matrix = Matrix(tuple(f"P{i}" for i in range(len(planned))), tuple(planned))
     tests = [(f"T{i}", own) for i, own in enumerate(run)]

@@ -47,25 +47,23 @@ class Part:
 class Covariance:
     """Covariance between rows x, shape (n, n_columns + 1), and z, shape (m, n_columns + 1).
 
-    Distances and factors, which no hyperparameter changes, are computed once.
+    Distances and factors, which no hyperparameter changes, are computed once, and only where a part is not zero.
     """
 
     def __init__(self, parts: Sequence[Part], x: FloatArray, z: FloatArray) -> None:
-        self._ends = np.cumsum([len(part.priors) for part in parts])
-        self._factors = [_factor(part, x, z) for part in parts]
-        self._squares = [
-            [[np.subtract.outer(x[:, column], z[:, column]) ** 2 for column, _ in group] for group in part.groups]
-            for part in parts
-        ]
+        self._ends, self._shape = np.cumsum([len(part.priors) for part in parts]), (len(x), len(z))
+        self._parts = []
+        for part in parts:
+            rows, columns = _reach(part, x, z), _reach(part, z, x)
+            squares = [[np.subtract.outer(x[rows, i], z[columns, i]) ** 2 for i, _ in group] for group in part.groups]
+            self._parts.append(((rows, columns), _factor(part, x[rows], z[columns]), squares))
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
-        return reduce(np.add, self.terms(log_hyperparameters))
-
-    def terms(self, log_hyperparameters: FloatArray) -> list[FloatArray]:
-        """Terms of the parts, shape (n, m) each."""
-        logs = np.split(log_hyperparameters, self._ends[:-1])
-        return [_term(*part)[0] for part in zip(self._factors, self._squares, logs, strict=True)]
+        covariance, logs_of_parts = np.zeros(self._shape), np.split(log_hyperparameters, self._ends[:-1])
+        for (place, factor, squares), logs in zip(self._parts, logs_of_parts, strict=True):
+            covariance[place] += _term(factor, squares, logs)[0]
+        return covariance
 
 
 class TrainingCovariance:
@@ -113,6 +111,14 @@ def _term(
         common = reduce(np.multiply, matern[:g] + matern[g + 1 :], scaled * slope)
         derivatives.extend(common * share for share in group)
     return term, derivatives
+
+
+def _reach(part: Part, x: FloatArray, z: FloatArray) -> slice:  # of rows x, outside of which it is zero
+    reached = np.ones(len(x), dtype=bool) if part.times is None else x[:, part.times] != 0
+    if part.same is not None:
+        reached &= np.isin(x[:, part.same], z[:, part.same])
+    places = np.flatnonzero(reached)
+    return slice(places[0], places[-1] + 1) if places.size else slice(0)
 
 
 def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:

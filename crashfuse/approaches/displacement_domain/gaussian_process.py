@@ -81,24 +81,24 @@ class GaussianProcess:
         self._condition()
         return self
 
-    def _condition(self) -> None:
-        covariance = Covariance(self.parts, self.x_, self.x_)(self.theta_[:-1])
-        self._lower = self._cholesky(covariance, self.theta_[-1])
+    def _condition(self, prior: FloatArray | None = None) -> None:
+        self._prior = Covariance(self.parts, self.x_, self.x_)(self.theta_[:-1]) if prior is None else prior
+        self._lower = self._cholesky(self._prior.copy(), self.theta_[-1])
         self._alpha = cho_solve((self._lower, True), self._y)
 
     def without(self, *tests: int) -> Self:
         """The same as if these tests had not been run."""
         others = ~np.isin(self.x_[:, -1], tests)
-        return self._given(self.x_[others], self._y[others])
+        return self._given(self.x_[others], self._y[others], self._prior[np.ix_(others, others)])
 
     def also_at(self, x: FloatArray) -> Self:
         """The same as if these rows had been measured with the expected output."""
         return self._given(np.vstack([self.x_, x]), np.append(self._y, self.predict(x) / self.output_scale_))
 
-    def _given(self, x: FloatArray, y: FloatArray) -> Self:
+    def _given(self, x: FloatArray, y: FloatArray, prior: FloatArray | None = None) -> Self:
         other = copy.copy(self)
         other.x_, other._y = x, y
-        other._condition()
+        other._condition(prior)
         return other
 
     def std_given(self, x: FloatArray, further: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
@@ -199,17 +199,15 @@ class GaussianProcess:
 
     def prior_of(self, names: Collection[str], x: FloatArray) -> FloatArray:
         """Prior covariance, shape (m, m), of the sum of the parts with these names."""
-        terms = Covariance(self.parts, x, x).terms(self.theta_[:-1])
-        chosen = [term for part, term in zip(self.parts, terms, strict=True) if part.name in names]
-        return np.asarray(self.output_scale_**2 * sum(chosen))
+        theta, chosen = self._by_part(self.theta_), [part for part in self.parts if part.name in names]
+        return np.asarray(self.output_scale_**2 * sum(Covariance([part], x, x)(theta[part.name]) for part in chosen))
 
     def predict_parts(self, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
         """Posterior mean and standard deviation, shapes (m,), of each part; only the means add up."""
-        cross = Covariance(self.parts, x, self.x_).terms(self.theta_[:-1])
-        prior = Covariance(self.parts, x, x).terms(self.theta_[:-1])
-        moments = []
-        for term, before in zip(cross, prior, strict=True):
-            gain = solve_triangular(self._lower, term.T, lower=True)
-            variance = np.maximum(np.diag(before) - np.sum(gain**2, axis=0), 0.0)
-            moments.append((self.output_scale_ * (term @ self._alpha), self.output_scale_ * np.sqrt(variance)))
+        moments, theta = [], self._by_part(self.theta_)
+        for part in self.parts:
+            cross, prior = (Covariance([part], x, z)(theta[part.name]) for z in (self.x_, x))
+            gain = solve_triangular(self._lower, cross.T, lower=True)
+            variance = np.maximum(np.diag(prior) - np.sum(gain**2, axis=0), 0.0)
+            moments.append((self._mean(cross), self.output_scale_ * np.sqrt(variance)))
         return moments

@@ -93,9 +93,9 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         self._delta_v_misfit = learned.values["delta_v_misfit"]
         return self
 
-    def _fit_key(self, campaign: Campaign) -> dict[str, object]:
-        # runs that it is not trained on change no number of it
-        return super()._fit_key(replace(campaign, cae=campaign.cae.for_networks))
+    def fit_key(self, campaign: Campaign) -> dict[str, object]:
+        """Of the runs that it is trained on."""
+        return super().fit_key(replace(campaign, cae=campaign.cae.for_networks))
 
     def _learn(self, campaign: Campaign, watch: Watch) -> None:
         lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors))

@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 
+from crashfuse.approaches.base import draw
 from crashfuse.approaches.calibration import CHECK_STRIDE, Calibration, Coverage, calibrate
 from crashfuse.approaches.time_domain.fine_tuning import Posterior
 from crashfuse.approaches.time_domain.network import Scaling
@@ -102,35 +103,37 @@ class Band:
         late = calibration.late_widening or calibration.widening
         return self.drawn(condition, posterior)(further * calibration.widening, further * late)
 
-    def drawn(self, condition: Condition, posterior: Posterior) -> Callable[[float, float], FloatArray]:
-        """The pulses as a function of their widenings, before the stop and after it."""
+    def drawn(self, at: Condition, posterior: Posterior, stride: int = 1) -> Callable[[float, float], FloatArray]:
+        """The pulses, thinned, as a function of their widenings, before the stop and after it."""
         n_draws, n_times = self.scaling.config.n_draws, posterior.mean.size
         dof = max(len(self.end_shares), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
-        normal = posterior.draw(n_draws, rng)
+        normal = draw(np.zeros(n_times), posterior.covariance, n_draws, rng)
         # Student's t, as the variance itself is learned from a handful of tests
         factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
         deviations = np.vstack([np.zeros(n_times), factors[:, None] * normal])
-        after = Stopping.of(condition, self.scaling).after_t0(posterior.mean)
+        after = Stopping.of(at, self.scaling).after_t0(posterior.mean)
         parts = [posterior.mean[None], deviations * (1 - after), deviations * after]
-        mean, early, late = (self.scaling.pulses(part, np.tile(condition.vector, (len(part), 1))) for part in parts)
+        vectors = (np.tile(at.vector, (len(part), 1)) for part in parts)
+        pulses = map(self.scaling.pulses, parts, vectors)
+        mean, early, late = (np.ascontiguousarray(rows[:, ::stride]) for rows in pulses)
         return lambda widening, late_widening: mean + widening * early + late_widening * late
 
     def check(
         self, tests: Sequence[CrashTest], left_out: Mapping[int, Posterior], watch: Watch
     ) -> tuple[Calibration, dict[int, FloatArray]]:
-        """Widen the band until it holds on left-out tests; also their pulses by number."""
-        drawn = {number: self.drawn(tests[number].condition, posterior) for number, posterior in left_out.items()}
+        """Widen the band until it holds on left-out tests; also every fifth sample of their pulses by number."""
+        drawn = {n: self.drawn(tests[n].condition, posterior, CHECK_STRIDE) for n, posterior in left_out.items()}
         pulses: dict[int, FloatArray] = {}
 
         def check(widening: float, late: float) -> list[Coverage]:
             watch.report("Checking the band on left-out tests", 0, 1)
-            for number, draw in drawn.items():
-                pulses[number] = draw(widening, late)
+            for number, widened in drawn.items():
+                pulses[number] = widened(widening, late)
             return [Coverage.of(*own, whole=False) for own in draws()]
 
         def draws() -> list[tuple[CrashTest, FloatArray]]:
-            return [(tests[number], rows[1:, ::CHECK_STRIDE]) for number, rows in pulses.items()]
+            return [(tests[number], rows[1:]) for number, rows in pulses.items()]
 
         # Wider draws have higher peaks, so a measured peak below its interval is only reported and does not widen the
         # band. The rebound is less certain and has its own factor.

@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import FittedState, draw
+from crashfuse.approaches.base import FittedState
 from crashfuse.signals.pulse import FloatArray
 
 PENALTIES = (0.02, 0.06, 0.2, 0.6)
@@ -47,10 +47,6 @@ class Posterior:
         smooth = average @ self.covariance @ average.T
         scale = np.sqrt(np.diag(self.covariance) / np.diag(smooth))
         return Posterior(self.mean, smooth * scale[:, None] * scale)
-
-    def draw(self, n_draws: int, rng: np.random.Generator) -> FloatArray:
-        """Draw deviations of whole functions from the mean, shape (n_draws, n_times)."""
-        return draw(np.zeros_like(self.mean), self.covariance, n_draws, rng)
 
 
 class Increments:

@@ -9,7 +9,7 @@ import torch
 from crashfuse.approaches.base import Approach, Device, FittedState, Prediction, Settings
 from crashfuse.approaches.time_domain.config import AboutLfTcn, TcnConfig
 from crashfuse.approaches.time_domain.network import Scaling, Tcn
-from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, predict, train, weights_of
+from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, mean_outputs, train, weights_of
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -50,7 +50,8 @@ class TcnApproach(Approach):
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition: the mean of the members."""
         self._require("network_")
-        accel = predict(self.network_, self.scaling_, condition.vector[None])[0]
+        vector, scaling = condition.vector[None], self.scaling_
+        accel = scaling.pulses(mean_outputs(self.network_, scaling.inputs(vector)), vector)[0]
         return Prediction(condition, accel, notes=self._library.extrapolation(condition))
 
 

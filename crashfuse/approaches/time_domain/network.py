@@ -81,9 +81,9 @@ class ResidualBlock(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Map sequences of shape (n_members, n_times, n_pulses, n_in) to as many of n_out channels."""
-        hidden = self._drop(torch.relu(self.first(inputs)))
-        hidden = self._drop(torch.relu(self.second(hidden)))
-        return torch.relu(hidden + self.shortcut(inputs))
+        hidden = self._drop(torch.relu_(self.first(inputs)))
+        hidden = self._drop(torch.relu_(self.second(hidden)))
+        return torch.relu_(hidden + self.shortcut(inputs))
 
     def _drop(self, hidden: Tensor) -> Tensor:
         if not (self.training and self._dropout):
@@ -128,13 +128,13 @@ class _TapByTap(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, inputs: Tensor, weight: Tensor, bias: Tensor, lags: tuple[int, ...]) -> Tensor:  # noqa: ANN401
         members, n_times, n_pulses, _ = inputs.shape
-        rows = inputs.flatten(1, 2)
-        outputs = torch.baddbmm(bias[:, None], rows, weight[:, -1])
+        rows, outputs = inputs.flatten(1, 2), inputs.new_empty((members, n_times, n_pulses, weight.shape[-1]))
+        flat = torch.baddbmm(bias[:, None], rows, weight[:, -1], out=outputs.view(members, n_times * n_pulses, -1))
         for tap, blind in _earlier(lags, n_times, n_pulses):
-            outputs[:, blind:].baddbmm_(rows[:, : n_times * n_pulses - blind], weight[:, tap])
+            flat[:, blind:].baddbmm_(rows[:, : n_times * n_pulses - blind], weight[:, tap])
         ctx.save_for_backward(rows, weight)
         ctx.lags, ctx.shape = lags, inputs.shape
-        return outputs.view(members, n_times, n_pulses, -1)
+        return outputs
 
     @staticmethod
     @once_differentiable

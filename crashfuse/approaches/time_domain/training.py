@@ -99,7 +99,8 @@ def minimise(
                 pause = max(_CHECKPOINT_S, (saved - now) / _SHARE)
             if ended or now - reported > _REPORT_S:
                 reported = now
-                values = np.mean([run.last_epoch() for run in runs], axis=0).tolist() if ended else ()
+                curves = [run.curve[:, step // objectives[0].steps_an_epoch].cpu().numpy() for run in runs]
+                values = np.concatenate(curves).mean(axis=0).tolist() if ended else ()
                 try:
                     watch.report(name, done, n_steps, **dict(zip(columns, values, strict=bool(ended))))
                 except Cancelled:
@@ -111,7 +112,7 @@ def minimise(
 
 class _Training:
     def __init__(self, network: Tcn, objective: TrainingObjective) -> None:
-        self.network, self._objective, self._epoch = network, objective, 0
+        self.network, self._objective = network, objective
         self.optimiser = Adam(network.parameters())
         shape = (network.members, objective.n_steps // objective.steps_an_epoch, len(objective.columns))
         self.curve = torch.zeros(shape, dtype=torch.float64, device=network.device)
@@ -121,18 +122,15 @@ class _Training:
         network.train()
         total, losses = objective.loss(network, number)
         self.optimiser.step(torch.autograd.grad(total, self.optimiser.weights), objective.rate(number))
-        self._epoch = number // objective.steps_an_epoch
-        self.curve[:, self._epoch, 0] += losses.detach() / objective.steps_an_epoch
+        epoch = number // objective.steps_an_epoch
+        self.curve[:, epoch, 0] += losses.detach() / objective.steps_an_epoch
         network.eval()
         if (number + 1) % objective.steps_an_epoch:
             return False
         with torch.no_grad():
             for column, losses in enumerate(objective.validate(network), start=1):
-                self.curve[:, self._epoch, column] = losses
+                self.curve[:, epoch, column] = losses
         return True
-
-    def last_epoch(self) -> FloatArray:
-        return np.asarray(self.curve[:, self._epoch].mean(dim=0).cpu())
 
 
 def _state(runs: Sequence[_Training], done: int) -> Entry:
@@ -181,11 +179,6 @@ def weights_of(network: Tcn) -> Entry:
 def load_weights(network: Tcn, weights: Entry) -> None:
     """Load weights that :func:`weights_of` took."""
     network.load_state_dict({name: torch.from_numpy(weight) for name, weight in weights.items()})
-
-
-def predict(network: Tcn, scaling: Scaling, vectors: FloatArray) -> FloatArray:
-    """Mean pulses of the members at conditions of shape (n, 3), on the study grid: shape (n, 1250), m/s²."""
-    return scaling.pulses(mean_outputs(network, scaling.inputs(vectors)), vectors)
 
 
 def mean_outputs(network: Tcn, inputs: Tensor) -> FloatArray:

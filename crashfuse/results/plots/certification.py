@@ -125,8 +125,9 @@ def _draw_scale(
     ends = np.array([(own.value, own.lower, own.upper) for own in verdicts], dtype=np.float64) * factor
     measured = [(row, factor * v) for row, own in enumerate(verdicts) for v in own.run.values() if v is not None]
     low, high = _ends_of_scale(criterion, factor, ends, [value for _, value in measured])
-    drawing.axis(x, range=[low, high], fixedrange=True)
-    for limit, missed in ((criterion.at_least, low), (criterion.at_most, high)):
+    first, last = low - 0.03 * (high - low), high + 0.03 * (high - low)  # what is moved to an end is seen whole
+    drawing.axis(x, range=[first, last], fixedrange=True)
+    for limit, missed in ((criterion.at_least, first), (criterion.at_most, last)):
         if limit is not None:
             start, end = sorted((factor * limit, missed))
             drawing.shade(start, end, y, xref=x, fillcolor=Sheer(_DISAGREES, 0.13))
@@ -147,10 +148,9 @@ def _draw_scale(
         places, values = zip(*measured, strict=True)
         drawn = np.clip(values, low, high)
         sides = ["middle right" if value < (low + high) / 2 else "middle left" for value in drawn]
-        look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip", cliponaxis=False)
+        look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip", textfont_size=11)
         texts = [f" {replace(criterion.shown(v / factor), values=(v,), unit='')} " for v in values]
-        look["textfont"] = {"size": 11, "shadow": "auto"}  # of the page's colour, over a limit
-        look |= Look(text=texts, textposition=sides, name=f"{criterion.title}: measured")
+        look |= Look(text=texts, textposition=sides, textfont_shadow="auto", name=f"{criterion.title}: measured")
         drawing.add(look | Look(x=drawn, y=places, **at), {"label": [ids[row] for row in places], "x": values})
     cells = Look(x=[(low + high) / 2] * len(ids), y=[*range(len(ids))], marker_opacity=0, marker_size=_ROW_PX - 8)
     told = [_hover(i, verdict, display) for i, verdict in zip(ids, verdicts, strict=True)]
@@ -171,8 +171,8 @@ def _ends_of_scale(
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
-    name = [f"<b>{line}</b>" for line in wrap(criterion.title, width, break_long_words=False)]
-    return "<br>".join([*name, *wrap(unbroken(display.words(criterion.limits_by("≥", "≤"))), width)])
+    asked = wrap(unbroken(display.words(criterion.limits_by("≥", "≤"))), width, break_long_words=False)
+    return "<br>".join([*(f"<b>{line}</b>" for line in wrap(criterion.title, width, break_long_words=False)), *asked])
 
 
 def _cell(verdict: Verdict, confidence: float, between: str) -> str:

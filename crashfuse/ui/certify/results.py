@@ -1,6 +1,6 @@
 """Verdicts on the Certify page: the answer with reasons and what-ifs, their record, domain and files."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -260,7 +260,7 @@ def _show_reason(certification: Certification, display: Display, test: str, crit
         verdict = verdicts[state[_CRITERION]]
         st.markdown(f"**{verdict.word}:** {plain(verdict.criterion.label)}\n\n{plain(display.words(verdict.reason))}")
         button, args = "See the predicted pulse there", (certification.campaign, row.condition)
-        if st.button(button, icon=":material/arrow_forward:", on_click=address.choose_condition, args=args):
+        if st.button(button, on_click=address.choose_condition, args=args):
             open_page("predict")
 
 
@@ -271,13 +271,13 @@ def _deciding(row: Planned, certification: Certification) -> str:
     return min(deciding, key=lambda own: 0.0 if own.probability is None else own.probability).criterion.name
 
 
-def _variants(certification: Certification) -> dict[str, tuple[Campaign, Criteria]]:
+def _variants(certification: Certification) -> dict[str, tuple[Callable[[], Campaign], Criteria]]:
     campaign, criteria, tests = certification.campaign, certification.criteria, certification.campaign.test_ids
     apart = [own.test for own in departures(campaign)]
     without = dict.fromkeys((*apart, *tests)) if len(tests) > 1 else ()
     return {
-        **{name: (campaign, other) for name, other in varied(criteria).items()},
-        **{f"{_WITHOUT}{test}": (campaign.without((test,)), criteria) for test in without},
+        **{name: (lambda: campaign, other) for name, other in varied(criteria).items()},
+        **{f"{_WITHOUT}{test}": (partial(certification.without, test), criteria) for test in without},
     }
 
 
@@ -286,7 +286,8 @@ def _show_variants(certification: Certification) -> None:
     address.put(key, [name for name in state[key] if name in variants])
     usual = "another confidence, limits, a test less"
     for name in st.multiselect("What if …", [*variants], placeholder=usual, **kept(key)):
-        request = judge(*variants[name], certification.matrix)
+        campaign, criteria = variants[name]
+        request = judge(campaign(), criteria, certification.matrix)
         if request.find() is None:
             request.start()
         if (job := request.find()) is None:
@@ -308,9 +309,9 @@ def show_files(view: View, certification: Certification) -> None:
     What the page shows *without* a test is in them, as other limits and confidences always are.
     """
     variants, matrix, asked = _variants(certification), certification.matrix, st.session_state["what_if"]
-    without = [name for name in variants if name in asked and name.startswith(_WITHOUT)]
-    known = {name: other for name in without if (other := judge(*variants[name], matrix).result) is not None}
-    others = (Variant.of(name, certification, other) for name, other in known.items())
+    without = {name: own for name, own in variants.items() if name in asked and name.startswith(_WITHOUT)}
+    judged = {name: judge(campaign(), criteria, matrix).result for name, (campaign, criteria) in without.items()}
+    others = (Variant.of(name, certification, other) for name, other in judged.items() if other is not None)
     with_all = replace(certification, variants=(*certification.variants, *others))
     result = certification_result(with_all, notes_of(view))
     asks = {name: partial(bytes, content) for name, content in question_files(certification.criteria, matrix).items()}

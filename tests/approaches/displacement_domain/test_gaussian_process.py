@@ -75,13 +75,11 @@ def test_predictions_and_their_parts_are_the_textbooks(process: GaussianProcess)
     mean, covariance = process.posterior(new)
     moments: list[tuple[tuple[Part, ...], FloatArray, FloatArray, FloatArray]]
     moments = [(ALL_KINDS, logs, mean, np.diag(covariance))]
-    lengths = np.cumsum([len(part.priors) for part in ALL_KINDS])[:-1]
-    for part, own, (mean_of_part, std) in zip(
-        ALL_KINDS, np.split(logs, lengths), process.predict_parts(new), strict=True
-    ):
-        moments.append(((part,), own, mean_of_part, std**2))
-    for parts, own, found, variances in moments:
-        cross, prior = Covariance(parts, new, x)(own), Covariance(parts, new, new)(own)
+    own = process._by_part(process.theta_)
+    for part, (mean_of_part, std) in zip(ALL_KINDS, process.predict_parts(new), strict=True):
+        moments.append(((part,), own[part.name], mean_of_part, std**2))
+    for parts, theta, found, variances in moments:
+        cross, prior = Covariance(parts, new, x)(theta), Covariance(parts, new, new)(theta)
         np.testing.assert_allclose(found, cross @ inverse @ (40 * y), rtol=1e-5, atol=1e-5)
         expected = process.output_scale_**2 * (prior - cross @ inverse @ cross.T)
         np.testing.assert_allclose(variances, np.diag(expected), rtol=1e-4, atol=1e-4)

@@ -41,7 +41,7 @@ def relative_error(predicted: FloatArray, true: FloatArray) -> float:
     return float(np.sqrt(np.mean((predicted - true) ** 2) / np.mean(true**2)))
 
 
-def test_a_test_with_a_neighbour_is_met_far_better_than_by_the_lf_networks(
+def test_a_test_with_a_neighbour_is_met_far_better_than_by_the_lf(
     campaign: Campaign, lf: LfTcn, mf: TimeDomain
 ) -> None:
     """The held-out test lies 1 mph from one that was learned from: half the error at most."""
@@ -105,9 +105,7 @@ def test_the_band_is_wider_far_from_tests_at_a_single_speed(campaign: Campaign) 
     assert single.calibration_.further(1.0) == 1.0
 
 
-def test_adam_moves_the_prediction_to_the_tests_and_an_infinite_penalty_keeps_the_lf_network(
-    campaign: Campaign,
-) -> None:
+def test_adam_moves_predictions_to_the_tests_and_an_infinite_penalty_keeps_those_of_the_lf(campaign: Campaign) -> None:
     """At the same rate, where λ = 0 moves the pulses by far, λ → ∞ leaves θ_MF = θ_LF to rounding."""
     lf, free, held = (
         approach.fit(campaign, Run())

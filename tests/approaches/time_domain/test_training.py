@@ -111,9 +111,7 @@ def test_a_training_that_is_cancelled_leaves_what_it_had(campaign: Campaign, mon
 
 
 @pytest.mark.parametrize("changed", ["seed", "data", "checkpoint"])
-def test_a_checkpoint_of_other_data_or_another_seed_or_a_damaged_one_is_not_taken(
-    campaign: Campaign, changed: str
-) -> None:
+def test_a_checkpoint_of_other_data_or_seed_or_a_damaged_one_is_not_taken(campaign: Campaign, changed: str) -> None:
     with pytest.raises(Cancelled):
         LfTcn(SMALL).fit(campaign, Run(watch=cancelled_after(lambda _: True)))
     if changed == "data":
