@@ -2,8 +2,8 @@
 
 Each test is left out in turn, alone and with its whole speed group. *Gap closed* is the share of the distance from the
 raw CAE to 0.975, a fixed yardstick; *change* is the lowest of all tests against the raw CAE. *A second test* is what a
-repeat at the same condition rates against the first: estimated from how the tests scatter, or measured where there are
-repeats: in a folder ``repeats`` of the campaign, named as the files in ``tests``, or from the generator of the sample.
+repeat at the same condition rates against the first, where there are repeats: in a folder ``repeats`` of the campaign,
+named as the files in ``tests``, or from the generator of the sample.
 With ``--data`` the tables are written as CSV; those in ``docs/data`` are what the documentation shows.
 """
 
@@ -19,7 +19,6 @@ from tables import add_data_option, write
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.results.rating_tables import REPEAT, TABLE_3, rating_table
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import LeaveOut, StudyConfig
@@ -68,13 +67,11 @@ def main() -> None:
 
 
 def _means(study: Study, repeats: dict[str, dict[float, float]]) -> dict[str, object]:
-    """A campaign's means; the second test is the measured one if there is any, else the estimated."""
+    """A campaign's means; a second test only if there is any."""
     raw, fused = _overall(study, "cae"), _overall(study, "fused")
-    second = kind = None
-    if (estimated := study.mean_repeat(_WINDOW_MS)) is not None and study.config.leave_out == "test":
-        second, kind = f"{estimated:.3f}", "estimated"
+    second = None
     if repeats:
-        second, kind = f"{np.mean([own[_WINDOW_MS] for own in repeats.values()]):.3f}", "measured"
+        second = f"{np.mean([own[_WINDOW_MS] for own in repeats.values()]):.3f}"
         beside = np.mean([study.fold(test).ratings["fused"][_WINDOW_MS].overall for test in repeats])
         print(f"{study.campaign.name}: {len(repeats)} tests have repeats; on these fused rates {beside:.3f}")
     return {
@@ -82,7 +79,6 @@ def _means(study: Study, repeats: dict[str, dict[float, float]]) -> dict[str, ob
         "CAE runs": len(study.campaign.cae),
         **{column: f"{study.mean_rating(name, _WINDOW_MS):.3f}" for name, column in _SHOWN.items()},
         "a second test": second,
-        "second test": kind,
         "gap closed": f"{_gap(fused, raw):.2f}",
         "worst test": f"{fused.min():.3f}",
         "change": signed((fused - raw).min(), 3),
@@ -103,30 +99,20 @@ def _approaches(study: Study, repeats: dict[str, dict[float, float]]) -> list[di
             row |= {column: f"{coverage.share(share):.2f}" for column, share in shares.items()}
             row |= {f"{what} inside": f"{coverage.count(what)} of {len(coverage.tests)}" for what in ("crush", "peak")}
         rows.append(row)
-    if study.config.leave_out == "test" and study.mean_repeat(_WINDOW_MS) is not None:
-        means = {_window(window): f"{study.mean_repeat(window):.3f}" for window in windows}
-        rows.append({"approach": "A repeat, estimated", **means})
     if repeats:
         means = {_window(window): f"{np.mean([own[window] for own in repeats.values()]):.3f}" for window in windows}
         lowest = min(own[_WINDOW_MS] for own in repeats.values())
-        rows.append({"approach": "A repeat, measured", **means, "worst": f"{lowest:.3f}"})
+        rows.append({"approach": "A repeat", **means, "worst": f"{lowest:.3f}"})
     return rows
 
 
 def _tests(study: Study) -> list[dict[str, object]]:
-    """The rating of each test by approach and window, and what a repeat of it would rate."""
+    """The rating of each test by approach and window."""
     rows: list[dict[str, object]] = []
     for fold in study.folds:
         for name in study.config.approaches:
             shown = {_window(window): f"{rating.overall:.3f}" for window, rating in fold.ratings[name].items()}
             rows.append({"test": fold.held_out, "approach": LABELS[name], **shown})
-    if study.config.leave_out == "test":
-        table = rating_table(study, TABLE_3)
-        for test, kind in table.index:
-            if kind == REPEAT and test != "Mean":
-                cells = zip(study.config.windows_ms, table.loc[(test, kind)], strict=True)
-                shown = {_window(window): f"{rating:.3f}" for window, rating in cells}
-                rows.append({"test": test, "approach": f"{REPEAT}, estimated", **shown})
     return rows
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from crashfuse import views
 from crashfuse.cae_library import CaeLibrary, QualityLimits, QualityVerdict, judge_quality
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest, at_the_speed_of
+from crashfuse.crash_test import CrashTest, speed_groups
 from crashfuse.errors import UsageError, require_a, several
 from crashfuse.signals.metrics import Metric, checked_metrics, metric_bases, metric_headings
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
@@ -266,8 +266,10 @@ class Campaign:
         return replace(self, tests=tuple(test for test in self.tests if test.id in kept))
 
     def speed_group(self, test_id: str) -> tuple[str, ...]:
-        """Ids of the tests at about the speed of this one: sorted, neighbours less than 2 mph apart are one group."""
-        return tuple(test.id for test in at_the_speed_of(self.test(test_id), self.tests))
+        """Ids of the tests at about the speed of this one; see :func:`crashfuse.crash_test.speed_groups`."""
+        groups = speed_groups(np.array([test.condition.speed_mps for test in self.tests])).tolist()
+        mine = groups[self.tests.index(self.test(test_id))]
+        return tuple(other for other, group in zip(self.test_ids, groups, strict=True) if group == mine)
 
     @property
     def time_s(self) -> FloatArray:

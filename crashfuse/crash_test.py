@@ -2,19 +2,22 @@
 
 import hashlib
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from crashfuse.condition import About, Condition
-from crashfuse.signals.pulse import Pulse
+from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.signals.wall import Wall
 from crashfuse.units import MPH
 
 SPEED_STEP_MPS = 2 * MPH
-"""Tests nearer to each other than this are at about one speed."""
+"""Tests nearer to a condition than this are near it in speed."""
+SAME = 0.02  # relative difference up to which two speeds, or two masses, are the same
+_APART = 3.0  # times the widest group
+_ROUNDED_UP = 1 + 1e-9  # so that groups are the same in any unit
 TUNED = {True: "yes", False: "no", None: ""}
 """Cells of the column ``cae_tuned``."""
 
@@ -52,10 +55,17 @@ class CrashTest:
         return hashlib.sha256(repr(where).encode() + self.pulse.accel_mps2.astype("<f4").tobytes()).hexdigest()
 
 
-def at_the_speed_of(test: CrashTest, tests: Sequence[CrashTest]) -> tuple[CrashTest, ...]:
-    """The tests at about the speed of one of them, itself included: sorted, neighbours under 2 mph apart."""
-    speeds = np.array([other.condition.speed_mps for other in tests])
-    ordered = np.sort(speeds)
-    groups = np.r_[0, np.cumsum(np.diff(ordered) >= SPEED_STEP_MPS)]
-    group_of, wanted = (groups[np.searchsorted(ordered, speed)] for speed in (speeds, test.condition.speed_mps))
-    return tuple(other for other, group in zip(tests, group_of, strict=True) if group == wanted)
+def speed_groups(speeds_mps: FloatArray) -> npt.NDArray[np.intp]:
+    """Group numbers of speeds, shape (n,): the finest single-linkage clusters with gaps three times the widest of them.
+
+    Speeds within 2 % never part. If no gaps are so wide, all others do.
+    """
+    speeds, places = np.unique(speeds_mps, return_inverse=True)
+    gaps, same = np.diff(speeds) * _ROUNDED_UP, SAME * speeds[1:]
+    steps = np.where(gaps > same, gaps, 0.0)
+    for parted in (*(steps >= least for least in np.unique(steps[steps > 0])), steps > 0):
+        groups = np.r_[0, np.cumsum(parted)]
+        widest = max(np.ptp(speeds[groups == group]) for group in groups)
+        if (gaps >= _APART * np.maximum(widest, same))[parted].all():
+            break
+    return np.asarray(groups[places])

@@ -34,14 +34,16 @@ class Prior:
     logits: FloatArray  # prior mean of the fused weights, as :data:`crashfuse.approaches.mixture.PRIOR`
     errors: Mapping[str, FloatArray]  # standardised, by metric: mean minus and plus deviation, for each vehicle
     bias: FloatArray  # mean of their CAE models' errors over crush, as much of it as carries over, shape (6, 60)
+    cae: FloatArray  # mean of their CAE models' accelerations over crush, and the deviation from it, shape (2, 5, 60)
     helps: bool = True  # whether these, each left out, were predicted better with the others, on average
+    share: float = 1.0  # how far they count: the probability that the next one is like them
     taken_out: str = ""  # the vehicle that is to be judged, if it was in the archive
     record: pd.DataFrame = field(default_factory=pd.DataFrame)  # of the whole archive, to be shown
 
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 of all that predictions depend on."""
-        digest = hashlib.sha256(repr((self.vehicles, self.helps)).encode())
+        digest = hashlib.sha256(repr((self.vehicles, self.helps, self.share)).encode())
         for name, array in self.arrays.items():
             digest.update(f"{name} {array.shape}".encode() + array.tobytes())
         return digest.hexdigest()
@@ -51,13 +53,13 @@ class Prior:
         """All arrays by name."""
         weights = {f"network {name}": weight for name, weight in sorted(self.network.items())}
         errors = {f"error {name}": errors for name, errors in self.errors.items()}
-        return {**weights, **errors, "logits": self.logits, "bias": self.bias}
+        return {**weights, **errors, "logits": self.logits, "bias": self.bias, "cae": self.cae}
 
     @property
     def sentence(self) -> str:
         """Who teaches, in words."""
         names = read_out(self.vehicles)
-        sentence = f"An archive of past vehicles teaches this one before its tests do: {names}."
+        sentence = f"An archive of past vehicles teaches this one as far as it is like them: {names}."
         if not self.helps:
             sentence = f"The archive of {names} is not used: left out, they were not predicted better with it."
         return sentence + (f" {self.taken_out}, which this is, was taken out of it." if self.taken_out else "")
@@ -65,7 +67,7 @@ class Prior:
     @property
     def of_bias(self) -> "Prior":
         """What they teach of the bias alone."""
-        return replace(self, network={}, logits=np.zeros((4, 5)), errors={}, taken_out="")
+        return replace(self, network={}, logits=np.zeros((4, 5)), errors={}, taken_out="", share=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +162,6 @@ def _prior(number: int, vehicles: tuple[str, ...], arrays: Arrays, helps: object
         kind: {name.removeprefix(kind): array for name, array in mine.items() if name.startswith(kind)}
         for kind in ("network ", "error ")
     }
-    if mine["logits"].shape != (4, 5) or mine["bias"].shape != (6, 60):
+    if [mine[name].shape for name in ("logits", "bias", "cae")] != [(4, 5), (6, 60), (2, 5, 60)]:
         raise ValueError("weights of other approaches")
-    return Prior(vehicles, parts["network "], mine["logits"], parts["error "], mine["bias"], bool(helps))
+    return Prior(vehicles, parts["network "], mine["logits"], parts["error "], mine["bias"], mine["cae"], bool(helps))

@@ -41,7 +41,6 @@ from .results.render.text import card as card
 from .results.render.text import result_html as result_html
 from .results.result_tables import metrics_table as metrics_table
 from .results.result_tables import pulses_table as pulses_table
-from .results.result_tables import repeat_scores as repeat_scores
 from .results.result_tables import scores_table as scores_table
 from .results.result_tables import study_metrics as study_metrics
 from .results.result_tables import study_pulses as study_pulses

@@ -10,12 +10,15 @@ from crashfuse.vehicle_archive import PastVehicle, Prior, VehicleArchive
 
 NAMES = ("Sedan", "Van", "Coupe")
 NO_BIAS = np.zeros((6, 60))
+NO_CAE = np.ones((2, 5, 60))
 
 
-def prior(*names: str, bias: FloatArray = NO_BIAS, shift: float = 0.0, helps: bool = True) -> Prior:
+def prior(
+    *names: str, bias: FloatArray = NO_BIAS, cae: FloatArray = NO_CAE, shift: float = 0.0, helps: bool = True
+) -> Prior:
     """What vehicles teach whose CAE models err by ``bias``; shifted, network and weights are others than usual."""
     network = {"last.bias": np.full(50, shift, np.float16)} if shift else {}
-    return Prior(names, network, PRIOR + shift, {"peak": np.tile([-1.0, 1.0], len(names))}, bias, helps)
+    return Prior(names, network, PRIOR + shift, {"peak": np.tile([-1.0, 1.0], len(names))}, bias, cae, helps)
 
 
 def made_archive(*campaigns: Campaign) -> VehicleArchive:

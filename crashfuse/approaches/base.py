@@ -213,7 +213,7 @@ class Approach(ABC):
     trains_networks: ClassVar[bool] = False
     made_of: ClassVar[tuple[type["Approach"], ...]] = ()
 
-    taught_: bool = False  # whether past vehicles teach this fit
+    taught_: float = 0.0  # how far past vehicles teach this fit, up to 1
     _thinning: tuple[str, ...] = ()
 
     @classmethod

@@ -72,8 +72,8 @@ class Fused(AboutFused):
         # Taught both, displacement domain and network would err together: the network alone is (docs/decisions.md).
         untaught = replace(campaign, prior=None)
         self.displacement_domain_, _ = displacement_domain.fitted(untaught, run)
-        bias, self.archive_ = self.displacement_domain_.taught_bias(campaign.prior, run.watch)
-        self.pretrained_, _ = pretrained.fitted(untaught if bias is None else campaign, run)
+        self.alike_, self.archive_ = self.displacement_domain_.alikeness(campaign.prior, run.watch)
+        self.pretrained_, _ = pretrained.fitted(self._weighted(campaign), run)
         campaign = self._begin(campaign)
         run.watch.report("Weights of the mixture", 0, 1)
         groups = bands.speed_groups(campaign)
@@ -102,11 +102,17 @@ class Fused(AboutFused):
         run.watch.report("Weights of the mixture", 1, 1)
         return self
 
+    def _weighted(self, campaign: Campaign) -> Campaign:
+        prior = campaign.prior
+        return replace(campaign, prior=replace(prior, share=self.alike_) if prior and self.alike_ else None)
+
     def _begin(self, campaign: Campaign) -> Campaign:
         campaign = self._thinned(campaign)
         self._tests = Tests.of(campaign, self.displacement_domain_.model_)
         taught = self.pretrained_.prior_
-        self.pool_ = Pool() if taught is None else Pool(taught.logits)
+        self.pool_ = (
+            Pool() if taught is None else Pool((1 - taught.share) * Pool().prior + taught.share * taught.logits)
+        )
         return campaign
 
     def _alone(self) -> list[HeldOut]:
@@ -170,14 +176,17 @@ class Fused(AboutFused):
     def usual_errors(self) -> Mapping[str, FloatArray]:
         """Those of past vehicles, if they teach this one."""
         taught = self.pretrained_.prior_
-        return {} if taught is None else {name: np.tile(found, _PAST_COUNT) for name, found in taught.errors.items()}
+        if taught is None:
+            return {}
+        pair, n = np.array([-1.0, 1.0]), taught.share * _PAST_COUNT / 2  # of the mean and size that all of them have
+        return {name: np.tile(e.mean() + e.std() * pair, round(n * e.size)) for name, e in taught.errors.items()}
 
     def learned(self) -> FittedState:
         """Fitted states of the approaches, and the weights."""
         self._require("calibration_")
         names = ("time", "displacement", "pretrained")
         states = {name: part.learned() for name, part in zip(names, self._learning, strict=True)}
-        values, arrays = {"archive": self.archive_}, {"logits": self.pool_.logits_}
+        values, arrays = {"archive": self.archive_, "alike": self.alike_}, {"logits": self.pool_.logits_}
         return FittedState.of(values, arrays, **states, band=self.calibration_.learned())
 
     def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> Self:
@@ -185,8 +194,8 @@ class Fused(AboutFused):
         time_domain, displacement_domain, pretrained = self._unfitted()
         self.time_domain_ = time_domain.restore(campaign, learned.part("time"), run)
         self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"), run)
-        self.pretrained_ = pretrained.restore(campaign, learned.part("pretrained"), run)
-        self.archive_ = str(learned.values["archive"])
+        self.archive_, self.alike_ = str(learned.values["archive"]), float(learned.values["alike"])
+        self.pretrained_ = pretrained.restore(self._weighted(campaign), learned.part("pretrained"), run)
         self._begin(campaign)
         self.pool_.logits_ = learned.arrays["logits"]
         self.calibration_ = Calibration.restored(learned.part("band"))

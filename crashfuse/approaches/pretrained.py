@@ -331,10 +331,11 @@ def _widened(pulses: FloatArray, factor: float) -> FloatArray:
 def _network(prior: Prior | None) -> PretrainedNetwork:
     network = shipped_network()
     if prior is not None:
+        usual = network.state_dict()
         tuned = {name: torch.from_numpy(np.array(weight, np.float32)) for name, weight in prior.network.items()}
-        try:
-            network.load_state_dict({**network.state_dict(), **tuned})
-        except RuntimeError as error:
+        try:  # in between the weights lie in between, too (Wortsman et al. 2022)
+            network.load_state_dict(usual | {name: usual[name].lerp(own, prior.share) for name, own in tuned.items()})
+        except (KeyError, RuntimeError) as error:
             raise CrashfuseError("The archive was learned with another network; learn it again.") from error
     return network.eval()
 

@@ -24,6 +24,7 @@ from crashfuse.certification.verdict import all_met
 from crashfuse.execution.cache import remembered
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import whole_sentence
+from crashfuse.study.config import has_speed_groups
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.units import KPH, Sentence, counted, joined, probability_text, speed, weight
 
@@ -76,8 +77,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     ),
     "record.waived": (
         "",
-        "We hid each of {tests} in turn, also with all at its speed, and asked the same question. For {answered} the "
-        "answer was skip.",
+        "We hid each of {tests} in turn, {way}, and asked the same question. For {answered} the answer was skip.",
         "{outcome}, which allows an error rate of up to {bound} (exact one-sided 95 % bound).",
     ),
     "record.with_runs": (
@@ -101,6 +101,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
     "tests.left_out_of_use": ("Tests left out of use",),
     "test.not_used": ("Tests that are not used", "{about} was run at {condition}, but is not used ({reason})."),
     "tests.cae_tuned": ("CAE tuning",),
+    "tests.one_speed": ("One speed tested",),
     "campaign.archive": ("What past vehicles teach",),
     "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
     "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
@@ -281,8 +282,9 @@ def _record(certification: Certification) -> Iterator[Fact]:
     near_text = text if near.n else "no verdict on a hidden test, so the others prove little"
     yield _fact("record.decided", **_outcome(record.bounds()), near=near.n, near_wrong=near.wrong, near_text=near_text)
     tests, saved, missed = record.waived(criteria)
+    way = "also with all at its speed" if has_speed_groups(certification.campaign) else "alone"
     outcome = f"{missed} of these missed a criterion" if missed else f"All {saved} met every criterion"
-    values = {"tests": counted(tests, "test"), "n": saved, "answered": saved or "none", "wrong": missed}
+    values = {"tests": counted(tests, "test"), "way": way, "n": saved, "answered": saved or "none", "wrong": missed}
     yield _fact("record.waived", **values, outcome=outcome, bound=percent_at_most(missed, saved) if saved else None)
     hidden = record.saved(criteria)
     fastest = max((t.verdict.condition.speed_mps for t in record.counted if t.held_out in hidden), default=float("inf"))

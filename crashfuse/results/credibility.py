@@ -8,7 +8,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from crashfuse.certification.certify import Certification
@@ -18,7 +17,7 @@ from crashfuse.results.certification_tables import changed_text
 from crashfuse.results.result_tables import about_cells
 from crashfuse.results.table import frame_of
 from crashfuse.study.facts import campaign_facts, tuning_fact
-from crashfuse.study.repeatability import repeatability, repeats_of
+from crashfuse.study.repeatability import repeats_of
 from crashfuse.units import UnitSystem, joined, number, read_out, said, speed, statements, weight
 from crashfuse.version import __version__
 
@@ -88,11 +87,9 @@ def _of_facts(codes: Iterable[str], known: Mapping[str, Mapping[str, None]]) -> 
 
 
 def _of_tests(certification: Certification) -> dict[str, object]:
-    campaign, tests, config = certification.campaign, certification.campaign.tests, certification.config
+    campaign, tests = certification.campaign, certification.campaign.tests
     quality, origin, tuning = campaign.quality, about_cells(campaign.cae.about), tuning_fact(campaign).sentence
     is_stated = any(test.cae_tuned is not None for test in tests)
-    repeats = repeatability(campaign, config.windows_ms, seed=config.seed)
-    rated = [own[max(own)].value for own in repeats.values() if own]
     ends = [dict(about).get(f"{ABOUT}termination") for about in campaign.cae.about]
     stated = Counter(about_label(name) for name, _ in chain.from_iterable(test.about for test in tests))
     speeds, masses = ([getattr(t.condition, name) for t in tests] for name in ("speed_mps", "mass_kg"))
@@ -108,7 +105,6 @@ def _of_tests(certification: Certification) -> dict[str, object]:
         "ended": f"{ends.count('normal'):,}" if any(ends) else None,
         "tests": len(tests),
         "repeated": sum(bool(repeats_of(test, campaign)) for test in tests),
-        "repeat": f"{np.mean(rated):.3f}" if rated else None,
         "speeds": speed(min(speeds), max(speeds), between=" to "),
         "masses": weight(min(masses), max(masses), between=" to "),
         "filter": campaign.filter_class or "not given",

@@ -167,13 +167,13 @@ def overview(study: Study, figure: str, approaches: Sequence[str] | None, **opti
             fold.held_out: {name: rated[window_ms].overall for name, rated in asked(fold.ratings).items()}
             for fold in study.folds
         }
-        return ratings.rating_heatmap(overall, study.repeats(window_ms))
+        return ratings.rating_heatmap(overall)
 
     def spread() -> Drawing:
         drawn = {test: asked(by_approach) for test, by_approach in study.rating_spread(window_ms).items()}
         if not any(drawn.values()):
             raise UsageError("None of these approaches has a band to draw pulses from.")
-        return ratings.rating_spread(drawn, study.repeats(window_ms))
+        return ratings.rating_spread(drawn)
 
     def calibration() -> Drawing:
         return ratings.calibration_curves(LEVELS, asked(study.reliability))

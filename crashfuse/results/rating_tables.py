@@ -95,7 +95,6 @@ TABLE_5 = {name: LABELS[name] for name in ("time_domain", "displacement_domain",
 """What Table 5 compares, and our mixture."""
 MEAN = "Mean"
 TTZV_COLUMN = "0–TTZV"  # the column of ratings up to each test's time of zero velocity
-REPEAT = "A repeat"  # what a repeat of the test would rate: the last row of each test, where it is known
 
 _FURTHER = {
     "sg_magnitude": "Sprague–Geers magnitude",
@@ -117,28 +116,24 @@ def further_table(study: Study, fold: Fold, window_ms: float) -> Table:
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
     """Overall ratings as in the paper's tables, unrounded: :data:`TABLE_3` or :data:`TABLE_5`, as far as in the study.
 
-    Indexed by test and approach, one column a window; what a repeat would rate follows the approaches, means come last.
+    Indexed by test and approach, one column a window; means come last.
     """
     windows = study.config.windows_ms
     labels = {name: label for name, label in rows.items() if name in study.config.approaches}
-    table: dict[tuple[str, str], list[float]] = {}
-    for fold in study.folds if labels else ():
-        for name, label in labels.items():
-            table[fold.held_out, label] = [fold.ratings[name][window].overall for window in windows]
-        if fold.held_out in study.repeatability:
-            repeats = study.repeatability[fold.held_out]
-            table[fold.held_out, REPEAT] = [repeats[w].value if w in repeats else np.nan for w in windows]
+    table = {
+        (fold.held_out, label): [fold.ratings[name][window].overall for window in windows]
+        for fold in study.folds
+        for name, label in labels.items()
+    }
     if labels and len(study.folds) > 1:
         means = mean_values(study).drop(columns=TTZV_COLUMN, errors="ignore").rename(index=labels)
         table |= {(MEAN, label): means.loc[label].tolist() for label in labels.values()}
-        if study.repeatability:
-            table[MEAN, REPEAT] = means.loc[REPEAT].tolist() if REPEAT in means.index else [np.nan] * len(windows)
     index = pd.MultiIndex.from_tuples(list(table), names=["Test", "Approach"])
     return pd.DataFrame([*table.values()], index=index, columns=[f"(0, {window:g}) ms" for window in windows])
 
 
 def mean_values(study: Study) -> pd.DataFrame:
-    """Overall rating averaged over the held-out tests by approach and window, unrounded; last that of repeats."""
+    """Overall rating averaged over the held-out tests by approach and window, unrounded."""
     windows = {window: f"0–{window:g} ms" for window in study.config.windows_ms}
     rows = {
         name: {label: study.mean_rating(name, window) for window, label in windows.items()}
@@ -146,8 +141,7 @@ def mean_values(study: Study) -> pd.DataFrame:
     }
     for name, by_window in rows.items() if study.config.to_ttzv else ():
         by_window[TTZV_COLUMN] = float(np.mean([fold.overall_to_ttzv(name) for fold in study.folds]))
-    repeats = {label: mean for window, label in windows.items() if (mean := study.mean_repeat(window)) is not None}
-    return pd.DataFrame.from_dict(rows | ({REPEAT: repeats} if repeats else {}), orient="index")
+    return pd.DataFrame.from_dict(rows, orient="index")
 
 
 def ratings_shown(ratings: pd.DataFrame, kind: Literal["grade", "number"] = "grade") -> Table:
@@ -164,6 +158,5 @@ def ratings_shown(ratings: pd.DataFrame, kind: Literal["grade", "number"] = "gra
 def best(table: pd.DataFrame) -> pd.DataFrame:
     """Mask of the best approach of each test and window, to three digits. Same shape, bool."""
     shown = table.round(3)
-    shown.loc[table.index.get_level_values(-1) == REPEAT] = np.nan
     by_test = shown.groupby(level=0, sort=False).transform("max") if table.index.nlevels > 1 else shown.max()
     return shown == by_test

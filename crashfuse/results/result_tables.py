@@ -160,18 +160,6 @@ def study_metrics(study: Study) -> pd.DataFrame:
     return metrics_table(rows, study.campaign)
 
 
-def repeat_scores(study: Study) -> pd.DataFrame:
-    """What a repeat of each held-out test would rate over each window, with its interval."""
-    return pd.DataFrame(
-        [
-            (fold.held_out, window, repeat.value, repeat.lower, repeat.upper, " ".join(repeat.repeats))
-            for fold in study.folds
-            for window, repeat in study.repeatability.get(fold.held_out, {}).items()
-        ],
-        columns=["held_out", "window_ms", "value", "lower", "upper", "repeats"],
-    )
-
-
 def tests_table(campaign: Campaign) -> Table:
     """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
     rows = (

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.campaign import campaign_result
@@ -98,7 +97,6 @@ def study_result(study: Study, options: ReportOptions = ReportOptions(), window_
             "remarks": heading,
             "window": f"0–{window:g} ms",
             "notes": [(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
-            "speed_step": speed(SPEED_STEP_MPS, form=".2g"),
         },
         files=study_files(study),
     )
@@ -109,21 +107,18 @@ def _way(study: Study) -> str:
 
 
 def means_table(study: Study) -> Table:
-    """Mean rating of each approach over each window with its grade, and what repeats of the tests would rate."""
+    """Mean rating of each approach over each window with its grade."""
     of = "Rating of the held-out test," if len(study.folds) == 1 else "Mean rating over the held-out tests, each"
     return replace(ratings_shown(mean_values(study)), name=f"{of} {_WAYS[_way(study)]}")
 
 
 def quality_table(study: Study, window_ms: float) -> Table:
-    """How good predictions are, in the mean and worst test: a test left out, a speed, a repeat."""
+    """How good predictions are, in the mean and worst test: a test left out, a speed."""
     lines = []
     for view in filter(None, (study, study.speed_groups)):
         approach = recommend(view).approach
         rated = {fold.held_out: fold.ratings[approach][window_ms].overall for fold in view.folds}
         lines.append((_LEFT_OUT[_way(view)], LABELS[approach], rated))
-    repeats = {test: repeat.value for test, repeat in study.repeats(window_ms).items()}
-    if len(repeats) == len(study.folds):
-        lines.append(("A repeat of the test", "–", repeats))
     grades = (Column(name, "grade") for name in ("Mean", "Worst"))
     rows = (
         {"How good is a prediction?": of, "Mean": float(np.mean([*rated.values()])), "Worst": min(rated.values())}
@@ -145,7 +140,7 @@ def quality_of(account: Account, repeat: Repeatability | None) -> dict[Sentence,
         if account.without_neighbours is not None:
             without = graded(account.without_neighbours)
         lines[at_its_speed] = Sentence("{}.", without)
-    if repeat is not None:
+    if repeat is not None and repeat.repeats:
         lines[Sentence("A repeat of {}", test.id)] = Sentence("{}.", repeat.text)
     return lines
 
@@ -185,7 +180,7 @@ def _drawn(window: float, draw: Callable[..., Drawing]) -> Callable[[Display], D
 def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Result:
     test, several = fold.test, len(study.folds) > 1
     notes = [note for note in options.notes if note.test == test.id]
-    advice, repeat = recommend_without(study, fold, window), study.repeats(window).get(test.id)
+    advice, repeat = recommend_without(study, fold, window), study.repeatability.get(test.id, {}).get(window)
     rating, explanation = fold.ratings[advice.approach][window], fold.explained(advice.approach, window)
     expected, (_, *parts) = advice.expected, rating_sentences(explanation).values()
     outcome = [f"It then rated {rating.overall:.3f} ({rating.grade}) over 0–{window:g} ms."] if several else []

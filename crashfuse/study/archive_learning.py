@@ -47,6 +47,7 @@ SIZES = (1, 2, 3, 4, 6)
 _OF_ERRORS = (2, 4)  # those that usual errors are learned from
 _LEAST_TESTS, _MOST_TESTS = 4, 14  # of a vehicle, and that the network is tuned to
 _WINDOW_MS = 60.0
+_SPREAD_OF_ONE = 0.3  # of a single CAE model, relative: as far as any two differ, so that likeness says nothing
 _DRAWS = 100
 _COUNT = 10.0  # left-out tests that all those of a vehicle count as, as they are predicted from the same ones
 _PARTS, _NETWORKS = "archive parts", "archive networks"  # kinds of cache entries
@@ -180,9 +181,6 @@ class _Computation:
         results = self.each(partial(_done, work=work, seed=self.seed), campaign, chosen, f"{campaign.name}: {step}")
         return [row for rows in results for row in rows]
 
-    def bias(self, campaign: Campaign) -> FloatArray:
-        return DisplacementDomain(seed=self.seed).fitted(campaign, self.run)[0].to_teach()
-
     def prepared(self, campaign: Campaign) -> Vehicle:
         settings = Settings(seed=self.seed)
         conditions = [test.condition for test in campaign.tests]
@@ -199,6 +197,7 @@ class _Computation:
 class _Learning:
     campaigns: Sequence[Campaign]
     biases: FloatArray  # what each teaches of the bias, shape (n_vehicles, 6, 60)
+    caes: FloatArray  # what each CAE model says, shape (n_vehicles, 5, 60)
     networks: Mapping[_Members, Arrays]
     computation: _Computation
 
@@ -225,7 +224,10 @@ class _Learning:
 
     def _unweighted(self, members: _Members) -> Prior:
         names = tuple(self.campaigns[member].name for member in members)
-        return Prior(names, self.networks[members], PRIOR, {}, carried_over(self.biases[list(members)]))
+        biases, caes = self.biases[list(members)], self.caes[list(members)]
+        spread = caes.std(axis=0, ddof=1) if len(caes) > 1 else _SPREAD_OF_ONE * caes[0]
+        cae = np.array([caes.mean(axis=0), spread])
+        return Prior(names, self.networks[members], PRIOR, {}, carried_over(biases), cae)
 
     def record(self, number: int, prior: Prior) -> Iterator[dict[str, object]]:
         for size in SIZES:
@@ -283,8 +285,9 @@ def learn_archive(
         computation = _Computation(seed, run)
         work = partial(_tuned, vehicles=[computation.prepared(campaign) for campaign in campaigns], seed=seed)
         weights = computation.each(work, campaigns[0], wanted, "Tuning of the pre-trained network")
-        biases = np.array([computation.bias(campaign) for campaign in campaigns])
-        learning = _Learning(campaigns, biases, dict(zip(wanted, weights, strict=True)), computation)
+        domains = [DisplacementDomain(seed=seed).fitted(campaign, run)[0] for campaign in campaigns]
+        biases, caes = map(np.array, zip(*(domain.to_teach() for domain in domains), strict=True))
+        learning = _Learning(campaigns, biases, caes, dict(zip(wanted, weights, strict=True)), computation)
         whole, *priors = (learning.prior(members) for members in (everyone, *without))
         rows = [row for number, prior in enumerate(priors) for row in learning.record(number, prior)]
     return VehicleArchive(tuple(map(_past, campaigns)), whole, tuple(priors), pd.DataFrame(rows), seed)

@@ -10,6 +10,7 @@ from crashfuse.condition import ABOUT, Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import remembered
 from crashfuse.signals.metrics import checked_metrics
+from crashfuse.study.config import has_speed_groups
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G, Sentence, joined, statements
 
@@ -36,6 +37,7 @@ CATALOGUE: Mapping[str, tuple[str, ...]] = {
         "The CAE model was tuned to {tuned}: predictions of tests that it has seen support no verdict.",
         "Whether the CAE model was tuned to {undeclared} is not stated (cae_tuned in tests.csv).",
     ),
+    "tests.one_speed": ("One speed tested", "All {n_tests} tests are at about {speed_mps}: no speed can be left out."),
     "condition.extrapolated": ("Extrapolation", "{sentence}"),
     "cae.ended_otherwise": (
         "CAE runs did not end normally",
@@ -165,6 +167,8 @@ def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
     yield from map(departure_fact, departures(campaign))
     if any(test.cae_tuned for test in campaign.tests):
         yield tuning_fact(campaign)
+    if (n := len(campaign.tests)) > 1 and not has_speed_groups(campaign):
+        yield Fact("tests.one_speed", {"n_tests": n, "speed_mps": campaign.tests[0].condition.speed_mps})
     of_runs = zip(campaign.cae.ids, campaign.cae.about, strict=False)  # none, where nothing is recorded
     ends = {run: dict(about).get(f"{ABOUT}termination") for run, about in of_runs}
     if odd := {run: str(end) for run, end in ends.items() if end not in ("normal", None)}:

@@ -1,7 +1,6 @@
-"""Repeatability: the rating that a repeat of each test would get against it. Nothing of this is used to predict.
+"""Repeatability: what a repeat of each test would rate against it. Nothing of this is used to predict.
 
-Pulses of repeats are drawn with the scatter that all tests of a campaign show and rated against the test. Where it has
-been repeated, what the repeats rate counts too, by how much it says.
+Repeats in the campaign decide; without any, the scatter of tests at other conditions gives an estimate.
 """
 
 from collections.abc import Sequence
@@ -27,22 +26,22 @@ from crashfuse.approaches.displacement_domain.rebound import Rebound
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest
+from crashfuse.crash_test import SAME, CrashTest
 from crashfuse.execution.cache import Code, Entry, numbers
 from crashfuse.execution.run import Run, one_thread
 from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 from crashfuse.signals.rating import rate_many
+from crashfuse.units import read_out
 
 REPEATABILITY = "Repeatability"  # name of this step in progress reports
 
 _KIND = "repeatability"  # of cache entry
 _N_DRAWS = 100
-_SAME = 0.02  # relative difference in speed and mass up to which a test counts as a repeat
 _LEAST_LACK = 1e-4  # of a rating to 1: identical pulses lack nothing, and have no logarithm
-_LEAST_SPREAD = 0.1
+_LEAST_SPREAD, _USUAL = 0.1, 4  # of draws; as many repeats as say that others scatter like these
 _REACH = 1.96  # standard deviations on each side of a central 95 % interval
-_MODEL_SPREAD, _SPREAD_OF_A_TEST = 0.35, 2.0
+_ANYWHERE, _AT_A_CONDITION, _SPREAD_OF_A_TEST, _UNREPEATED = 0.5, 0.5, 2.0, 1.0  # of the log of what ratings lack
 _STEPS = 200  # of the displacement grid on which a difference is drawn
 _SHARES = np.linspace(0.0, 1.0, 101)
 _BEYOND = 1.5  # times the test's crush; nothing is known of scatter farther on
@@ -50,7 +49,7 @@ _BEYOND = 1.5  # times the test's crush; nothing is known of scatter farther on
 
 @dataclass(frozen=True, slots=True)
 class Repeatability:
-    """The overall rating that a repeat of a test would get against it over one window: expectation and central 95 %."""
+    """What a repeat of a test would rate against it over one window: expectation and central 95 %."""
 
     value: float
     lower: float
@@ -63,9 +62,11 @@ class Repeatability:
         return f"{self.value:.3f} [{self.lower:.2f}, {self.upper:.2f}]"
 
     def sentence(self, rating: float, label: str) -> str:
-        """How the rating of an approach's prediction compares with what a repeat would get."""
+        """How the rating of a prediction compares with those of repeats, if any was run."""
+        if not self.repeats:
+            return f"No repeat of this test was run. By the scatter of other tests one would rate {self.text} (95 %)."
         place = "below" if rating < self.lower else "above" if rating > self.upper else "within"
-        repeat = f"A repeat of this test would rate {self.text} (95 %)"
+        repeat = f"By {read_out(self.repeats)}, a repeat of this test rates {self.text} (95 %)"
         return f"{repeat}. The prediction's {rating:.3f} ({label}) is {place} what repeats reach."
 
 
@@ -76,46 +77,49 @@ def repeatability(
     if len(campaign.tests) < 2:
         return {}
     windows = tuple(float(window) for window in windows_ms)
-    run, chosen = run or Run.of(campaign), tests or campaign.test_ids
+    run, repeats = run or Run.of(campaign), {test.id: repeats_of(test, campaign) for test in campaign.tests}
     shared = {"campaign": campaign.fingerprint, "windows": windows, "seed": seed, "code": Code(__name__)}
-    by_test = {}
+    wanted = [test_id for test_id, others in repeats.items() if others or not tests or test_id in tests]
 
     @once
     def scatter() -> Scatter:
         return Scatter().fit(campaign, run)
 
-    def compute(test_id: str, repeats: tuple[CrashTest, ...]) -> tuple[FloatArray, Entry]:
-        rng = np.random.default_rng([seed, campaign.test_ids.index(test_id)])
-        drawn = scatter().repeats(campaign.test(test_id), _N_DRAWS, rng)
-        rated = _rated(campaign.test(test_id), repeats, drawn, windows, len(campaign.tests))
-        return rated, {"rated": rated}
+    def compute(test_id: str) -> tuple[FloatArray, Entry]:
+        rng, test = np.random.default_rng([seed, campaign.test_ids.index(test_id)]), campaign.test(test_id)
+        measured = [other.pulse.accel_mps2 for other in repeats[test_id]]
+        lacks = _lacks(test, np.vstack([scatter().repeats(test, _N_DRAWS, rng), *measured]), windows)
+        return lacks, {"lacks": lacks}
 
-    for done, test_id in enumerate(chosen):
-        run.watch.report(REPEATABILITY, done, len(chosen))
-        repeats, key = repeats_of(campaign.test(test_id), campaign), {**shared, "test": test_id}
-        work = partial(compute, test_id, repeats)
-        rated = run.get_or_compute(_KIND, key, work, lambda entry: numbers(entry, "rated", len(windows), 3))
-        by_test[test_id] = {
-            window: Repeatability(value, lower, upper, tuple(other.id for other in repeats))
-            for window, (value, lower, upper) in zip(windows, rated.tolist(), strict=True)
-            if not np.isnan(value)
+    lacks = {}
+    for done, test_id in enumerate(wanted):
+        run.watch.report(REPEATABILITY, done, len(wanted))
+        key, work = {**shared, "test": test_id}, partial(compute, test_id)
+        lacks[test_id] = run.get_or_compute(_KIND, key, work, lambda entry: numbers(entry, "lacks", len(windows), None))
+    run.watch.report(REPEATABILITY, len(wanted), len(wanted))
+
+    def estimate(test_id: str, row: int) -> Repeatability:
+        ids = tuple(other.id for other in repeats[test_id])
+        pairs = {
+            n: (own[row, :_N_DRAWS], own[row, _N_DRAWS:]) for n, own in lacks.items() if not np.isnan(own[row]).any()
         }
-    run.watch.report(REPEATABILITY, len(chosen), len(chosen))
-    return by_test
+        elsewhere = [pair for name, pair in pairs.items() if name not in (test_id, *ids) and pair[1].size]
+        return Repeatability(*combined(*pairs[test_id], elsewhere, len(repeats)), ids)
+
+    return {
+        test_id: {w: estimate(test_id, row) for row, w in enumerate(windows) if not np.isnan(lacks[test_id][row]).any()}
+        for test_id in tests or campaign.test_ids
+    }
 
 
-def _rated(
-    test: CrashTest, repeats: Sequence[CrashTest], drawn: FloatArray, windows_ms: Sequence[float], n_tests: int
-) -> FloatArray:
-    unknown = _MODEL_SPREAD**2 + (_SPREAD_OF_A_TEST / n_tests) ** 2
-    measured = np.array([other.pulse.accel_mps2 for other in repeats])
-    rated = np.full((len(windows_ms), 3), np.nan)
-    for row, window in zip(rated, windows_ms, strict=True):
+def _lacks(test: CrashTest, pulses_mps2: FloatArray, windows_ms: Sequence[float]) -> FloatArray:
+    lacks = np.full((len(windows_ms), len(pulses_mps2)), np.nan)
+    for row, window in zip(lacks, windows_ms, strict=True):
         n = round(window / 1e3 / DT_S)
         if window / 1e3 <= test.recorded_s + 1e-3 and np.ptp(test.pulse.accel_mps2[:n]) > 0:
-            lack = _lack(test, measured[:, :n]) if len(measured) else np.empty(0)
-            row[:] = combined(_lack(test, drawn[:, :n]), lack, unknown)
-    return rated
+            rated = rate_many(test.pulse.accel_mps2[:n], pulses_mps2[:, :n], dt_s=DT_S)
+            row[:] = [max(1 - rating.overall, _LEAST_LACK) for rating in rated]
+    return lacks
 
 
 def repeats_of(test: CrashTest, campaign: Campaign) -> tuple[CrashTest, ...]:
@@ -125,33 +129,39 @@ def repeats_of(test: CrashTest, campaign: Campaign) -> tuple[CrashTest, ...]:
         other
         for other in campaign.tests
         if other.id != test.id
-        and abs(other.condition.speed_mps - mine.speed_mps) <= _SAME * mine.speed_mps
-        and abs(other.condition.mass_kg - mine.mass_kg) <= _SAME * mine.mass_kg
+        and abs(other.condition.speed_mps - mine.speed_mps) <= SAME * mine.speed_mps
+        and abs(other.condition.mass_kg - mine.mass_kg) <= SAME * mine.mass_kg
         and other.condition.factors == mine.factors
     )
 
 
-def _lack(test: CrashTest, pulses_mps2: FloatArray) -> FloatArray:
-    rated = rate_many(test.pulse.accel_mps2[: pulses_mps2.shape[1]], pulses_mps2, dt_s=DT_S)
-    return np.maximum([1 - rating.overall for rating in rated], _LEAST_LACK)
+def combined(
+    drawn: FloatArray, measured: FloatArray, elsewhere: Sequence[tuple[FloatArray, FloatArray]], n_tests: int
+) -> tuple[float, float, float]:
+    """Value, lower and upper end of a rating, from what ratings of drawn pulses and of real repeats lack to 1.
 
-
-def combined(drawn: FloatArray, measured: FloatArray, unknown: float) -> tuple[float, float, float]:
-    """Value, lower and upper end of a rating from what drawn and real repeats lack to 1, above 0.
-
-    What ratings lack is taken as log-normal. The draws' mean is uncertain by the variance ``unknown`` of its logarithm,
-    and each real repeat is one sample with the draws' spread, so the more repeats there are the more they count.
+    That is log-normal. Draws may be off in the whole campaign, and further at a condition, or scatter
+    otherwise: learned from repeats, here and ``elsewhere`` (drawn, measured). Without any, repeats may lack far less.
     """
-    logs = np.log(drawn)
-    spread = max(float(logs.std()), _LEAST_SPREAD)
-    share, shift = 0.0, 0.0
-    if measured.size:
-        share = unknown / (unknown + spread**2 / measured.size)
-        shift = share * float(np.log(measured).mean() - logs.mean())
-    reach = _REACH * np.sqrt(spread**2 + (1 - share) * unknown)
-    middle = float(logs.mean()) + shift
-    value = 1 - float(drawn.mean()) * np.exp(shift)
-    lower, upper = 1 - np.exp(middle + reach), 1 - np.exp(middle - reach)
+    logs = [(np.log(of_draws), np.log(of_repeats)) for of_draws, of_repeats in ((drawn, measured), *elsewhere)]
+    spreads = np.array([max(float(of_draws.std()), _LEAST_SPREAD) for of_draws, _ in logs])
+    squares = sum(y.size * y.var() / s**2 for (_, y), s in zip(logs, spreads, strict=True) if y.size)
+    spreads *= np.sqrt((_USUAL + squares) / (_USUAL + sum(max(y.size - 1, 0) for _, y in logs)))
+    few = (_SPREAD_OF_A_TEST / n_tests) ** 2
+    shift, unknown = 0.0, _ANYWHERE**2 + few
+    for (of_draws, y), spread in zip(logs[1:], spreads[1:], strict=True):
+        share = unknown / (unknown + (y.size + 1) * (_AT_A_CONDITION**2 + spread**2 / y.size))  # n + 1 tests say it
+        shift, unknown = shift + share * (y.mean() - of_draws.mean() - shift), (1 - share) * unknown
+    unknown, spread, (of_draws, y) = unknown + _AT_A_CONDITION**2, spreads[0], logs[0]
+    if y.size:
+        share = unknown / (unknown + spread**2 / y.size)
+        shift, unknown = shift + share * (y.mean() - of_draws.mean() - shift), (1 - share) * unknown
+    is_known = measured.size or elsewhere
+    more, less = (unknown, unknown) if is_known else (unknown - _ANYWHERE**2, unknown + _UNREPEATED**2)
+    middle = float(of_draws.mean()) + shift
+    value = 1 - float(drawn.mean() * np.exp(shift))
+    lower = 1 - np.exp(middle + _REACH * np.sqrt(spread**2 + more))
+    upper = 1 - np.exp(middle - _REACH * np.sqrt(spread**2 + less))
     return max(value, 0.0), max(float(lower), 0.0), float(upper)
 
 

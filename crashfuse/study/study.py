@@ -157,11 +157,6 @@ class Study:
         """Pulse metrics of the tests and their predictions, as ``metrics.csv``."""
         return views.study_metrics(self)
 
-    @property
-    def repeat_scores(self) -> pd.DataFrame:
-        """What a repeat of each held-out test would rate, one row a test and window, as in ``study.json``."""
-        return views.repeat_scores(self)
-
     def draw(
         self,
         held_out: str = "",
@@ -237,16 +232,6 @@ class Study:
         window_ms = max(self.config.windows_ms) if window_ms is None else window_ms
         one_of("approach of this study", approach, dict.fromkeys(self.config.approaches))
         return float(np.mean([fold.ratings[approach][window_ms].overall for fold in self.folds]))
-
-    def mean_repeat(self, window_ms: float) -> float | None:
-        """What repeats would rate over one window, averaged over the held-out tests; None unless known for all."""
-        values = [repeat.value for repeat in self.repeats(window_ms).values()]
-        return float(np.mean(values)) if len(values) == len(self.folds) else None
-
-    def repeats(self, window_ms: float) -> dict[str, Repeatability]:
-        """What a repeat of each held-out test would rate over one window, where it is known."""
-        known = {fold.held_out: self.repeatability.get(fold.held_out, {}).get(window_ms) for fold in self.folds}
-        return {test: repeat for test, repeat in known.items() if repeat is not None}
 
     def rating_spread(self, window_ms: float) -> dict[str, dict[str, tuple[float, float, float]]]:
         """Overall rating over one window and interval of single draws, by test and approach with a band."""

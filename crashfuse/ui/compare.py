@@ -1,6 +1,6 @@
 """The page Compare: how each approach rates on a held-out test, which one to use, why, and files."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -17,7 +17,6 @@ from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_explanation import rating_headline, rating_sentences
 from crashfuse.study.facts import departure_fact
 from crashfuse.study.recommendation import Account, Recommendation, account
-from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import chosen_config, kept
@@ -29,7 +28,7 @@ from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_pulses, offer_result
 from crashfuse.ui.kit.progress import result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
-from crashfuse.ui.kit.text import A_REPEAT, DRAWS, HUMPS, LF, RATING_PARTS, plain
+from crashfuse.ui.kit.text import DRAWS, HUMPS, LF, RATING_PARTS, plain
 
 _BADGES = {"Excellent": "blue", "Good": "blue", "Fair": "orange", "Poor": "orange"}
 _MOTION, _RESIDUALS = "Motion", "Residuals"
@@ -88,10 +87,6 @@ class _Comparison(NamedTuple):
     def window_ms(self) -> float:
         return self.view.display.window_ms
 
-    @property
-    def repeats(self) -> Mapping[float, Repeatability]:  # what a repeat of the test would rate, where it is known
-        return self.study.repeatability.get(self.fold.held_out, {})
-
 
 def _show_headline(comparison: _Comparison) -> None:
     _choose_rated(comparison)
@@ -99,7 +94,8 @@ def _show_headline(comparison: _Comparison) -> None:
         return
     approach, window_ms = st.session_state["explained"], comparison.window_ms
     rated = {name: ratings[window_ms].overall for name, ratings in comparison.fold.ratings.items()}
-    repeat, test_account = comparison.repeats.get(window_ms), _account(comparison.key, comparison, approach)
+    repeat = comparison.study.repeatability.get(comparison.fold.held_out, {}).get(window_ms)
+    test_account = _account(comparison.key, comparison, approach)
     lines = [f"**{plain(of)}:** {plain(how)}" for of, how in quality_of(test_account, repeat).items()]
     reasons: list[str] = [fact.sentence for fact in (*advice.after(rated[advice.approach]), *test_account.about_test)]
     if repeat is not None:
@@ -181,12 +177,12 @@ def _account(key: Hashable, _comparison: _Comparison, approach: str) -> Account:
 
 def _show_ratings(comparison: _Comparison) -> None:
     campaign, fold, window_ms, config = comparison.view.campaign, comparison.fold, comparison.window_ms, chosen_config()
-    terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {A_REPEAT} {LF}"
+    terms = f"By {campaign.rating_basis}. Single draws: {DRAWS} {LF}"
     window, approach = results.window_label(window_ms), st.session_state["explained"]
     st.subheader(f"Ratings; scores and single draws over {window}", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
     to_ttzv = {name: fold.overall_to_ttzv(name) for name in fold.ratings if config.to_ttzv and fold.ttzv_ms is not None}
-    show_table(results.ratings_table(fold.ratings, window_ms, comparison.repeats, draws, to_ttzv), "ratings")
+    show_table(results.ratings_table(fold.ratings, window_ms, draws, to_ttzv), "ratings")
     known = () if comparison.advice is None else comparison.advice.sentences
     about = estimates_result(campaign, fold.estimates, comparison.view.held_out, known)
     metrics, others = about.tables["metrics"], {*fold.ratings} - {BASELINE, approach}

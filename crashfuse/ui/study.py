@@ -30,7 +30,7 @@ from crashfuse.ui.kit.files import choose_report, export_button, offer, offer_re
 from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.progress import result_of, result_or_none, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
-from crashfuse.ui.kit.text import A_REPEAT, DRAWS, TTZV, plain
+from crashfuse.ui.kit.text import DRAWS, TTZV, plain
 
 _NUMBER, _PAST, _BANDS = "Number of tests", "Past results", "Bands"
 _TABS = ["Ratings", _BANDS, _NUMBER, _PAST]
@@ -80,7 +80,7 @@ class _Outcome(NamedTuple):
 def _show_headline(outcome: _Outcome) -> None:
     use, *reasons = (outcome.view.display.words(fact.sentence) for fact in recommend(outcome.shown).facts)
     basis = f"By {outcome.view.campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58."
-    results.show_with_reasons(f":material/lightbulb: **{plain(use)}**", [*reasons, basis, A_REPEAT])
+    results.show_with_reasons(f":material/lightbulb: **{plain(use)}**", [*reasons, basis])
     window_ms = outcome.view.display.window_ms
     show_table(quality_table(outcome.study, window_ms), "quality", f"Ratings over {results.window_label(window_ms)}.")
 
@@ -143,7 +143,7 @@ def _show_bands(outcome: _Outcome) -> None:
 
     left, right = st.columns(2, gap="medium")
     with left:
-        meaning = f"Marks: rating of the expected pulse. Lines: {DRAWS} Grey: where a repeat of the test would rate."
+        meaning = f"Marks: rating of the expected pulse. Lines: {DRAWS}"
         window = results.window_label(outcome.view.display.window_ms)
         st.subheader(f"How sure the ratings are, {window}", help=meaning)
         alt = f"Rating of each test, {left_out}, by approach, with the interval of single draws"

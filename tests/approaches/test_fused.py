@@ -162,7 +162,7 @@ def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch:
         mean = np.array([test.pulse.accel_mps2[::10] for test in campaign.tests]) * rng.uniform(0.8, 1.2, (4, 1))
         return LeftOut(np.arange(4), mean, (mean[:, None] * rng.uniform(0.9, 1.1, (4, 20, 1))).astype(np.float32))
 
-    known = {"model_": model, "prior_": None, "taught_bias": lambda *_: (None, "")}
+    known = {"model_": model, "prior_": None, "alikeness": lambda *_: (0.0, "")}
     parts = [SimpleNamespace(left_out_=said(), left_out_groups_=said(), **known) for _ in range(3)]
     taken = iter(parts)
     monkeypatch.setattr(Approach, "fitted", lambda *_: (next(taken), 0.0))

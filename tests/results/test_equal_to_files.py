@@ -54,10 +54,11 @@ def test_those_of_a_study(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_
     assert_is_file(read.cae_events(), out / "cae_events.csv")
     assert_is_file(study.speed_groups.scores, out / "speed_groups.csv")
     recorded = json.loads((out / "study.json").read_text(encoding="utf-8"))["repeatability"]
-    assert len(study.repeat_scores) == 4 * 3
-    for row in study.repeat_scores.to_dict("records"):
-        own = recorded[row["held_out"]][f"{row['window_ms']:g}"]
-        assert {name: row[name] for name in ("value", "lower", "upper")} == pytest.approx(own, abs=1e-4)
+    found = {(test, w): own for test, by_window in study.repeatability.items() for w, own in by_window.items()}
+    assert len(found) == 4 * 3
+    for (test, w), own in found.items():
+        ends = {end: getattr(own, end) for end in ("value", "lower", "upper")}
+        assert recorded[test][f"{w:g}"] == pytest.approx(ends, abs=1e-4)
 
 
 @pytest.mark.slow

@@ -20,7 +20,6 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.history import PastResult
 from crashfuse.study.recommendation import recommend
-from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Fold, Study
 from tests.conftest import not_none
@@ -138,10 +137,8 @@ def test_a_table_has_a_row_for_each_test_and_approach_and_the_mean_at_its_foot(c
     cae = table.xs("CAE", level=1)
     np.testing.assert_allclose(cae.loc["Mean"], cae.loc[["T1", "T2"]].mean())
     two = study(campaign)
-    one = replace(two, folds=two.folds[:1], repeatability={"T1": {20.0: Repeatability(0.9, 0.8, 1.0)}})
-    assert list(tables.rating_table(one, tables.TABLE_5).index) == [
-        ("T1", a) for a in ("Displacement domain", "CAE", tables.REPEAT)
-    ]
+    one = tables.rating_table(replace(two, folds=two.folds[:1]), tables.TABLE_5)
+    assert list(one.index) == [("T1", "Displacement domain"), ("T1", "CAE")]
     assert tables.rating_table(two, tables.TABLE_3).empty  # which compares networks, and there is none here
 
 
@@ -150,14 +147,3 @@ def test_the_best_of_a_test_is_marked_window_by_window() -> None:
     index = pd.MultiIndex.from_product([["T1", "T2"], ["a", "b"]])
     table = pd.DataFrame({"w": [0.8, 0.9, 0.70004, 0.70001], "v": [0.5, 0.4, 0.1, 0.2]}, index=index)
     assert tables.best(table).to_numpy().tolist() == [[False, True], [True, False], [True, False], [True, True]]
-
-
-def test_what_a_repeat_would_rate_stands_under_the_approaches_and_is_never_the_best(campaign: Campaign) -> None:
-    repeats = {"T1": {20.0: Repeatability(0.9, 0.8, 1.0), 60.0: Repeatability(0.8, 0.7, 0.9)}}
-    repeats["T2"] = {20.0: Repeatability(1.0, 0.9, 1.0)}
-    table = tables.rating_table(replace(study(campaign), repeatability=repeats), tables.TABLE_5)
-    own = table.xs(tables.REPEAT, level=1)
-    assert list(table.index)[2] == ("T1", tables.REPEAT)
-    np.testing.assert_allclose(own, [[0.9, 0.8], [1.0, np.nan], [0.95, np.nan]])
-    assert not tables.best(table).xs(tables.REPEAT, level=1).to_numpy().any()
-    assert tables.best(table).xs("Displacement domain", level=1).to_numpy().all()

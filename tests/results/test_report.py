@@ -62,15 +62,17 @@ def test_a_study_has_its_figures_and_every_part_a_certification_review_asks_for(
 
 
 def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
-    """In a table by window, as a row of the means that is never bold, and in a sentence with each test."""
-    repeats = {"T1": {60.0: Repeatability(0.95, 0.91, 0.97, ("T9",))}, "T2": {60.0: Repeatability(1.0, 0.9, 1.0)}}
+    """In a table by window, and in a sentence with each test: as a repeat only if any was run."""
+    own = Repeatability(0.95, 0.91, 0.97, ("T9",))
+    repeats = {"T1": {60.0: own}, "T2": {60.0: replace(own, value=1.0)}}
     text = study_report(replace(study, repeatability=repeats)).replace("\N{NO-BREAK SPACE}", " ")
     assert "<h2>How well tests repeat" in text
     assert re.search(r"<td>T1</td><td>–</td><td>–</td><td>0.950 \[0.91, 0.97\]</td><td>T9</td>", text)
-    assert re.search(r"<td>A repeat</td><td>–</td><td>–</td><td>0.975 Excellent</td>", text)
-    repeat = "A repeat of this test would rate 0.950 [0.91, 0.97] (95 %)"
+    repeat = "By T9, a repeat of this test rates 0.950 [0.91, 0.97] (95 %)"
     assert f"{repeat}. The prediction&#39;s 1.000 (CAE) is above" in text
     assert "How well tests repeat" not in study_report(study)
+    estimated = study_report(replace(study, repeatability={"T1": {60.0: replace(own, repeats=())}}))
+    assert [text in estimated for text in ("No repeat of this test was run.", "what repeats reach")] == [True, False]
 
 
 def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None:

@@ -22,7 +22,6 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.planning import ConditionRange, NextTests, sweep_speed
-from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import KPH, LB, MPH, G
 
@@ -167,13 +166,6 @@ def test_candidates_are_told_in_mph_lb_and_g_rounded(campaign: Campaign) -> None
     bands = {"band now (± g)": 4.0, "band then (± g)": 3.5, "gain (%)": 12.5, "extrapolation": "yes"}
     assert table.drop(columns="drive").iloc[1].to_dict() == numbers | bands
     assert (table["drive"][0], table["gain (%)"][0], table["extrapolation"][0]) == ("AWD", 25.0, "no")
-
-
-def test_what_repeats_rate_stands_with_test_and_window(campaign: Campaign) -> None:
-    repeats = {20.0: Repeatability(0.9, 0.8, 0.95), 60.0: Repeatability(0.91, 0.85, 0.97, ("T2", "T3"))}
-    table = tables.repeat_scores(replace(study(campaign, ("T2", "T4")), repeatability={"T4": repeats}))
-    assert table.columns.tolist() == ["held_out", "window_ms", "value", "lower", "upper", "repeats"]
-    assert table.to_numpy().tolist() == [["T4", 20.0, 0.9, 0.8, 0.95, ""], ["T4", 60.0, 0.91, 0.85, 0.97, "T2 T3"]]
 
 
 def test_a_learning_curve_is_told_in_the_readers_unit(campaign: Campaign) -> None:

@@ -65,7 +65,7 @@ def test_a_single_test_or_speed_group_cannot_be_left_out(campaign: Campaign) -> 
     with pytest.raises(UsageError, match="at least 2 tests"):
         run_study(campaign.without(["T1", "T2", "T3"]))
     with pytest.raises(UsageError, match="All tests are of one speed group"):
-        run_study(campaign.without(["T1", "T4"]), StudyConfig(leave_out="speed group"))
+        run_study(replace(campaign, tests=campaign.tests[:1] * 2), StudyConfig(leave_out="speed group"))
 
 
 def test_a_test_that_is_flat_over_a_window_is_named_before_anything_is_computed(campaign: Campaign) -> None:

@@ -29,7 +29,7 @@ def test_an_archive_is_put_in_shown_and_taken_out(open_campaign: Path) -> None:
     assert file.read_bytes() == content
     assert "Archive of 3 vehicles" in session.go("data").answer
     session.press("Archive of 3 vehicles")
-    assert "teaches this one before its tests do: Sedan, Van and Coupe." in session.words
+    assert "teaches this one as far as it is like them: Sedan, Van and Coupe." in session.words
     assert "the others changed the mean rating by +0.050" in session.words
     (record,) = [table for table in session.tables if "Vehicle left out" in table]
     assert len(record) == 6

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.random import Generator
+from scipy.special import expit
 
 from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import WHOLE_S, FittedState, Prediction, Settings, StudentT
@@ -39,6 +40,10 @@ _CARRIED = np.linspace(0.0, 1.0, 5)  # shares of the mean bias that left-out spe
 _JUDGED = slice(round(WHOLE_S / (bands.CHECK_STRIDE * DT_S)))  # the rated time, as the check of the band samples it
 _OF_ANY_SEED = ("model_", "_views", "_paired", "_speeds_mps", "_most_points", "points_", "bias_", "rebound_")
 _CERTAIN = np.log(1000.0)  # log odds; higher ones are not stated
+_AGAINST, _BY_ERRORS = -2.0, 0.4  # logit of the probability of being alike, and its slope over the log odds by errors
+_LIKE, _ANY = (1.25, 0.25), (0.34, 0.42)  # median difference of CAE models, and deviation of its logarithm
+_CRUSHED = 0.04 * PAST_SPEEDS_MPS[:, None] >= PAST_CRUSH_M  # 40 ms at the impact speed: most vehicles crush as far
+_NEGLIGIBLE = 0.02  # probability of being alike
 _NEARLY_ALL = 0.95  # of a correction; less is stated
 
 
@@ -168,8 +173,9 @@ class DisplacementDomain(BandedApproach):
                 vars(self).update({name: getattr(first, name) for name in _OF_ANY_SEED})
                 self.bias_ = copy.copy(self.bias_)
                 self.bias_.seed = self.seed
-            taught, self.archive_ = self.taught_bias(campaign.prior, run.watch)
-            self.bias_, self.taught_ = taught or self.bias_, taught is not None
+            self.taught_, self.archive_ = self.alikeness(campaign.prior, run.watch)
+            if self.taught_ and campaign.prior is not None:
+                self.bias_ = self._with_mean(campaign.prior, self.taught_).fit(self.points_, run.watch)
             known = _LeftOutTests() if self.is_of_seed else run.once((first, "left out"), _LeftOutTests)
             self.calibration_ = self._calibrate(campaign, known, run.watch)
         self._seconds = time.perf_counter() - start
@@ -178,38 +184,50 @@ class DisplacementDomain(BandedApproach):
     @property
     def is_of_seed(self) -> bool:
         """Whether another seed gives another bias."""
-        return not isinstance(self.bias_, HierarchicalBias) or self.taught_ or self.bias_.retried_
+        return not isinstance(self.bias_, HierarchicalBias) or self.taught_ > 0 or self.bias_.retried_
 
-    def taught_bias(self, prior: Prior | None, watch: Watch = SILENT) -> tuple[HierarchicalBias | None, str]:
-        """The bias model with past vehicles' mean, if the tests are more probable with it; and that in words."""
+    def alikeness(self, prior: Prior | None, watch: Watch = SILENT) -> tuple[float, str]:
+        """The probability that this vehicle is like the past ones, by which they count (0 if negligible); in words.
+
+        Its CAE model's force over crush and errors are more probable among theirs, or among those of any kind: by
+        logistic regression on random vehicles, with prior odds of one to five.
+        """
         self._require("points_")
-        if prior is None or isinstance(self.bias_, Table4Bias):
-            return None, ""
+        if prior is None or not isinstance(self.bias_, HierarchicalBias):
+            return 0.0, ""
         if not prior.helps:
-            return None, prior.sentence
+            return 0.0, prior.sentence
         with one_thread():
-            taught = HierarchicalBias(seed=self.seed, taught=prior.bias).fit(self.points_, watch)
-        odds = taught.log_evidence - self.bias_.log_evidence
+            odds = self._with_mean(prior).fit(self.points_, watch).log_evidence - self.bias_.log_evidence
+        curves = self.to_teach()[1] - prior.cae[0], *prior.cae
+        by_cae = _alike_by_cae(*(float(np.sqrt(np.mean(own[_CRUSHED] ** 2))) for own in curves))
+        share = round(float(expit(_AGAINST + _BY_ERRORS * odds + by_cae)), 3)
         times = f"{np.exp(abs(odds)):.3g} times" if abs(odds) < _CERTAIN else "over 1000 times"
-        vehicles, mean = f"{len(prior.vehicles)} past vehicles", "the mean error of their CAE models over crush"
-        if odds > 0:
-            alike = f"the tests are {times} as probable with {mean}"
-            return taught, f"Taught by an archive of {vehicles} of a like kind: {alike}."
-        unlike = f"the tests are {times} as probable without {mean}"
-        return None, f"The archive of {vehicles} is not used, as this one is of another kind: {unlike}."
+        errors, cae = "with" if odds > 0 else "without", "like" if by_cae > 0 else "unlike"
+        vehicles, alike = (
+            f"{len(prior.vehicles)} past vehicles",
+            f"its CAE model is {cae} theirs, and its tests are {times}",
+        )
+        alike += f" as probable {errors} the mean error of theirs over crush"
+        if share < _NEGLIGIBLE:
+            return 0.0, f"The archive of {vehicles} is not used, as this one is of another kind: {alike}."
+        return share, f"Taught by an archive of {vehicles}, which counts {share:.0%}: {alike}."
+
+    def _with_mean(self, prior: Prior, share: float = 1.0) -> HierarchicalBias:
+        return HierarchicalBias(seed=self.seed, taught=share * prior.bias)
 
     @classmethod
     def taught_by(cls, prior: Prior | None) -> Prior | None:
         """It learns the bias from past vehicles."""
         return None if prior is None else prior.of_bias
 
-    def to_teach(self) -> FloatArray:
-        """What this vehicle's bias teaches the next one, see :class:`HierarchicalBias`; shape (6, 60)."""
-        self._require("calibration_")
+    def to_teach(self) -> tuple[FloatArray, FloatArray]:
+        """What this vehicle teaches: its bias, see :class:`HierarchicalBias`, and CAE accelerations, (5, 60)."""
+        self._require("bias_")
         weights = np.mean([view.condition.vector[1:] for view in self._views], axis=0)
         conditions = [Condition.of_vector([float(speed), *weights.tolist()]) for speed in PAST_SPEEDS_MPS]
         points = [self._crushing(condition, PAST_CRUSH_M) for condition in conditions]
-        return cast(HierarchicalBias, self.bias_).to_teach(points)
+        return cast(HierarchicalBias, self.bias_).to_teach(points), np.array([at.cae.accel_mps2 for at in points])
 
     def _seen(self, campaign: Campaign) -> Campaign:
         return campaign if self.config.bias == "table 4" else self._thinned(campaign)
@@ -240,9 +258,9 @@ class DisplacementDomain(BandedApproach):
         unloadings = self._begin(self._seen(campaign), run)
         with one_thread():
             self.rebound_ = Rebound().fit(unloadings, learned.part("rebound"))
-            self.archive_, self.taught_ = str(learned.values["archive"]), bool(learned.values["taught"])
+            self.archive_, self.taught_ = str(learned.values["archive"]), float(learned.values["taught"])
             if self.taught_ and campaign.prior is not None:
-                self.bias_ = HierarchicalBias(seed=self.seed, taught=campaign.prior.bias)
+                self.bias_ = self._with_mean(campaign.prior, self.taught_)
             self.bias_.restore(self.points_, learned.part("bias"))
         self._restore_band(learned)
         self._seconds, self.decay_ = learned.values["seconds"], learned.values["decay"]
@@ -372,3 +390,10 @@ class DisplacementDomain(BandedApproach):
             return {}
         check = {"band_check": self.calibration_.state} if self.calibration_.tests else {}
         return {"seconds": round(self._seconds, 2), "decay_over_speed": self.decay_, **check, **self.bias_.state}
+
+
+def _alike_by_cae(difference: float, size: float, spread: float) -> float:
+    # log odds that a CAE model is of the kind whose mean it differs from, not of any: by log-normal differences
+    kind = float(np.clip(_LIKE[0] * spread / size, 0.02, _ANY[0]))
+    like, of_any = np.log(max(difference / size, kind) / np.array([kind, _ANY[0]])) / (_LIKE[1], _ANY[1])
+    return float(np.log(_ANY[1] / _LIKE[1]) + 0.5 * (of_any**2 - like**2))

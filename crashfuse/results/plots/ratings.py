@@ -17,29 +17,22 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import GRADES, WEIGHTS, Rating, graded
 from crashfuse.signals.rating_explanation import RatingExplanation
 from crashfuse.study.history import StudyComparison
-from crashfuse.study.repeatability import Repeatability
 from crashfuse.units import MS, difference
 
 _FEW = 3  # approaches with room for their scores
 _ROW_PX, _NAMES_PX, _BELOW_PX = 29, 52, 8  # of a heat map: a row, the names of its columns above, the margin below
 
 
-def rating_heatmap(
-    scores: Mapping[str, Mapping[str, float]], repeats: Mapping[str, Repeatability] | None = None
-) -> Drawing:
-    """Draw overall ratings by test and approach, coloured by grade, with their mean and a repeat's."""
+def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> Drawing:
+    """Draw overall ratings by test and approach, coloured by grade, with their mean."""
     tests = list(scores)
     approaches = max((list(own) for own in scores.values()), key=len)
     heads = [LABELS[name] for name in approaches]
     z = np.array([[scores[test].get(name, np.nan) for name in approaches] for test in tests])
-    if repeats and set(repeats) == set(tests):
-        heads.append("A repeat")
-        z = np.column_stack([z, [repeats[test].value for test in tests]])
     mean = ["Mean"] if len(tests) > 1 else []
     if mean:
         z = np.vstack([z, z.mean(axis=0)])
-    shown = [f"<i>{head}</i>" if head == "A repeat" else head for head in heads]
-    names = [head.replace(" domain", "<br>domain") for head in shown]
+    names = [head.replace(" domain", "<br>domain") for head in heads]
     rows, ticks = ([f"Test {own(test)}" for test in tests] + [f"<b>{m}</b>" for m in mean] for own in (str, tick_name))
     text = [["" if np.isnan(value) else graded(value) for value in row] for row in z]
     limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
@@ -49,9 +42,8 @@ def rating_heatmap(
     table = {"Row": [*(f"Test {test}" for test in tests), *mean], **dict(zip(heads, z.T, strict=True))}
     look = Look(z=z, colorscale=scale, zmin=0, zmax=1, text=text, texttemplate="%{text}")
     look["textfont"] = {"color": MEASURED_COLOUR, "size": 12}  # without a size, words would shrink with their cells
-    columns = [*(f":{name}" for name in approaches), ""][: len(names)]  # a repeat is by no approach
-    clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
-    told = [[f"{row}, {head}: {text[i][j]}" for j, head in enumerate(shown)] for i, row in enumerate(rows)]
+    clicked = [test and f"{test}:{name}" for test in [*tests, ""][: len(rows)] for name in approaches]  # the mean: none
+    told = [[f"{row}, {head}: {text[i][j]}" for j, head in enumerate(heads)] for i, row in enumerate(rows)]
     canvas.draw_cells(drawing, names, rows, look, table, told, clicked=clicked, marker_size=26)
     drawing.update(margin_t=_NAMES_PX, margin_b=_BELOW_PX)
     drawing.axis("x", tickfont_size=12)
@@ -59,20 +51,10 @@ def rating_heatmap(
     return drawing
 
 
-def rating_spread(
-    ratings: Mapping[str, Mapping[str, tuple[float, float, float]]], repeats: Mapping[str, Repeatability] | None = None
-) -> Drawing:
-    """Draw each test's rating by approach, with the interval of single draws, before a repeat's."""
+def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]]) -> Drawing:
+    """Draw each test's rating by approach, with the interval of single draws."""
     tests = list(ratings)
     drawing = drawing_over_tests(420, [*map(tick_name, tests)])
-    if known := [(i, repeats[test]) for i, test in enumerate(tests) if repeats and test in repeats]:
-        values = [(repeat.value, repeat.lower, repeat.upper) for _, repeat in known]
-        _, lower, upper = np.array(values).T
-        bars = Look(type="bar", x=[i for i, _ in known], base=lower, y=upper - lower, width=0.7, name="A repeat (95 %)")
-        bars |= Look(marker_color=AXIS, marker_opacity=0.25, marker_line_width=0, customdata=values)
-        bars |= Look(hovertemplate="%{customdata[0]:.3f}, %{customdata[1]:.3f} to %{customdata[2]:.3f}")
-        numbers = {"x": [tests[i] for i, _ in known], "lower": lower, "upper": upper}
-        drawing.add(bars, numbers)
     approaches = [name for name in CLASSES.declared if any(name in own for own in ratings.values())]
     for place, name in enumerate(approaches):
         own = [(i, *ratings[test][name]) for i, test in enumerate(tests) if name in ratings[test]]

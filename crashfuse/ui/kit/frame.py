@@ -15,7 +15,7 @@ from streamlit.runtime.scriptrunner import StopException
 from crashfuse.approaches.base import DEVICES, PRESETS
 from crashfuse.approaches.registry import APPROACHES, LABELS, uses_preset
 from crashfuse.campaign import Campaign
-from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import not_kept
 from crashfuse.results.display import Display
@@ -79,7 +79,7 @@ def choose_left_out(page: str) -> None:
     state, shown = st.session_state, f"leave_out on {page}"
     address.put(shown, state["leave_out"])
     names = {"test": "The test", "speed group": "All at its speed"}
-    tip = f"At one speed: less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart."
+    tip = "Other speeds are three times as far away, at least."
     look = kept(shown, on_change=lambda: state.update(leave_out=state[shown]), format_func=names.__getitem__, help=tip)
     st.segmented_control("Left out", list(names), required=True, **look)
 

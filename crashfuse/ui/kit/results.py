@@ -14,13 +14,12 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results.display import Display
 from crashfuse.results.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
-from crashfuse.results.rating_tables import REPEAT, TTZV_COLUMN
+from crashfuse.results.rating_tables import TTZV_COLUMN
 from crashfuse.results.render.text import spreadsheet_text
 from crashfuse.results.result import Result
 from crashfuse.results.table import VAGUE, Cell, Column, Table
 from crashfuse.signals.metrics import MAIN_METRICS, in_sentence
 from crashfuse.signals.rating import WEIGHTS, Rating
-from crashfuse.study.repeatability import Repeatability
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import METRICS, PULSE_SHAPE, advice_on_page, chosen_units, plain
 
@@ -127,11 +126,10 @@ def window_label(window_ms: float) -> str:
 def ratings_table(
     by_approach: Mapping[str, Mapping[float, Rating]],
     window_ms: float,
-    repeats: Mapping[float, Repeatability],
     draws: Mapping[str, tuple[float, float]],
     to_ttzv: Mapping[str, float],
 ) -> Table:
-    """Ratings by prediction and window, parts and draws over one window; last, a repeat."""
+    """Ratings by prediction and window, parts and draws over one window."""
     rows: list[dict[str, object]] = [
         {
             "Approach": label_of(name),
@@ -143,7 +141,6 @@ def ratings_table(
         }
         for name, by_window in by_approach.items()
     ]
-    rows += [{"Approach": REPEAT, **{window_label(w): own.value for w, own in repeats.items()}}] if repeats else []
     windows = {window_label(w) for by_window in by_approach.values() for w in by_window}
     grades = (Column(name, "grade") for name in (*windows, TTZV_COLUMN))
     parts = (Column(part.capitalize(), "number", form=".3f") for part in WEIGHTS)

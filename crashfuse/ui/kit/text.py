@@ -36,7 +36,6 @@ PULSE_SHAPE = (
 )
 LF = "LF TCN: low-fidelity (LF) network, trained on CAE runs only."
 TIME_DOMAIN = "Time domain: multi-fidelity (MF) network, the LF network fine-tuned on tests."
-A_REPEAT = "A repeat: what a second test at this condition would rate, estimated from the scatter of the tests."
 DRAWS = "95 % of the ratings of single pulses drawn from the band, which oscillate more and so rate lower."
 RATING_PARTS = (
     "Overall = 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. Corridor: share of the curve near the test. "

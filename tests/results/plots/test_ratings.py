@@ -9,7 +9,6 @@ from crashfuse.results.plots.palette import GRADE_COLOURS
 from crashfuse.results.plots.ratings import rated_curves, rating_parts
 from crashfuse.signals.rating import Rating
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
-from crashfuse.study.repeatability import Repeatability
 from crashfuse.units import G
 from tests.signals.test_rating_explanation import TEST, bump, pulse
 
@@ -37,18 +36,6 @@ def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
     template = "%{hovertext}<extra></extra>"
     assert (figure.layout.hoverdistance, heat.hoverinfo, marks.hovertemplate) == (-1, "skip", template)
     assert marks.hovertext[:2] == ("Test A, CAE: 0.500 Poor", "Test A, Fused: 0.900 Good")
-
-
-def test_repeats_are_the_last_column_of_the_heat_map_and_bars_behind_the_spread() -> None:
-    repeats = {"A": Repeatability(0.9, 0.8, 0.95), "B": Repeatability(0.8, 0.6, 0.9)}
-    scores = {"A": {"cae": 0.5}, "B": {"cae": 0.6}}
-    heat, marks = plots.rating_heatmap(scores, repeats).figure().data
-    np.testing.assert_allclose(heat.z[:, -1], [0.9, 0.8, 0.85], rtol=1e-6)
-    assert len(marks.x) == heat.z.size
-    assert plots.rating_heatmap(scores, {"A": repeats["A"]}).figure().data[0].z.shape == (3, 1)
-    bars = plots.rating_spread({"A": {"fused": (0.7, 0.6, 0.8)}, "B": {}}, {"A": repeats["A"]}).figure().data[0]
-    assert (list(bars.x), list(bars.base)) == ([0], [0.8])
-    np.testing.assert_allclose(bars.y, [0.15])
 
 
 def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> None:
