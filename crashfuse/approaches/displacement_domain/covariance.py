@@ -60,9 +60,9 @@ class Covariance:
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
-        covariance = np.zeros(self._shape)
-        for (place, *part), logs in zip(self._parts, np.split(log_hyperparameters, self._ends[:-1]), strict=True):
-            covariance[place] += _term(*part, logs)[0]
+        covariance, logs_of_parts = np.zeros(self._shape), np.split(log_hyperparameters, self._ends[:-1])
+        for (place, factor, squares), logs in zip(self._parts, logs_of_parts, strict=True):
+            covariance[place] += _term(factor, squares, logs)[0]
         return covariance
 
 

@@ -81,9 +81,9 @@ class ResidualBlock(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Map sequences of shape (n_members, n_times, n_pulses, n_in) to as many of n_out channels."""
-        hidden = self._drop(self.first(inputs).relu_())
-        hidden = self._drop(self.second(hidden).relu_())
-        return (hidden + self.shortcut(inputs)).relu_()
+        hidden = self._drop(torch.relu_(self.first(inputs)))
+        hidden = self._drop(torch.relu_(self.second(hidden)))
+        return torch.relu_(hidden + self.shortcut(inputs))
 
     def _drop(self, hidden: Tensor) -> Tensor:
         if not (self.training and self._dropout):

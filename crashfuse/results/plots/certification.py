@@ -148,10 +148,9 @@ def _draw_scale(
         places, values = zip(*measured, strict=True)
         drawn = np.clip(values, low, high)
         sides = ["middle right" if value < (low + high) / 2 else "middle left" for value in drawn]
-        look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip")
+        look = marker(MEASURED_COLOUR, "circle", 8) | Look(mode="markers+text", hoverinfo="skip", textfont_size=11)
         texts = [f" {replace(criterion.shown(v / factor), values=(v,), unit='')} " for v in values]
-        look["textfont"] = {"size": 11, "shadow": "auto"}  # of the page's colour, over a limit
-        look |= Look(text=texts, textposition=sides, name=f"{criterion.title}: measured")
+        look |= Look(text=texts, textposition=sides, textfont_shadow="auto", name=f"{criterion.title}: measured")
         drawing.add(look | Look(x=drawn, y=places, **at), {"label": [ids[row] for row in places], "x": values})
     cells = Look(x=[(low + high) / 2] * len(ids), y=[*range(len(ids))], marker_opacity=0, marker_size=_ROW_PX - 8)
     told = [_hover(i, verdict, display) for i, verdict in zip(ids, verdicts, strict=True)]
@@ -172,8 +171,8 @@ def _ends_of_scale(
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
-    name = [f"<b>{line}</b>" for line in wrap(criterion.title, width, break_long_words=False)]
-    return "<br>".join([*name, *wrap(unbroken(display.words(criterion.limits_by("≥", "≤"))), width)])
+    asked = wrap(unbroken(display.words(criterion.limits_by("≥", "≤"))), width, break_long_words=False)
+    return "<br>".join([*(f"<b>{line}</b>" for line in wrap(criterion.title, width, break_long_words=False)), *asked])
 
 
 def _cell(verdict: Verdict, confidence: float, between: str) -> str:

@@ -260,7 +260,7 @@ def _show_reason(certification: Certification, display: Display, test: str, crit
         verdict = verdicts[state[_CRITERION]]
         st.markdown(f"**{verdict.word}:** {plain(verdict.criterion.label)}\n\n{plain(display.words(verdict.reason))}")
         button, args = "See the predicted pulse there", (certification.campaign, row.condition)
-        if st.button(button, icon=":material/arrow_forward:", on_click=address.choose_condition, args=args):
+        if st.button(button, on_click=address.choose_condition, args=args):
             open_page("predict")
 
 

@@ -1,5 +1,5 @@
 // On paper figures are narrower and lower, with smaller words, so that two or three fit a page; afterwards all is as it was.
-const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, SHARE_OF_FEW = 0.5, FEW = 3, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11, IN_CELLS_PX = 9;
+const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, SHARE_OF_FEW = 0.5, FEW = 3, LOWEST_PX = 225, ROW_PX = 24, WORDS_PX = 11, IN_CELLS_PX = 9;
 const MARGINS_PX = 110, LETTER_PX = 6, PANEL_PX = 90;
 const before = new Map();
 const figures = () => document.querySelectorAll(".plotly-graph-div");
