@@ -28,8 +28,7 @@ from crashfuse.units import KPH, MPH, said
     ],
 )
 def test_speed_groups_are_apart_by_more_than_they_are_wide(speeds: Sequence[float], groups: Sequence[int]) -> None:
-    for unit in (1.0, KPH, MPH):
-        assert tuple(speed_groups(np.array(speeds) * unit)) == groups
+    assert [tuple(speed_groups(np.array(speeds) * unit)) for unit in (1.0, KPH, MPH)] == [groups] * 3
 
 
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=12), st.randoms(use_true_random=False))
