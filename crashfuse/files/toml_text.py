@@ -21,6 +21,12 @@ _NUMBERS = f"numbers of fewer than {_LONGEST_WORD} characters"
 _LONGEST_INT = 64  # bits; Python refuses to write the longest that a file can hold
 
 
+def package_data(module: str, name: str = "") -> dict[str, Any]:
+    """What a TOML file of ours has that stands beside a module (its ``__file__``), under its name or another."""
+    path = Path(module).with_suffix(".toml")
+    return tomllib.loads((path.with_name(name) if name else path).read_text(encoding="utf-8"))
+
+
 def read_toml(path: Path, most_mib: int, advice: str) -> dict[str, Any]:
     """Read a file; a DataError says what is wrong with it, with this advice if it is larger than that."""
     try:

@@ -18,7 +18,6 @@ sdata; the codes of NHTSA's and the IIHS's downloads.
 """
 
 import re
-import tomllib
 import unicodedata
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -26,10 +25,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum
 from functools import cache
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 from crashfuse.errors import UsageError, printable
+from crashfuse.files.toml_text import package_data
 from crashfuse.units import KPH, KPH_KG, LB, MPH, MPH_LB, MS, G, Quantity
 
 _LETTERS = str.maketrans({"ł": "l", "ø": "o", "đ": "d", "ı": "i", "æ": "ae"})  # that have no accent to drop
@@ -49,7 +48,7 @@ def plain(text: str) -> str:
     return " ".join(_BETWEEN_WORDS.sub(" ", _SCRIPTS.sub(" ", _unaccented(text))).split())
 
 
-_WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
+_WORDS = package_data(__file__, "words.toml")
 
 NHTSA: Mapping[str, Any] = _WORDS["nhtsa"]
 ISOMME: Mapping[str, Any] = _WORDS["isomme"]

@@ -22,118 +22,14 @@ from crashfuse.certification.track_record import (
 )
 from crashfuse.certification.verdict import all_met
 from crashfuse.execution.cache import remembered
+from crashfuse.files.toml_text import package_data
 from crashfuse.results.figures import how_left_out
 from crashfuse.results.fit_explanations import whole_sentence
 from crashfuse.study.config import has_speed_groups
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.units import KPH, Sentence, counted, joined, probability_text, speed, weight
 
-_INTERVALS = (
-    "{inside} of {n} intervals (95 %) held what the hidden test measured.",
-    "Outside the validated domain: {inside_outside} of {n_outside}.",
-    "Missed: {missed}.",
-)
-_WRONG = (
-    "{about}, {how}: at {condition} we said {criterion} ({limits}) is {said} (probability to meet it {probability}); "
-    "measured {measured}."
-)
-_BOUNDS = "up to {bound}, or {bound_by_test} if verdicts on one test count as one; exact one-sided 95 % bounds"
-CATALOGUE: Mapping[str, tuple[str, ...]] = {
-    "matrix.saved": ("", "{n:,} of {planned} need not be run to know these pulse criteria."),
-    "matrix.skipping_loses": ("", "Skipping does not pay on this record: run all {planned}."),
-    "matrix.counted_once": ("", "Within 1 km/h and 2 % of each weight, so counted once: {alike}."),
-    "costs.confidence": (
-        "",
-        "A test costs {test:,.10g} and a wrong answer {wrong_answer:,.10g}, so skipping pays from a confidence of "
-        "{pays_from:g}; asked for is {confidence:g}.",
-    ),
-    "costs.saving": (
-        "",
-        "Skipping {tests} that would meet all criteria {expected_text} on average.",
-        "If as many answers are wrong as the record cannot rule out ({wrong_at_most:.0%}), it {cautious_text}.",
-    ),
-    "matrix.counts": ("", "{size}, confidence {confidence:g}: {counts}.", "Already run: {run}."),
-    "matrix.run_first": ("", "Run {about} first, the fastest that a test can settle, then certify again."),
-    "spot_check": (
-        "",
-        "Spot check: one of {tests} inside the validated domain, drawn at random and run, rates at least "
-        "{at_least:.2f} over 0–{window_ms:g} ms with probability {rates} (least at {weakest}: {least}), and meets all "
-        "criteria with {meets}.",
-    ),
-    "test.stands_apart": ("Tests that stand apart",),
-    "since.wrong": ("Verdicts contradicted since", _WRONG),
-    "record.slower": (
-        "Skips faster than the record",
-        "We skip {about} ({speeds}), but no hidden test with that answer was faster than {fastest}.",
-    ),
-    "record.none": ("No record", "There is no record: {why}."),
-    "criterion.unit": ("Units of limits", "{about}: {limits}, but tests show {shown}: is it in {likely}?"),
-    "criterion.unsupported": ("Criteria without support", "{about}: {why}"),
-    "record.decided": (
-        "",
-        "Near the limits, where it matters: {near_text}.",
-        f"In all {{n:,}} verdicts, {{outcome}} ({_BOUNDS}).",
-        "No bound holds for another vehicle.",
-    ),
-    "record.waived": (
-        "",
-        "We hid each of {tests} in turn, {way}, and asked the same question. For {answered} the answer was skip.",
-        "{outcome}, which allows an error rate of up to {bound} (exact one-sided 95 % bound).",
-    ),
-    "record.with_runs": (
-        "",
-        "Hidden tests are predicted without their CAE runs, as planned tests have none.",
-        "With these runs it would be {n:,} verdicts, {outcome}, and {skipped} tests skipped.",
-    ),
-    "since.beside": (
-        "",
-        "An earlier certification judged {conditions} from {tests}, by its own account on {date} (SHA-256 {digest}…).",
-        "Run since: {new}.",
-        "Repeats, which do not count: {repeats}.",
-    ),
-    "since.outcomes": (
-        "",
-        f"On {{tests}} run since it had given {{verdicts}}, ratings aside: {{outcome}} ({_BOUNDS}).",
-    ),
-    "record.wrong": ("Wrong verdicts on left-out tests", _WRONG),
-    "test.extrapolated": ("Tests outside the CAE runs", "{about}: {notes}"),
-    "cae.runs_fail": ("CAE runs in doubt",),
-    "tests.left_out_of_use": ("Tests left out of use",),
-    "test.not_used": ("Tests that are not used", "{about} was run at {condition}, but is not used ({reason})."),
-    "tests.cae_tuned": ("CAE tuning",),
-    "tests.one_speed": ("One speed tested",),
-    "campaign.archive": ("What past vehicles teach",),
-    "condition.no_factor": ("Factors not given", "{about}: no {factor} given, so verdicts cover every {factor}."),
-    "condition.new_together": ("Factors never tested together", "{about}: no test has {factors}."),
-    "campaign.warning": ("Warnings",),
-    "cae.unchecked": ("Quality checks not passed", "{checks}"),
-    "condition.outside": ("Outside the validated domain", "{about}: {why}"),
-    "condition.too_short": ("Recordings too short", "{about}: {criteria}."),
-    "criterion.occupant": ("Another occupant model", "{about} is computed with {model} (campaign.toml)."),
-    "record.too_narrow": ("Intervals too narrow", *_INTERVALS),
-    "record.intervals": ("", *_INTERVALS),
-    "record.whole": ("", "{sentence}", "No verdict rests on this band."),
-    "record.bin": (
-        "Probabilities contradicted",
-        "Of {n} at {low:g} to {high:g} ({probability:.3f} on average) {met:.0%} were met (95 % bounds {lower:.0%} to "
-        "{upper:.0%}).",
-    ),
-    "record.no_gain": (
-        "No better than the raw CAE",
-        "Brier score of our probabilities on hidden tests: {brier:.4f}; of the raw CAE model: {brier_cae:.4f} (0 is "
-        "perfect).",
-    ),
-    "criterion.untouched": ("Limits that no left-out test came near", "{about}: {why}"),
-    "criterion.few": ("Too few verdicts", "{about}: {why}"),
-    "domain.checked": (
-        "",
-        "{sentence}",
-        "Validated domain: {speeds}, {masses} in all, within the range of the CAE runs.",
-        "Factors: {factors}.",
-        "By rule it reaches {reach_mps} beyond the {n_tests} tests ({tested_speeds}, {tested_masses}).",
-        "Still inside with all at their speed left out: {inside}.",
-    ),
-}
+CATALOGUE: Mapping[str, list[str]] = package_data(__file__)
 """By code, the most important first: a heading of what speaks against verdicts, and sentences if not a campaign's."""
 SUBJECTS: Mapping[str, str] = {code: heading for code, (heading, *_) in CATALOGUE.items() if heading}
 DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
@@ -170,7 +66,7 @@ _MOST_ANSWERS = 3
 class CertificationFact(Fact):
     """A fact of a certification."""
 
-    catalogue: ClassVar[Mapping[str, tuple[str, ...]]] = CATALOGUE
+    catalogue: ClassVar[Mapping[str, list[str]]] = CATALOGUE
 
 
 def _fact(code: str, *about: str, **values: object) -> Fact:

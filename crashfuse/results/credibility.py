@@ -1,17 +1,16 @@
 """The credibility sheet: the factors of ASME V&V 40 (``credibility.toml``), filled with what a certification knows."""
 
-import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from crashfuse.certification.certify import Certification
 from crashfuse.condition import ABOUT, about_label
+from crashfuse.files.toml_text import package_data
 from crashfuse.results.certification_facts import facts
 from crashfuse.results.certification_tables import changed_text
 from crashfuse.results.result_tables import about_cells
@@ -33,7 +32,7 @@ _BASES = {
 @cache
 def factors() -> list[dict[str, Any]]:
     """The rows of the sheet before they are filled."""
-    return list(tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["factor"])
+    return list(package_data(__file__)["factor"])
 
 
 def credibility_table(certification: Certification, units: UnitSystem | None = None) -> pd.DataFrame:

@@ -9,84 +9,13 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import ABOUT, Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import remembered
+from crashfuse.files.toml_text import package_data
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.config import has_speed_groups
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G, Sentence, joined, statements
 
-_TIES = ("On {n_tests} left-out tests {equal} did as well.", "Ahead of it was {preferred}.")
-_RATED = (
-    "Mean rating {mean_rating:.3f} ({grade}), worst {worst_rating:.3f} ({worst_test}, {speed_mps}), each test left out "
-    "{way}.",
-    "The raw CAE model rates {raw_rating:.3f}.",
-    "In {raw_better_in} the raw model is better, by up to {raw_better_by:.3f}.",
-)
-CATALOGUE: Mapping[str, tuple[str, ...]] = {
-    "test.stands_apart": (
-        "{about} stands apart",
-        "{about} differs from the other tests at about {speed_mps} by at least {differs_by_g} (RMS over crush); these "
-        "differ by at most {others_differ_by_g}.",
-        "It alone has {alone}.",
-        "A test there may fold either way: check its record, or judge {speed_mps} by both.",
-    ),
-    "test.alike": ("", "{about} is like the other tests at its speed."),
-    "test.in_doubt": ("Test in doubt", "{about} is in doubt: {faults}. Leave it out of use, or mend its record."),
-    "test.beyond_window": ("Beyond the window", "The rating of {about} stops at {window_ms:g} ms, before {beyond}."),
-    "tests.cae_tuned": (
-        "CAE model tuned to {tuned}",
-        "The CAE model was tuned to {tuned}: predictions of tests that it has seen support no verdict.",
-        "Whether the CAE model was tuned to {undeclared} is not stated (cae_tuned in tests.csv).",
-    ),
-    "tests.one_speed": ("One speed tested", "All {n_tests} tests are at about {speed_mps}: no speed can be left out."),
-    "condition.extrapolated": ("Extrapolation", "{sentence}"),
-    "cae.ended_otherwise": (
-        "CAE runs did not end normally",
-        "CAE runs that did not end normally: {runs}. Run them again, or leave them out.",
-        "Tests paired with them: {paired_tests}.",
-    ),
-    "cae.runs_fail": ("{failed} of {runs} CAE runs fail", "{quality}"),
-    "tests.left_out_of_use": ("without {tests}", "{sentence}"),
-    "campaign.archive": ("Archive of {n_vehicles} vehicles", "{sentence}"),
-    "campaign.warning": ("Warning", "{sentence}"),
-    "campaign.notice": ("{label}", "{sentence}"),
-    "recommendation.use": ("", "Use {method}.", *_TIES),
-    "recommendation.outcome": ("", "We recommended {method}.", *_TIES, "{outcome}"),
-    "recommendation.by_the_paper": ("", "The paper advises it (Sect. 4.3), as the nearest test is {away_mps} away."),
-    "recommendation.expected": ("", "{sentence}"),
-    "recommendation.farther": ("", "No test ran near this speed: look at the width of the band."),
-    "recommendation.raw_cae": ("", "The raw CAE model rated {mean_rating:.2f} on the same tests."),
-    "recommendation.no_better": ("", "Expect no better than the raw CAE model here."),
-    "recommendation.mixture": ("", "{sentence}"),
-    "recommendation.poor": ("", "A rating below Good is {likely}: take it as a guide, not as proof."),
-    "recommendation.ratings": ("", *_RATED),
-    "recommendation.coverage": (
-        "",
-        "The 95 % band held {inside:.0%} of a(t) up to TTZV, and of {n} left-out tests the crush of {crush} and the "
-        "peak of {peak}.",
-    ),
-    "recommendation.speed_groups": ("", *_RATED),
-    "recommendation.distance": (
-        "",
-        "Mean distance from the measured pulse (CRPS, {n} left-out tests, 0–{window_ms:g} ms): {distances}.",
-    ),
-    "recommendation.falls_back": (
-        "",
-        "In {fits} of {n} fits the displacement domain falls back to the raw CAE model away from tested speeds.",
-    ),
-    "left_out.outcome": (
-        "",
-        "We left out {about} ({speed_mps}) and rated it over 0–{window_ms:g} ms.",
-        "Tests at about its speed were left out, too: {left_out_with}.",
-        "{outcome}",
-    ),
-    "left_out.few_neighbours": (
-        "",
-        "Other tests at about its speed: {neighbours}; it takes {least} to tell whether a test stands apart.",
-    ),
-    "left_out.without_neighbours": ("", "Without its neighbours it rates {rating:.3f}."),
-    "left_out.misled": ("", "Its neighbours mislead: without them it rates {rating:.3f}."),
-    "left_out.inside": ("", "The 95 % band held {inside:.0%} of its a(t) up to TTZV."),
-}
+CATALOGUE: Mapping[str, list[str]] = package_data(__file__)
 """By code, the most important first: a label for a badge, and sentences; those with a value that is not known go."""
 
 
@@ -97,7 +26,7 @@ class Fact:
     code: str  # of the catalogue of its kind of result
     values: Mapping[str, object] = field(default_factory=dict)  # as JSON has them; units end the names
     about: tuple[str, ...] = ()  # ids of tests, conditions or criteria; none: all
-    catalogue: ClassVar[Mapping[str, tuple[str, ...]]] = CATALOGUE
+    catalogue: ClassVar[Mapping[str, list[str]]] = CATALOGUE
 
     @property
     def sentence(self) -> Sentence:

@@ -8,10 +8,8 @@ lumped-mass model of Kamal (SAE 700414, 1970), reduced to what shapes the pulse 
 :func:`equipped` turns into the other variants.
 """
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import get_type_hints
 
 import numpy as np
@@ -19,6 +17,7 @@ import numpy.typing as npt
 
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
+from crashfuse.files.toml_text import package_data
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 from crashfuse.units import G
@@ -183,7 +182,7 @@ def _field(rows: Sequence[Sequence[CrushZone | Coupling]], name: str) -> npt.NDA
 
 
 _ELEMENTS = get_type_hints(Vehicle)
-CONSTANTS = tomllib.loads(Path(__file__).with_name("vehicles.toml").read_text(encoding="utf-8"))
+CONSTANTS = package_data(__file__, "vehicles.toml")
 
 
 def _vehicle(name: str) -> Vehicle:
