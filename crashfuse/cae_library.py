@@ -84,10 +84,8 @@ class QualityLimits:
         return tuple(name for name in self.limited if getattr(quality, name) is None)
 
     def __str__(self) -> str:
-        terms = [
-            f"{QUALITIES[name]} {'at most' if name == 'energy_change' else 'below'} {100 * getattr(self, name):g} %"
-            for name in self.limited
-        ]
+        ends = {name: "at most" if name == "energy_change" else "below" for name in self.limited}
+        terms = [f"{QUALITIES[name]} {end} {100 * getattr(self, name):g} %" for name, end in ends.items()]
         return f"{self.name} ({', '.join(terms)})"
 
 
@@ -288,16 +286,8 @@ def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityV
     table = pd.DataFrame(rows, columns=["quantity", "limit", "passed", "failed", "not_recorded", "worst", "worst_run"])
     failed_runs = [(run, *(getattr(q, name) for name in QUALITIES), _beyond(q, failed)) for run, q, failed in failing]
     runs = pd.DataFrame(failed_runs, columns=["id", *QUALITIES, "fails"])
-    return QualityVerdict(
-        limits=limits,
-        runs=len(judged),
-        passed=len(judged) - len(failing) - unknown,
-        failing=tuple(run for run, *_ in failing),
-        unknown=unknown,
-        left_out=bool(library.left_out),
-        table=table,
-        failing_runs=runs,
-    )
+    n, passed, failed_ids = len(judged), len(judged) - len(failing) - unknown, tuple(run for run, *_ in failing)
+    return QualityVerdict(limits, n, passed, failed_ids, unknown, bool(library.left_out), table, failing_runs=runs)
 
 
 def _row(name: str, judged: list[tuple[str, RunQuality]], limits: QualityLimits) -> tuple[object, ...]:

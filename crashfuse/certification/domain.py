@@ -62,20 +62,11 @@ class Domain:
         masses = np.array([test.condition.mass_kg for test in tests])
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
         below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for *_, gap in (gaps[0], gaps[-1]))
-        lightest, heaviest = float(masses.min()), float(masses.max())
-        return cls(
-            n_tests=n_tests,
-            speeds_mps=tuple(speeds.tolist()),
-            reach_mps=max((*(gap for *_, gap in inside), SPEED_STEP_MPS)),
-            below_mps=below,
-            above_mps=above,
-            masses_kg=(lightest - slack, heaviest + slack),
-            factors=campaign.factors,
-            cae=campaign.cae,
-            tested_kg=(lightest, heaviest),
-            inside=tuple(test.id for test, *_ in inside),
-            tuned=tuned,
-        )
+        tested = lightest, heaviest = float(masses.min()), float(masses.max())
+        checked, reach = (lightest - slack, heaviest + slack), max((*(gap for *_, gap in inside), SPEED_STEP_MPS))
+        speeds_mps, ids = tuple(speeds.tolist()), tuple(test.id for test, *_ in inside)
+        asked = campaign.factors, campaign.cae
+        return cls(n_tests, speeds_mps, reach, below, above, checked, *asked, tested, ids, tuned)
 
     @property
     def speed_ranges_mps(self) -> tuple[tuple[float, float], ...]:
@@ -90,7 +81,7 @@ class Domain:
 
     @cached_property
     def _reached_mps(self) -> tuple[tuple[float, float], ...]:
-        """Stretches of speed as far as the reach from any test; two are one if all between them is at about a speed."""
+        """As far as the reach from any test; two are one if all between them is at about a speed."""
         ranges: list[tuple[float, float]] = []
         for tested in self.speeds_mps:
             start, end = tested - self.reach_mps, tested + self.reach_mps

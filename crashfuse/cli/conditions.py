@@ -40,7 +40,7 @@ def add_axes(
 
 
 class _InUnit(argparse.Action):
-    """Stores what is given in SI, and the unit that it was given in: the end of the option's name."""
+    """Stores the unit of what is given, too: the end of the option's name."""
 
     def __call__(
         self,
@@ -62,7 +62,7 @@ def units_of(arguments: argparse.Namespace) -> tuple[str, str, str]:
 
 
 def require_positive(arguments: argparse.Namespace) -> None:
-    """Refuse speeds and weights, or ends of ranges, that are not above 0."""
+    """Refuse speeds and weights that are not above 0."""
     asked = [given for name in AXES if (given := getattr(arguments, name)) is not None]
     numbers = [number for each in asked for number in (each if isinstance(each, list) else [each])]
     if not all(0 < number < float("inf") for number in numbers):
@@ -70,7 +70,7 @@ def require_positive(arguments: argparse.Namespace) -> None:
 
 
 def condition_of(arguments: argparse.Namespace, campaign: "Campaign", speed_mps: float) -> "Condition":
-    """The condition with the weights and factors that are asked for, at this speed."""
+    """The condition that is asked for, at this speed."""
     from crashfuse.condition import Condition
 
     factors = tuple(factor(text, campaign.factors) for text in arguments.factor or ())
@@ -79,7 +79,7 @@ def condition_of(arguments: argparse.Namespace, campaign: "Campaign", speed_mps:
 
 
 def factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
-    """Name and value of a factor that tests have; raises if none has it."""
+    """Name and value of a factor; raises if no test has it."""
     name, _, value = text.partition("=")
     if value not in known.get(name, ()):
         choices = "; ".join(f"{name}={value}" for name, values in known.items() for value in values) or "none"
@@ -99,7 +99,7 @@ def number(text: str) -> float:
 
 
 def in_si(factor: float) -> Callable[[str], float]:
-    """Parser of a number in a unit with this factor to SI."""
+    """Parser of a number, by the factor of its unit."""
     return lambda text: number(text) * factor
 
 
@@ -119,6 +119,6 @@ def whole(low: int, high: int | None = None) -> Callable[[str], int]:
     return parsed
 
 
-def filter_class(text: str) -> float | str:
-    """A channel filter class, or "none"."""
-    return text if text == "none" else number(text)
+def number_or(word: str) -> Callable[[str], float | str]:
+    """Parser of a number, or of a word."""
+    return lambda text: text if text == word else number(text)

@@ -17,7 +17,7 @@ _SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
 
 
 def rate(arguments: argparse.Namespace) -> None:
-    """Rate one file against another, the pairs of a table, or two ISO-MME tests channel by channel."""
+    """Rate a file against another, pairs of a table, or two tests by channel."""
     if arguments.explain and (arguments.pairs or arguments.each_channel or arguments.csv):
         raise UsageError("--explain is for one pair of files, as text or with --json.")
     files, windows, choices = (arguments.reference, arguments.comparison), arguments.windows_ms, _choices(arguments)
