@@ -286,8 +286,16 @@ def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityV
     table = pd.DataFrame(rows, columns=["quantity", "limit", "passed", "failed", "not_recorded", "worst", "worst_run"])
     failed_runs = [(run, *(getattr(q, name) for name in QUALITIES), _beyond(q, failed)) for run, q, failed in failing]
     runs = pd.DataFrame(failed_runs, columns=["id", *QUALITIES, "fails"])
-    n, passed, failed_ids = len(judged), len(judged) - len(failing) - unknown, tuple(run for run, *_ in failing)
-    return QualityVerdict(limits, n, passed, failed_ids, unknown, bool(library.left_out), table, failing_runs=runs)
+    return QualityVerdict(
+        limits=limits,
+        runs=len(judged),
+        passed=len(judged) - len(failing) - unknown,
+        failing=tuple(run for run, *_ in failing),
+        unknown=unknown,
+        left_out=bool(library.left_out),
+        table=table,
+        failing_runs=runs,
+    )
 
 
 def _row(name: str, judged: list[tuple[str, RunQuality]], limits: QualityLimits) -> tuple[object, ...]:

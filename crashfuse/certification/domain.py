@@ -62,11 +62,20 @@ class Domain:
         masses = np.array([test.condition.mass_kg for test in tests])
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
         below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for *_, gap in (gaps[0], gaps[-1]))
-        tested = lightest, heaviest = float(masses.min()), float(masses.max())
-        checked, reach = (lightest - slack, heaviest + slack), max((*(gap for *_, gap in inside), SPEED_STEP_MPS))
-        speeds_mps, ids = tuple(speeds.tolist()), tuple(test.id for test, *_ in inside)
-        asked = campaign.factors, campaign.cae
-        return cls(n_tests, speeds_mps, reach, below, above, checked, *asked, tested, ids, tuned)
+        lightest, heaviest = float(masses.min()), float(masses.max())
+        return cls(
+            n_tests=n_tests,
+            speeds_mps=tuple(speeds.tolist()),
+            reach_mps=max((*(gap for *_, gap in inside), SPEED_STEP_MPS)),
+            below_mps=below,
+            above_mps=above,
+            masses_kg=(lightest - slack, heaviest + slack),
+            factors=campaign.factors,
+            cae=campaign.cae,
+            tested_kg=(lightest, heaviest),
+            inside=tuple(test.id for test, *_ in inside),
+            tuned=tuned,
+        )
 
     @property
     def speed_ranges_mps(self) -> tuple[tuple[float, float], ...]:
