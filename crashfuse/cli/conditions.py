@@ -24,13 +24,7 @@ ACCELERATION_UNITS |= {"cmps2": "cm/s²", "inps2": "in/s²", "ftps2": "ft/s²"}
 """Units of accelerations other than g, by their names here."""
 
 
-def add_axes(
-    parser: argparse.ArgumentParser,
-    axes: Iterable[str],
-    *,
-    required: bool = False,
-    **options: Any,  # noqa: ANN401 - those of argparse
-) -> None:
+def add_axes(parser: argparse.ArgumentParser, axes: Iterable[str], *, required: bool = False, **options: Any) -> None:  # noqa: ANN401 - those of argparse
     """Add the options for speed and weights to a parser."""
     for name in axes:
         group = parser.add_mutually_exclusive_group(required=required)
@@ -42,15 +36,9 @@ def add_axes(
 class _InUnit(argparse.Action):
     """Stores the unit of what is given, too: the end of the option's name."""
 
-    def __call__(
-        self,
-        _: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: object,
-        option_string: str | None = None,
-    ) -> None:
+    def __call__(self, _: object, namespace: argparse.Namespace, values: object, option: str | None = None) -> None:
         setattr(namespace, self.dest, values)
-        setattr(namespace, f"{self.dest} unit", str(option_string).rpartition("-")[2])
+        setattr(namespace, f"{self.dest} unit", str(option).rpartition("-")[2])
 
 
 def units_of(arguments: argparse.Namespace) -> tuple[str, str, str]:
