@@ -138,7 +138,7 @@ class LaterTests:
         return tuple(found)
 
     def _shifts(self, run: Condition, planned: Condition) -> dict[str, float]:
-        """How much more a test shows where it was run than as planned, by the emulator at both."""
+        """What a test shows more than as planned, by the emulator."""
         if run.is_at(planned) or not len(self.campaign.cae):
             return {}
         emulator, occupant = CaeModel().fit(self.campaign.cae, Run.of(self.campaign)).emulator_, self.earlier.occupant
@@ -228,8 +228,8 @@ def _of(values: dict[str, Any], digest: str) -> Earlier:
         matrix=matrix,
         occupant=occupant,
         rows={
-            i: tuple(_verdict(condition, limit, values["cells"][i][limit.name]) for limit in criteria.items)
-            for i, condition in matrix.items
+            i: tuple(_verdict(at, own, values["cells"][i][own.name]) for own in criteria.items)
+            for i, at in matrix.items
         },
         run=tuple(i for i in values["run"] if i in matrix.ids),
         waived=tuple(i for i in matrix.ids if i in values["waived"]),
