@@ -124,8 +124,7 @@ def test_another_limit_or_confidence_is_answered_at_once(
     """Nothing is fitted, nothing has to be pressed."""
     session = certified(visit("certify", **LINK))
     fitting_is_an_error()
-    session.field("Confidence").set_value(0.7)
-    session.run()
+    session.fill({"Confidence": 0.7})
     assert "Certify" not in session.buttons
     looser = of_library(asking, confidence=0.7)
     assert all(own.reason in reason(session, f"{i} | {own.criterion.name}") for i, own in looser.cells)
@@ -227,14 +226,10 @@ def test_a_fault_in_a_file_is_a_sentence(asking: Path, visit: Visit, name: str, 
 def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, visit: Visit) -> None:
     """Criteria with their confidence; a wrong one changes nothing, and is said."""
     session = visit("certify", **LINK)
-    (upload,) = session.app.file_uploader
-    upload.set_value([("mine.toml", b"confidence = 0.8\n[[criterion]]\nmetric = 'peak'\nat_most = 20", "text/plain")])
-    session.run()
+    session.give("mine.toml", b"confidence = 0.8\n[[criterion]]\nmetric = 'peak'\nat_most = 20")
     assert session.field("Confidence").value == 0.8
     assert session.app.session_state["criteria"] == ["peak~~~20~peak~g"]
-    (upload,) = session.app.file_uploader
-    upload.set_value([("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20", "text/plain")])
-    session.run()
+    session.give("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20")
     assert "mine.toml, criterion 1: expected a metric of peak" in session.words
     assert session.app.session_state["criteria"] == ["peak~~~20~peak~g"]
     assert (asking / "criteria.toml").read_text() == CRITERIA
@@ -337,8 +332,7 @@ def test_back_takes_the_table_of_criteria_back(visit: Visit) -> None:
     for number, found in ((2, "force"), (3, "'x'")):  # of the rows in which anything is
         assert re.search(f"criterion {number}: .*found {found}", session.words)
     session.app.session_state["criteria"] = ["peak~~~30~", "olc~~~20~"]  # as Back does
-    session.run()
-    assert session.app.query_params["criteria"] == ["peak~~~30~", "olc~~~20~"]
+    assert session.run().app.query_params["criteria"] == ["peak~~~30~", "olc~~~20~"]
 
 
 UNITS = [("unit", "m/s²"), ("system", "kph-kg"), ("unit", "g"), ("system", "mph-lb")]
@@ -413,18 +407,13 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
     session = visit("certify", matrix="Upload")
     content = b"id,speed_mph,front_weight_lb,rear_weight_lb\nA,21,2050,1500\nB,24.5,2050,1500\n"
-    upload = session.app.file_uploader[-1]
-    upload.set_value([("planned.csv", content, "text/csv")])
-    session.run()
+    session.give("planned.csv", content)
     summary = "2 planned tests, 21.0 to 24.5 mph"
     assert summary in [own.label for own in session.app.expander]
     link = {"matrix": "Upload", "uploaded": session.app.session_state["uploaded"]}
-    session.run()
-    assert session.app.query_params["uploaded"] == link["uploaded"]
+    assert session.run().app.query_params["uploaded"] == link["uploaded"]
     assert summary in [own.label for own in visit("certify", **link).app.expander]
-    session.app.file_uploader[-1].set_value([("planned.csv", b"id,speed\n", "text/csv")])
-    session.run()
-    assert session.app.session_state["uploaded"] is None
+    assert session.give("planned.csv", b"id,speed\n").app.session_state["uploaded"] is None
     assert session.app.error
     st.cache_resource.clear()  # as a server does that begins
     assert summary in [own.label for own in visit("certify", **link).app.expander]
@@ -439,25 +428,19 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
 def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_link(asking: Path, visit: Visit) -> None:
     """Uploaded, or chosen from those kept; another session sees what became of it, and none is cleared."""
     session = certified(visit("certify", **LINK)).open_tab("certify", "Track record")
-    assert "against earlier verdicts" in session.words
     assert kept(session).options  # as soon as they were known
     assert "noted before a test" in session.press("Keep today’s verdicts").words
     record = json.loads(certification_json(of_library(asking)))
     last, _ = record["tests_sha256"].popitem()
     told = f"Run since: {last}."
     for content, words in ((b"{}", "expected the record of a certification"), (json.dumps(record).encode(), told)):
-        session.app.file_uploader[-1].set_value([("certification.json", content, "application/json")])
-        session.run()
-        assert words in session.words
+        assert words in session.give("certification.json", content).words
     assert kept(session).value == session.app.session_state["earlier"]
     link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Track record"}
     assert told in certified(visit("certify", **link)).words
-    kept(session).set_value(None)
-    session.run()
-    assert session.app.session_state["earlier"] is None
+    assert session.fill({"Earlier certification": None}).app.session_state["earlier"] is None
     kept(session).select_index(0)
-    session.run()
-    assert "Compared with an earlier certification of" in session.words
+    assert "Compared with an earlier certification of" in session.run().words
 
 
 def kept(session: Session) -> "Selectbox[str]":
@@ -481,9 +464,7 @@ def test_one_campaigns_confidence_is_not_anothers(visit: Visit) -> None:
     """The sample's criteria come with their own."""
     session = visit("certify", **LINK)
     assert session.field("Confidence").value == 0.9
-    session.app.selectbox(key="campaign").set_value("sample")
-    session.run()
-    assert session.field("Confidence").value == 0.95
+    assert session.fill({"Campaign": "sample"}).field("Confidence").value == 0.95
 
 
 def test_costs_in_the_address_ask_for_a_confidence_unless_one_is_declared(asking: Path, visit: Visit) -> None:

@@ -157,10 +157,9 @@ def open_uploaded(folder: Path) -> str:
     read(folder)
     token = secrets.token_urlsafe(12)
     name = f"{folder.name}-{token}"
-    opened, one = opened_here(), _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})")
-    one.visitors.add(visitor().key)
+    opened, by = opened_here(), {visitor().key}
     with _opening:
-        opened[name] = one
+        opened[name] = _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})", visitors=by)
     note_in_log(visitor(), f"uploaded {label(name)}")
     return name
 
