@@ -440,7 +440,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     assert told in certified(visit("certify", **link)).words
     assert session.fill({"Earlier certification": None}).app.session_state["earlier"] is None
     kept(session).select_index(0)
-    assert "Compared with an earlier certification of" in session.run().words
+    assert "An earlier certification judged" in session.run().words
 
 
 def kept(session: Session) -> "Selectbox[str]":
