@@ -146,8 +146,7 @@ def test_the_end_of_the_longest_window_counts(campaign: Campaign) -> None:
     for fold in study.folds:
         late = fold.estimates[1]
         accel = np.where((late.time_s >= 0.05) & (late.time_s < 0.06), late.accel_mps2, late.accel_mps2 - 6 * G)
-        wrong = replace(late, accel_mps2=accel)
-        folds.append(replace(fold, estimates=(fold.estimates[0], wrong)))
+        folds.append(replace(fold, estimates=(fold.estimates[0], replace(late, accel_mps2=accel))))
     found = recommend(replace(study, folds=tuple(folds)))
     crps_g = {"time_domain": pytest.approx(0.5), "displacement_domain": pytest.approx(0.96)}
     assert values(found, "recommendation.distance")["crps_g"] == crps_g
@@ -357,8 +356,7 @@ def test_a_prediction_without_the_neighbours_that_was_made_before_is_found(campa
     errors = {name: np.zeros(0) for name in METRIC_LABELS}
     perfect = replace(own, accel_mps2=test.pulse.accel_mps2, draws_mps2=None, metric_errors=errors)
     store_estimate(perfect, rest, CONFIG, Cache())
-    found = account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97))
-    assert found.without_neighbours == pytest.approx(1.0)
+    assert account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97)).without_neighbours == pytest.approx(1.0)
 
 
 def test_ranges_and_grades_agree_with_what_is_displayed(campaign: Campaign) -> None:

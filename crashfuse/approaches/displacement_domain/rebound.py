@@ -151,8 +151,7 @@ class Rebound:
             correction = StudentT(mean, root(widening**2 * covariance), self.freedom_)
             if len(self._corrections) < _MOST_KEPT:
                 self._corrections[speed_mps, widening] = correction
-        draws = correction.draw(len(whole) - 1, rng)
-        return _with(np.vstack([correction.mean, draws]), whole, since)
+        return _with(np.vstack([correction.mean, correction.draw(len(whole) - 1, rng)]), whole, since)
 
     def repeat(self, pulses: Kinematics, test_mps2: FloatArray, speed_mps: float, rng: Generator) -> FloatArray:
         """Let each pulse rebound as a repeat of this test would."""
