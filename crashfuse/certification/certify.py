@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack
+from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack, cast
 
 import numpy as np
 
@@ -390,12 +390,13 @@ def recompute(folder: str | Path, campaign: Campaign, **run: Unpack[RunOptions])
     import pandas as pd
 
     earlier, config, campaign = recorded(folder := Path(folder), campaign)
-    with TemporaryDirectory() as kept, running(campaign, **{"cache": Cache(Path(kept)), **run}) as started:
+    with TemporaryDirectory() as kept, running(campaign, **(RunOptions(cache=Cache(Path(kept))) | run)) as started:
         again = certify_matrix(campaign, earlier.criteria, earlier.matrix, config, started)
         record = replace(again.record, since=LaterTests(earlier, campaign).held_against(again.criteria))
         again = replace(again, verdicts=_hold(again.judged, again.campaign, again.criteria, record), record=record)
         made = views.certification_result(again).files
-        rows = [row for name in COMPARED for row in compared(name, seal.read(folder / name, "this file"), made[name]())]
+        pairs = {name: (seal.read(folder / name, "this file"), cast(bytes, made[name]())) for name in COMPARED}
+        rows = [row for name, pair in pairs.items() for row in compared(name, *pair)]
     return pd.DataFrame(rows, columns=["file", "place", "recorded", "recomputed", "agreement"])
 
 

@@ -284,7 +284,7 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(today: Certification
     assert table["measured"].item() == pytest.approx(peak)
     told = [fact for fact in facts(beside) if fact.code == "since.wrong"]
     assert [(own.about, own.values["criterion"], own.values["said"]) for own in told] == [
-        ((fastest.id,), "peak", "met")
+        ((fastest.id,), "peak deceleration", "met")
     ] * wrong
     assert certification_result(beside).tables["since"].frame["The test"].tolist()[1] == "missed it" + ", wrong" * wrong
     record, report = json.loads(certification_json(beside)), report_of(certification_result(beside))

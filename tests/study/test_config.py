@@ -22,7 +22,7 @@ def test_a_plan_names_each_test_once(campaign: Campaign) -> None:
 def test_both_ways_to_leave_out_are_planned_where_both_are_possible(campaign: Campaign) -> None:
     both = StudyConfig(leave_out="both")
     assert [config.leave_out for config in StudyPlan(campaign, both).configs] == ["test", "speed group"]
-    assert [config.leave_out for config in StudyPlan(campaign.without(["T1", "T4"]), both).configs] == ["test"]
+    assert len(StudyPlan(replace(campaign, tests=campaign.tests[:1] * 2), both).configs) == 1
 
 
 @pytest.mark.parametrize(
