@@ -67,7 +67,7 @@ def losses(network: PretrainedNetwork, vehicles: Sequence[Tensor], known: Tensor
 
 
 def _surprise(off: Tensor, forecast: Forecast) -> Tensor:
-    """Negative log likelihood of errors per sample, up to a constant: a low-rank Gaussian by Woodbury's identity."""
+    """Negative log likelihood of errors per sample, up to a constant (Woodbury's identity)."""
     precision, factors = torch.exp(-2 * forecast.log_deviation), forecast.factors
     scaled = factors * precision[..., None]
     root = torch.linalg.cholesky(factors.mT @ scaled + torch.eye(FACTORS, device=off.device))

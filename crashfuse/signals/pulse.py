@@ -139,7 +139,7 @@ def motion(accel_mps2: FloatArray, speed_mps: FloatArray | float, dt_s: float) -
 
 
 def _integral(values: FloatArray, dt_s: float) -> FloatArray:
-    """The trapezoidal rule along the last axis, from 0 (importing SciPy's costs most of a second)."""
+    """The trapezoidal rule from 0 (importing SciPy's costs most of a second)."""
     integral = np.empty(values.shape)
     integral[..., 0] = 0.0
     steps = integral[..., 1:]

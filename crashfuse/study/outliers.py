@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache as cached
 from itertools import combinations
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -124,7 +125,7 @@ def _cached_departures(campaign: Campaign, run: Run) -> tuple[Departure, ...]:
 
     def restore(entry: Entry) -> tuple[Departure, ...]:
         records = json.loads(str(entry["departures"]))
-        rows = [{k: tuple(x) if isinstance(x, list) else x for k, x in own.items()} for own in records]
+        rows: list[Any] = [{k: tuple(x) if isinstance(x, list) else x for k, x in own.items()} for own in records]
         return tuple(Departure(**values) for values in rows)
 
     key = {"campaign": campaign.fingerprint, "code": Code(__name__)}

@@ -121,7 +121,7 @@ class Computation:
         return replace(shared, watch=self.run.watch)
 
     def _compute(self, tasks: Sequence[Task], shared: Run, step: str, wanted: Sequence[Wanted]) -> None:
-        """Progress is that of fits, which take the time however many tests each predicts."""
+        """Progress is that of fits, which take the time."""
         work, fits = partial(_computed, config=self.config.on_this_device), _fits(wanted)
         with closing(shared.completed(work, self.campaign, tasks)) as completed:
             for estimates in completed:

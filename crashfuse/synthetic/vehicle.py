@@ -142,7 +142,7 @@ def _masses_kg(vehicle: Vehicle, condition: Condition) -> tuple[float, float, fl
 
 
 class _Elements:
-    """Force laws of all elements of all vehicles, with their history (largest crush, plastic slip)."""
+    """Force laws of all elements, with their history (largest crush, plastic slip)."""
 
     def __init__(self, fleet: Sequence[Vehicle], n: int) -> None:
         zones = [[getattr(v, name) for v in fleet] for name in _ZONES]

@@ -52,12 +52,8 @@ def test_held_out_runs_rate_at_least_097(name: str) -> None:
     held_out = [i for i in order.tolist() if cae.conditions[i].speed_mps > 5 * MPH][:25]
     emulator = Emulator().fit(part(cae, np.setdiff1d(order, held_out)))
     window = GRID_S < 0.06
-    ratings = [
-        rate_iso18571(
-            cae.accel_mps2[i][window].astype(float), emulator.predict(cae.conditions[i])[window], dt_s=DT_S
-        ).overall
-        for i in held_out
-    ]
+    runs = [(cae.accel_mps2[i][window].astype(float), cae.conditions[i]) for i in held_out]
+    ratings = [rate_iso18571(run, emulator.predict(at)[window], dt_s=DT_S).overall for run, at in runs]
     assert np.mean(ratings) >= 0.97
 
 
@@ -72,11 +68,8 @@ def test_a_run_of_the_library_comes_back() -> None:
 def test_speeds_near_zero_break_nothing() -> None:
     """A library may start at 0 mph, where pulses vanish."""
     cae = half_sines(40)
-    cae = CaeLibrary(
-        (*cae.ids, "zero"),
-        (*cae.conditions, Condition.of_vector([0.0, 950.0, 700.0])),
-        np.vstack([cae.accel_mps2, np.zeros((1, 1250), np.float32)]),
-    )
+    conditions = (*cae.conditions, Condition.of_vector([0.0, 950.0, 700.0]))
+    cae = CaeLibrary((*cae.ids, "zero"), conditions, np.vstack([cae.accel_mps2, np.zeros((1, 1250), np.float32)]))
     emulator = Emulator().fit(cae)
     for speed in (0.0, 1e-3, 0.5, 10.0):
         assert np.isfinite(emulator.predict(Condition.of_vector([speed, 950.0, 700.0]))).all()
@@ -158,10 +151,8 @@ def test_a_paired_run_beats_the_emulator(campaign: Campaign) -> None:
     assert model.notes(alone)[0] == "CAE pulse: from the emulator."
     own = frozenset({campaign.cae.ids[run]})  # known where it is, and nothing learned from it
     known, others = (CaeModel().fit(cae) for cae in (replace(campaign.cae, paired_only=own), campaign.cae.without(own)))
-    assert (known.pulse(condition).source, others.pulse(condition).source) == (
-        f"run {campaign.cae.ids[run]}",
-        "emulator",
-    )
+    sources = f"run {campaign.cae.ids[run]}", "emulator"
+    assert (known.pulse(condition).source, others.pulse(condition).source) == sources
     np.testing.assert_array_equal(known.emulator_.predict(condition), others.emulator_.predict(condition))
 
 

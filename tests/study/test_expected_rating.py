@@ -28,13 +28,9 @@ def at(
     """An estimate at the campaign's weights and this speed, with bands of a relative width there and here."""
     condition, pulse = replace(campaign.tests[0].condition, speed_mps=mph * MPH), campaign.tests[0].pulse.accel_mps2
     agreements = {test: Prediction(condition, accel, drawn(accel, there)).agreement for test, accel in left_out.items()}
+    draws = drawn(pulse, spread)
     return Estimate(
-        condition,
-        pulse,
-        drawn(pulse, spread),
-        approach="displacement_domain",
-        left_out_mps2=left_out,
-        agreements=agreements,
+        condition, pulse, draws, approach="displacement_domain", left_out_mps2=left_out, agreements=agreements
     )
 
 

@@ -80,11 +80,8 @@ def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campai
     """Full mph between; ends where the data end; a crawl and a run that goes on and on are left out."""
     pulse = np.full(GRID_S.size, -400.0, dtype=np.float32)  # takes 40 m/s off in its 100 ms
     speeds = np.array([1.0, 7.3, 12.0, 28.4, 120.0])  # mph; the last is too fast to be stopped
-    library = CaeLibrary(
-        tuple("abcde"),
-        tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds.tolist()),
-        np.tile(pulse, (5, 1)),
-    )
+    conditions = tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds.tolist())
+    library = CaeLibrary(tuple("abcde"), conditions, np.tile(pulse, (5, 1)))
     without = replace(campaign, cae=library, tests=())
     np.testing.assert_allclose(usual_speeds(without) / MPH, [7.3, *range(8, 29), 28.4])
     test = CrashTest("fast", Condition.of_vector([31 * MPH, 900.0, 700.0]), Pulse(GRID_S, pulse.astype(float)))

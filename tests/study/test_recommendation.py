@@ -38,10 +38,8 @@ def study(campaign: Campaign, scales: dict[str, float]) -> Study:
     config = StudyConfig(approaches=tuple(scales))
     folds = []
     for number, test in enumerate(campaign.tests):
-        own = [
-            estimate(name, campaign, test, scale + 0.001 * number, 0.0 if name == "cae" else 0.05)
-            for name, scale in scales.items()
-        ]
+        off = {name: scale + 0.001 * number for name, scale in scales.items()}
+        own = [estimate(name, campaign, test, off[name], 0.0 if name == "cae" else 0.05) for name in scales]
         folds.append(Fold.of(test, own, config.windows_ms))
     return Study(campaign, config, tuple(folds))
 
@@ -74,11 +72,8 @@ def test_harm_against_the_raw_model_is_named_with_its_test(campaign: Campaign) -
     """Whoever recommends must say where it was worse."""
     spoiled = study(campaign, {"cae": 0.9, "displacement_domain": 0.97})
     first = campaign.tests[0]
-    bad = Fold.of(
-        first,
-        [estimate("cae", campaign, first, 0.99), estimate("displacement_domain", campaign, first, 0.7, 0.05)],
-        spoiled.config.windows_ms,
-    )
+    pair = [estimate("cae", campaign, first, 0.99), estimate("displacement_domain", campaign, first, 0.7, 0.05)]
+    bad = Fold.of(first, pair, spoiled.config.windows_ms)
     text = " ".join(recommend(replace(spoiled, folds=(bad, *spoiled.folds[1:]))).sentences)
     shown = [round(bad.ratings[name][60.0].overall, 3) for name in ("cae", "displacement_domain")]
     harm = shown[0] - shown[1]

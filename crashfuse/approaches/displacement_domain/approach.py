@@ -310,7 +310,7 @@ class DisplacementDomain(BandedApproach):
     def _simulate(
         self, cae: CaeView, bias: BiasDraws, rebound: Rebound, rng: Generator, widening: float, stride: int = 1
     ) -> FloatArray:
-        """Shape (1 + n_draws, 1250 / stride): the expected pulse in row 0, then draws; the rebound's are widened."""
+        """Shape (1 + n_draws, 1250 / stride), the expected pulse first."""
         speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
         stopping, common = curve.stopping_accel(_SHARES, end_share), curve.accel_at(fine, end_share)
         functions = bias.over_displacement_mps2, fine[FINER], stopping + bias.over_speed_mps2

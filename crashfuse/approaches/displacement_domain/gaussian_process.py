@@ -154,7 +154,7 @@ class GaussianProcess:
         return 0.5 * float(away @ away) - value, away / self._spread - gradient
 
     def _is_dead(self, theta: FloatArray) -> bool:
-        """Within a nat per hyperparameter of noise alone; less if there are few points."""
+        """Within a nat per hyperparameter of noise alone."""
         power = float(np.mean(self._y**2))
         noise_alone = -0.5 * self._y.size * (np.log(2 * np.pi * power) + 1) if power else np.inf
         gain = min(theta.size, _GAIN_A_POINT * self._y.size)

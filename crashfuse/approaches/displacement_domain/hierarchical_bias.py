@@ -195,7 +195,7 @@ class HierarchicalBias:
         return int(self.process_.x_[:, TEST].max()) + 1
 
     def _rows(self, points: BiasPoints, test: int = -1, *, crushing: bool = True) -> FloatArray:
-        """Columns are numbered at the top of this module: factor values as numbers, the test number last."""
+        """Columns as numbered above, factor values, the test number."""
         condition, cae, share = points.condition, points.cae, points.speed_share
         n, mass, values = share.size, self.mass_kg_ / condition.mass_kg, dict(condition.factors)
         stopping = mass * np.maximum(1 - share / self.end_share, 0.0)
@@ -288,7 +288,7 @@ def _reach(freedom: int) -> float:
 
 
 def _levels(conditions: Sequence[Condition]) -> dict[str, dict[str, int]]:
-    """Numbered values of each usable factor: all tests have it, and two of its values occur in two tests each."""
+    """Numbered values of factors that all tests have, two of them in two tests each."""
     levels = {}
     for name, _ in conditions[0].factors:
         counts = Counter(dict(condition.factors).get(name, "") for condition in conditions)
