@@ -111,14 +111,11 @@ def test_bad_data_end_with_1_and_leave_nothing(campaign_folder: Path, tmp_path: 
     "arguments",
     [
         ["study", "--held-out", "T9"],
-        ["study", "--approach", "magic"],
-        ["study", "--windows-ms", "400"],
         ["predict", *at_condition(0, 2000, 1500)],
-        ["study", "--device", "cuda"],
-        ["train", "--device", "cuda"],
         ["learning-curve", "--cost-per-test", "-5"],
-        ["learning-curve", "--approach", "magic"],
-        ["learning-curve", "--windows-ms", "400"],
+        *([command, "--device", "cuda"] for command in ("study", "train")),
+        *([command, "--approach", "magic"] for command in ("study", "learning-curve")),
+        *([command, "--windows-ms", "400"] for command in ("study", "learning-curve")),
     ],
 )
 def test_wrong_usage_ends_with_2_and_leaves_nothing(
@@ -376,9 +373,8 @@ def test_version_and_help_end_well(shell: Shell) -> None:
 
 def test_speeds_and_weights_are_given_in_either_unit(shell: Shell) -> None:
     here = ["predict", "campaign", "--out", "out"]
-    arguments = cli.parser().parse_args(
-        [*here, "--speed-kph", "56", "--front-weight-kg", "950", "--rear-weight-lb", "1500"]
-    )
+    weights = ["--front-weight-kg", "950", "--rear-weight-lb", "1500"]
+    arguments = cli.parser().parse_args([*here, "--speed-kph", "56", *weights])
     np.testing.assert_allclose(arguments.speed_mps * 3.6, 56)
     np.testing.assert_allclose([arguments.front_weight_kg, arguments.rear_weight_kg], [950, 1500 * 0.45359237])
     both = [*here, *at_condition(35, 2000, 1500), "--speed-kph", "56"]
