@@ -47,8 +47,7 @@ from crashfuse.units import Sentence, probability_text, read_out
 if TYPE_CHECKING:
     import pandas as pd
 
-APPROACH = AboutFused.name
-"""The approach whose predictions are judged if no other is asked for."""
+APPROACH = AboutFused.name  # whose predictions are judged if no other is asked for
 _LEARN, _JUDGE = "Left-out tests", "Planned tests"  # steps
 Rows = tuple[tuple[Verdict, ...], ...]
 Answer = Literal["was run", "skip", "run", "would miss", "cannot say"]

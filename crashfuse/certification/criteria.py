@@ -20,8 +20,7 @@ from crashfuse.units import KPH, MPH, G, Quantity, Sentence, UnitSystem, joined
 
 RATING = "rating"
 CONFIDENCE = 0.95
-WINDOW_MS = 60.0
-"""Window of a rating if none is named."""
+WINDOW_MS = 60.0  # of a rating if none is named
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +170,7 @@ class Criteria:
 
 LEAST_SURE, MOST_SURE = 0.5, 0.999999
 _MOST_CRITERIA = 100
-_LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
-"""Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
+_LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}  # a limit below is in the other unit: no vehicle crushes less
 _OTHER_UNITS = {"km/h": {"mph": MPH / KPH, "m/s": 1 / KPH}, "mm": {"inches": 25.4, "cm": 10.0}, "g": {"m/s²": 1 / G}}
 _NEAR = 1.2  # below the least or above the largest: a mile per hour is 1.6 km/h
 CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria

@@ -34,8 +34,7 @@ from crashfuse.study.estimate import is_beyond
 from crashfuse.units import read_out
 
 FILE = seal.FILE
-COMPARED = (FILE, "certification.csv", "track_record.csv")
-"""Files whose values are computed again."""
+COMPARED = (FILE, "certification.csv", "track_record.csv")  # whose values are computed again
 VERDICTS = "cells, "  # begins their places
 AGREEMENTS, UNDERIVED = ("to the last digit", "within rounding", "not"), "not derived"
 _ROUNDING = 1e-5  # of a value; tables have six digits

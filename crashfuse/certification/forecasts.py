@@ -204,8 +204,7 @@ def _ranks(drawn: FloatArray) -> FloatArray:
 
 
 _KIND = "forecasts"  # kind of cache entry
-SEEDS = (0, 1)
-"""Averaged over, the same for everyone: nobody can choose others."""
+SEEDS = (0, 1)  # averaged over, the same for everyone: nobody can choose others
 _LEAST_RUNS = 2  # that are left to learn from
 _CHUNK = 16  # conditions predicted by one task, a usual matrix as a whole: each task has to restore the fit
 
@@ -345,8 +344,7 @@ def spreads(
     return {name: float(np.hypot.reduce(np.diff(own)[:, 0] / 2)) for name, own in known.items()}
 
 
-Split = tuple[CrashTest, Literal["test", "speed group"], tuple[str, ...]]
-"""A test, what is left out with it, the ids of all left out."""
+Split = tuple[CrashTest, Literal["test", "speed group"], tuple[str, ...]]  # with the ids of all left out
 
 
 class Plan(NamedTuple):

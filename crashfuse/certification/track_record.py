@@ -21,8 +21,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import Quantity, Sentence, counted, probability_text
 
 _LEVEL = 0.95
-MOST_OF_A_TEST = 5
-"""Verdicts of a test that count, however often it was left out: its metrics vary together, so none supports 0.95."""
+MOST_OF_A_TEST = 5  # verdicts that count, however often it was left out: its metrics vary together
 SUPPORTED_AT_ALL = {"rebound_velocity": 0.85, "restitution": 0.85}
 """By metric: 9 and 12 % of decided verdicts on random vehicles are wrong (``benchmarks/certification.py``)."""
 
@@ -277,14 +276,11 @@ class TrackRecord:
     """All trials of a campaign. Groups of a single test, whose verdict is the test's own, count once."""
 
     trials: tuple[Trial, ...]
-    since: tuple[Trial, ...] = ()
-    """Of tests run after an earlier certification had judged them; they support or refute, and count nowhere else."""
-    whole: tuple[tuple[LeftOut, bool], ...] = ()
-    """Whether left-out tests lie inside their bands of whole pulses, where there are any."""
-    tuned: tuple[Trial, ...] = ()
-    """Of tests that the CAE model was tuned to; they support nothing and count nowhere."""
+    since: tuple[Trial, ...] = ()  # of tests run after they were judged; they support or refute, and count nowhere else
+    whole: tuple[tuple[LeftOut, bool], ...] = ()  # whether tests lie inside their bands of whole pulses, if any
+    tuned: tuple[Trial, ...] = ()  # of tests that the CAE model was tuned to; they count nowhere
+    # of a test as it was left out, of shape (n_seeds, n_samples)
     predicted_mps2: Mapping[tuple[str, LeftOut], FloatArray] = field(default_factory=dict)
-    """What was predicted of a test as it was left out, of shape (n_seeds, n_samples)."""
 
     @classmethod
     def of_tests(cls, criteria: Criteria, left_out: Sequence[LeftOutTest]) -> Self:
@@ -306,17 +302,10 @@ class TrackRecord:
 
     @cached_property
     def counted(self) -> tuple[Trial, ...]:
-        """Trials without those that repeat another."""
-        return tuple(trial for trial in self.trials if not self.repeats(trial))
-
-    def repeats(self, trial: Trial) -> bool:
-        """Whether it is another once more, as nothing else was left out with the test."""
-        alone = self._alone.get((trial.held_out, trial.verdict.criterion.name))
-        return trial.left_out != "test" and alone is not None and alone.verdict == trial.verdict
-
-    @cached_property
-    def _alone(self) -> dict[tuple[str, str], Trial]:
-        return {(t.held_out, t.verdict.criterion.name): t for t in self.trials if t.left_out == "test"}
+        """Trials without those that repeat another, as nothing else was left out with the test."""
+        alone = {(t.held_out, t.verdict.criterion.name): t.verdict for t in self.trials if t.left_out == "test"}
+        pairs = ((t, alone.get((t.held_out, t.verdict.criterion.name))) for t in self.trials)
+        return tuple(trial for trial, verdict in pairs if trial.left_out == "test" or trial.verdict != verdict)
 
     @property
     def _inside(self) -> list[Trial]:

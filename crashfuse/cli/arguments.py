@@ -14,13 +14,12 @@ from crashfuse.version import __version__
 T = TypeVar("T")
 _SEVERAL = "; several separated by commas"
 _UNIT_SYSTEMS = ("mm-ms-kg", "mm-s-t", "m-s-kg")  # of solvers
-CONDITION = {
+CONDITION = {  # what of an imported record's can be given, by the name of what it is in SI
     "speed_mps": "impact speed",
     "mass_kg": "weight of the whole vehicle",
     "front_weight_kg": "weight on the front axle",
     "rear_weight_kg": "weight on the rear axle",
 }
-"""What of an imported record's condition can be given, by the name of what it is in SI."""
 
 
 def parser() -> argparse.ArgumentParser:

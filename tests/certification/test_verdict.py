@@ -127,9 +127,7 @@ def test_the_probability_that_a_verdict_rests_on_is_told(
 
 
 @pytest.mark.parametrize(("second", "inside"), [(0.08, "least"), (0.0, "most"), (0.04, "between")])
-def test_the_probability_that_all_are_met_lies_between_its_bounds(
-    campaign: Campaign, second: float, inside: str
-) -> None:
+def test_the_probability_that_all_are_met_is_between_bounds(campaign: Campaign, second: float, inside: str) -> None:
     """Risks of 5 and 2 % that never come together add up; that comes together, the larger one is all; else between."""
     chance = np.linspace(0, 1, 10_000, endpoint=False)
     missed = [(chance < 0.05), (chance >= second) & (chance < second + 0.02)]
