@@ -264,10 +264,9 @@ def left_out_tests(
         outside = domain.exceeded_by(test.condition), domain.unshown(test.condition)
         own, cae = (by_key[held_out, name, test.condition] for name in (approach, BASELINE))
         measured = {quantity(limit): own.measured(limit, test, campaign.occupant) for limit in criteria.items}
-        whole = None
         band = own.whole_mps2.mean(axis=0)
-        if len(band) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
-            whole = holds_whole((band[0], band[1]), test.pulse.accel_mps2)
+        is_counted = len(band) and not test.cae_tuned and (way == "test" or len(held_out) > 1)
+        whole = holds_whole((band[0], band[1]), test.pulse.accel_mps2) if is_counted else None
         yield LeftOutTest(test, way, own, cae, *outside, measured, whole)
 
 
@@ -395,14 +394,11 @@ class TrackRecord:
     @property
     def brier(self) -> tuple[float, float] | None:
         """Mean squared error of the probabilities, and of the raw CAE's, over pulse metrics; None without any."""
-        pairs = [
-            (trial.verdict.probability, trial.cae_probability, trial.met)
-            for trial in self._inside
-            if trial.verdict.probability is not None and trial.cae_probability is not None
-        ]
-        if not pairs:
+        said = [(trial.verdict.probability, trial.cae_probability, trial.met) for trial in self._inside]
+        rows = np.array(said, dtype=np.float64).reshape(-1, 3)  # None is NaN
+        if not len(known := rows[~np.isnan(rows).any(axis=1)]):
             return None
-        ours, cae, met = np.array(pairs, dtype=np.float64).T
+        ours, cae, met = known.T
         return float(((ours - met) ** 2).mean()), float(((cae - met) ** 2).mean())
 
     @property

@@ -73,8 +73,7 @@ def parser() -> argparse.ArgumentParser:
     _add_out(certify)
     certify.add_argument("--criteria", type=Path, metavar="FILE.toml", help="default: CAMPAIGN/criteria.toml")
     certify.add_argument("--matrix", type=Path, metavar="FILE.csv", help="conditions (default: CAMPAIGN/matrix.csv)")
-    price, help_ = ("TEST", "WRONG"), "costs, in place of [costs]"
-    certify.add_argument("--costs", type=number, nargs=2, metavar=price, help=help_)
+    certify.add_argument("--costs", type=number, nargs=2, metavar=("TEST", "WRONG"), help="costs, in place of [costs]")
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")

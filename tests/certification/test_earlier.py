@@ -87,16 +87,11 @@ def test_everything_that_is_compared_is_read(tmp_path: Path) -> None:
     assert earlier.matrix.conditions[0].vector.tolist() == pytest.approx([20 * MPH, 2000 * LB, 1500 * LB])
     assert earlier.matrix.conditions[0].factors == (("drive", "FWD"),)
     assert [own.limits for own in earlier.criteria.items] == ["at most 600 mm", "at least 0.80"]
-    assert [(own.word, own.probability, own.lower, own.upper) for own in earlier.rows["B"]] == [
-        ("open", 0.6, None, 610.0),
-        ("outside", None, None, None),
-    ]
+    said = [(own.word, own.probability, own.lower, own.upper) for own in earlier.rows["B"]]
+    assert said == [("open", 0.6, None, 610.0), ("outside", None, None, None)]
     assert earlier.tests == {"T1": "a1", "T2": "b2"}
-    assert earlier.run == ("B",)
-    assert earlier.occupant == USUAL_OCCUPANT
-    assert earlier.settings["approach"] == "Fused"
-    assert earlier.date == "2026-11-24 12:00 UTC"
-    assert earlier.waived == ("A",)
+    assert (earlier.run, earlier.waived, earlier.occupant) == (("B",), ("A",), USUAL_OCCUPANT)
+    assert (earlier.settings["approach"], earlier.date) == ("Fused", "2026-11-24 12:00 UTC")
     assert read_earlier(tmp_path / FILE).digest == earlier.digest != parse_earlier(changed(("run",), {})).digest
     assert len(repr(earlier)) < 100
 

@@ -29,10 +29,8 @@ def matrix_file(folder: Path, *lines: str) -> Path:
 
 def test_a_table_is_read_with_its_units_and_factors(tmp_path: Path) -> None:
     """Columns end in their unit, as in tests.csv; a factor that no test has that value of is read as it stands."""
-    path = matrix_file(
-        tmp_path, "id,speed_kph,front_weight_lb,rear_weight_kg,drive", "A,50,2000,700,FWD", "B,56,2000,700,RWD"
-    )
-    found = Matrix.read(path, FACTORS)
+    lines = "id,speed_kph,front_weight_lb,rear_weight_kg,drive", "A,50,2000,700,FWD", "B,56,2000,700,RWD"
+    found = Matrix.read(matrix_file(tmp_path, *lines), FACTORS)
     assert found.ids == ("A", "B")
     assert found.conditions[0] == Condition.of_vector([50 * KPH, 2000 * LB, 700.0], (("drive", "FWD"),))
     assert found.conditions[1].factors == (("drive", "RWD"),)

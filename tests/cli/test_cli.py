@@ -240,18 +240,14 @@ def test_predict_writes_pulses_metrics_and_report(campaign_on_disk: Path, tmp_pa
     files = {"pulses.csv", "pulses.parquet", "metrics.csv", "report.html", "prediction.json", "isomme"}
     assert {path.name for path in out.iterdir()} == files
     pulses = pd.read_csv(out / "pulses.csv")
-    pd.testing.assert_frame_equal(
-        pd.read_parquet(out / "pulses.parquet").astype({"approach": str, "held_out": str}).drop(columns="held_out"),
-        pulses.drop(columns="held_out"),
-        rtol=1e-5,
-        check_dtype=False,
-    )
+    binary = pd.read_parquet(out / "pulses.parquet").astype({"approach": str, "held_out": str})
+    pair = (table.drop(columns="held_out") for table in (binary, pulses))
+    pd.testing.assert_frame_equal(*pair, rtol=1e-5, check_dtype=False)
     assert len(pulses) == 2 * GRID_S.size
     assert pulses["held_out"].isna().all()
-    assert {path.stem for path in out.rglob("*.mme")} == {"cae_30mph_expected"} | {
-        f"displacement_domain_30mph_{which}"
-        for which in ("expected", "representative", "corridor_lower", "corridor_upper")
-    }
+    kinds = ("expected", "representative", "corridor_lower", "corridor_upper")
+    stems = {"cae_30mph_expected", *(f"displacement_domain_30mph_{kind}" for kind in kinds)}
+    assert {path.stem for path in out.rglob("*.mme")} == stems
     record = json.loads((out / "prediction.json").read_text())
     assert record["condition"]["speed_mps"] == pytest.approx(30 * 0.44704)
     for text in (record["extrapolation"][0], printed, (out / "report.html").read_text()):
@@ -297,10 +293,8 @@ def test_rate_takes_a_channel_of_each_file(tmp_path: Path, shell: Shell) -> None
     pulse = -30 * np.sin(np.pi * time_ms / 100)
     pd.DataFrame({"time_ms": time_ms, "left [g]": pulse, "right [g]": 0.8 * pulse}).to_csv(path, index=False)
     asked = ["rate", path, path, "--windows-ms", 60, "--csv", "--channel", "left [g]"]
-    same, other = (
-        pd.read_csv(StringIO(shell.prints(*asked, *more)))["overall"][0]
-        for more in ([], ["--comparison-channel", "right [g]"])
-    )
+    right = ["--comparison-channel", "right [g]"]
+    same, other = (pd.read_csv(StringIO(shell.prints(*asked, *own)))["overall"][0] for own in ([], right))
     assert other < same == 1
 
 
@@ -385,8 +379,7 @@ def test_speeds_and_weights_are_given_in_either_unit(shell: Shell) -> None:
     "arguments",
     [
         [],
-        ["app", "--port", "-1"],
-        ["app", "--port", "99999"],
+        *(["app", "--port", port] for port in ("-1", "99999")),
         *(["study", "campaign", "--out", "out", "--seed", seed] for seed in ("-1", "99999999999999999999", "1.5")),
     ],
 )
