@@ -105,10 +105,7 @@ class LaterTests:
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        """Verdicts on metrics of tests that were run later, by the occupant model of then.
-
-        First those of certifications before it: certifying twice forgets nothing that was wrong once.
-        """
+        """Verdicts on metrics of tests run later, by the occupant model of then, after those that it knew itself."""
         then, found = replace(self.campaign, occupant=self.earlier.occupant), list(self.earlier.trials)
         for test, planned in self.made_for.items():
             if planned not in self.earlier.run:

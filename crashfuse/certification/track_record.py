@@ -301,10 +301,17 @@ class TrackRecord:
 
     @cached_property
     def counted(self) -> tuple[Trial, ...]:
-        """Trials without those that repeat another, as nothing else was left out with the test."""
-        alone = {(t.held_out, t.verdict.criterion.name): t.verdict for t in self.trials if t.left_out == "test"}
-        pairs = ((t, alone.get((t.held_out, t.verdict.criterion.name))) for t in self.trials)
-        return tuple(trial for trial, verdict in pairs if trial.left_out == "test" or trial.verdict != verdict)
+        """Trials without those that repeat another."""
+        return tuple(trial for trial in self.trials if not self.repeats(trial))
+
+    def repeats(self, trial: Trial) -> bool:
+        """Whether it is another once more, as nothing else was left out with the test."""
+        alone = self._alone.get((trial.held_out, trial.verdict.criterion.name))
+        return trial.left_out != "test" and alone == trial.verdict
+
+    @cached_property
+    def _alone(self) -> dict[tuple[str, str], Verdict]:
+        return {(t.held_out, t.verdict.criterion.name): t.verdict for t in self.trials if t.left_out == "test"}
 
     @property
     def _inside(self) -> list[Trial]:

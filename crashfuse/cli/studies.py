@@ -172,8 +172,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
 
 def past_studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it has none
     """List studies and predictions of this machine, the latest first."""
-    results = past_results()
-    if not results:
+    if not (results := past_results()):
         print("Nothing was computed on this machine yet.")
         return
     table = history_table(results).texts()

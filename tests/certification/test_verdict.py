@@ -13,7 +13,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecasts import Forecast
-from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge, with_decided
+from crashfuse.certification.verdict import Verdict, all_met, judge, with_decided
 from crashfuse.condition import Condition
 from crashfuse.results.planning import curve_table
 from crashfuse.study.config import StudyConfig
@@ -215,7 +215,7 @@ def test_a_test_that_was_run_there_stands_beside_the_verdict_and_may_reopen_it(
 ) -> None:
     """A verdict that the measured test contradicts is open; the reason names test and value, the probability stays."""
     alone = verdict(campaign, Criterion("crush", "max_crush", at_most=at_most))
-    found = beside_tests(alone, {"T5": measured, "T6": None})
+    found = alone.beside_tests({"T5": measured, "T6": None})
     assert found.word == word
     assert found.probability == alone.probability
     does = "meets" if measured <= at_most else "misses"
