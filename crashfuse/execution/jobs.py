@@ -204,10 +204,7 @@ class Jobs:
         usual_s: float = 0.0,
         at_once: bool = False,
     ) -> Job[T]:
-        """Queue work for someone, or join the job that does it; short work may start at once.
-
-        ``usual_s`` is what it takes on two quiet usual cores, if that is known.
-        """
+        """Queue work for someone, or join its job; short work may start at once. ``usual_s``: on two quiet cores."""
         with self._lock:
             job = self._jobs.get(key)
             if job is not None:

@@ -1,7 +1,4 @@
-"""How a computation runs, which changes no number: where results are kept, who computes them, who watches.
-
-And what is set for a process as a whole: one heap, and one thread for linear algebra.
-"""
+"""How a computation runs, which changes no number: where results are kept, who computes and watches, its threads."""
 
 import ctypes
 import sys

@@ -1,7 +1,4 @@
-"""Zip and tar archives: our own, and untrusted ones.
-
-Declared sizes are not trusted: unpacked bytes are counted. Names must be valid on every platform.
-"""
+"""Zip and tar archives, also untrusted: unpacked bytes are counted, names must be valid on every platform."""
 
 import gzip
 import io

@@ -1,7 +1,4 @@
-"""Writing that loses nothing: no reader sees part of a file, or of a set of files; one writer at a time by locks.
-
-The operating system frees the lock of a process that dies.
-"""
+"""Writing that loses nothing: no reader sees part of a file or set; one writer at a time, whose lock dies with it."""
 
 import os
 import platform

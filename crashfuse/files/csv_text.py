@@ -182,7 +182,9 @@ def read_rows(
             raise DataError([*wide, broken]) from None
     if wide:
         raise DataError(wide)
-    return names, rows if between == "," else _with_points(rows), numbers
+    if between != "," and not any(_POINT.fullmatch(cell) for row in rows for cell in row):  # else between thousands
+        rows = [[cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell for cell in row] for row in rows]
+    return names, rows, numbers
 
 
 def _lines(stream: TextIO, where: str) -> Iterator[str]:
@@ -196,13 +198,6 @@ def _lines(stream: TextIO, where: str) -> Iterator[str]:
         if not line:
             return
         yield line
-
-
-def _with_points(rows: list[list[str]]) -> list[list[str]]:
-    """Where any number has a point, a comma may stand between thousands and is left."""
-    if any(_POINT.fullmatch(cell) for row in rows for cell in row):
-        return rows
-    return [[cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell for cell in row] for row in rows]
 
 
 def _header_names(cells: Sequence[str], where: str) -> list[str]:

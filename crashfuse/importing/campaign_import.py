@@ -209,11 +209,15 @@ def settle_each(
     problems += joint_problems(refused) if len(ids) > 1 else refused
     given_once = choices.condition.speed_mps is not None
     whole = _of_one_crash([settled[place] for place in sorted(settled)], given_once=given_once)
-    return _of_one_speed(whole) if given_once else whole
+    if not given_once:
+        return whole
+    changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in whole] or [0.0]
+    template = f"Careful: one speed for all {len(whole)} records, but changes of velocity of {{}}."
+    notes = [Sentence(template, speed(min(changes), max(changes)))] * (max(changes) > _ONE_SPEED * min(changes))
+    return tuple(replace(one, steps=(*one.steps, *notes)) for one in whole)
 
 
 def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
-    """That of its table, else of its source, if it has one."""
     units = [one.unit for one in others if one.source == record.source] or [one.unit for one in others]
     if len(set(units)) != 1:
         return record
@@ -233,13 +237,6 @@ def _of_one_crash(settled: Sequence[Settled], *, given_once: bool) -> tuple[Sett
     told = "Careful: at one condition with {}; import one of them if they are sensors of one crash."
     notes = {name: (told.format(listed(alike)),) for name, alike in others.items()}
     return tuple(replace(one, steps=(*one.steps, *notes.get(one.id, ()))) for one in settled)
-
-
-def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
-    changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled] or [0.0]
-    template = f"Careful: one speed for all {len(settled)} records, but changes of velocity of {{}}."
-    notes = [Sentence(template, speed(min(changes), max(changes)))] * (max(changes) > _ONE_SPEED * min(changes))
-    return tuple(replace(one, steps=(*one.steps, *notes)) for one in settled)
 
 
 def add_settled(out: Path, settled: Sequence[Settled], cae_tuned: bool | None = None) -> tuple[Added, ...]:

@@ -89,7 +89,6 @@ class _RunFiles:
 
 
 def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
-    """By id; of a file that was chosen, its run alone."""
     zipped = path.suffix.lower() == ".zip"
     chosen = _named(path) if path.is_file() and not zipped else None
     decks = {member.path: member for member in members if _named(member.path) is None}

@@ -186,7 +186,6 @@ class _Part:
         return {*self.file.folders[state], *self._torn(state)}
 
     def _torn(self, state: _Folder) -> Collection[str]:
-        """What went into the next file."""
         variables = () if self.after is None else self.after.folders.get(state, ())
         return () if "time" in variables else variables
 
@@ -205,7 +204,11 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
             for states, database in ((glstat, "glstat"), (matsum, "matsum"), (walls, "rwforc")):
                 _add_states(states, file, database)
         family = list(_parts(files, [where for _, where in shards]))
-        _check_apart(parts, family)
+        for part, other in product(parts, family):
+            at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
+            alike = part.database == other.database and at_once and np.intersect1d(part.of.ids, other.of.ids).size
+            expected, found = f"{part.database} of one run in a folder", f"the same nodes as in {part.where}"
+            refuse_if(alike, other.where, expected, found, KEEP_APART)
         parts += family
     title = next((part.of.title for part in parts if part.of.title), "")
     if not parts:
@@ -284,14 +287,6 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
                 yield part
 
 
-def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
-    for part, other in product(parts, others):
-        at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
-        alike = part.database == other.database and at_once and np.intersect1d(part.of.ids, other.of.ids).size
-        expected, found = f"{part.database} of one run in a folder", f"the same nodes as in {part.where}"
-        refuse_if(alike, other.where, expected, found, KEEP_APART)
-
-
 def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
     """Velocities at the start, shape (3, n_nodes), and the largest speeds along each axis."""
     first, fastest = dict[tuple[str, bytes], _Part](), np.zeros(3)
@@ -339,7 +334,6 @@ def _text(file: _LsdaFile, folder: _Folder, name: str) -> str:
 
 
 def _joined(pieces: Sequence[History]) -> History:
-    """A later file takes precedence."""
     ordered = sorted(pieces, key=lambda piece: float(piece.time[0]))
     ends = [float(piece.time[0]) for piece in ordered[1:]] + [np.inf]
     kept = [piece.time < end for piece, end in zip(ordered, ends, strict=True)]

@@ -1,4 +1,4 @@
-"""The files of a source (a folder, one of its files, or a zip of it), and the records of all that are in it."""
+"""The files of a source (a folder, one of its files, or a zip), and the records in it."""
 
 import os
 import re

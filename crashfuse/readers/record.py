@@ -1,7 +1,4 @@
-"""The record: the content of a foreign file on one crash, before anything is decided about it.
-
-Numbers and signs are as found. Time zero, sign and unit are settled in one place, :mod:`crashfuse.importing`.
-"""
+"""The record: a foreign file's content on one crash, as found; :mod:`crashfuse.importing` settles zero, sign, unit."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

@@ -1,7 +1,4 @@
-"""Column roles of a foreign table, proposed and overridden by the user; records and conditions from a mapped table.
-
-:func:`propose` and :meth:`Mapping.overruled` are pure, so that a page can show the mapping as a separate step.
-"""
+"""Column roles of a foreign table, proposed and overridden by the user; records and conditions from a mapped table."""
 
 import re
 from collections import Counter

@@ -1,7 +1,7 @@
 """The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -279,7 +279,8 @@ def _show_next_test(view: View, fitted: Fitted, condition: Condition, approach: 
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
-        ranking = _ranked((fitted.key, campaign.name), over, chosen_config(), campaign, domains[0])
+        rank = partial(rank_next_tests, campaign, domains[0], over, config=chosen_config())
+        ranking = _ranked((fitted.key, campaign.name, over, chosen_config()), rank)
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
@@ -299,14 +300,8 @@ def _show_next_test(view: View, fitted: Fitted, condition: Condition, approach: 
 
 
 @st.cache_resource(show_spinner="Ranking candidates …", max_entries=32)
-def _ranked(
-    key: object,  # noqa: ARG001 - of the fits
-    over: ConditionRange,
-    config: StudyConfig,
-    _campaign: Campaign,
-    _domain: DisplacementDomain,
-) -> NextTests:
-    return rank_next_tests(_campaign, _domain, over, config=config)
+def _ranked(key: Hashable, _rank: Callable[[], NextTests]) -> NextTests:  # noqa: ARG001 - of fits, range, settings
+    return _rank()
 
 
 def _range(

@@ -1,7 +1,4 @@
-"""The dashboard's server: started by any command, what it adds to Streamlit's, and its first seconds.
-
-A frame is painted at once; what takes long is imported meanwhile, and not by this module.
-"""
+"""The dashboard's server, and its first seconds: a frame is painted at once, what takes long imported meanwhile."""
 
 import os
 import secrets

@@ -77,14 +77,6 @@ class _Outcome(NamedTuple):
         return groups if groups is not None and st.session_state.get("ways") == _GROUP else self.study
 
 
-def _show_headline(outcome: _Outcome) -> None:
-    use, *reasons = (outcome.view.display.words(fact.sentence) for fact in recommend(outcome.shown).facts)
-    basis = f"By {outcome.view.campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58."
-    results.show_with_reasons(f":material/lightbulb: **{plain(use)}**", [*reasons, basis])
-    window_ms = outcome.view.display.window_ms
-    show_table(quality_table(outcome.study, window_ms), "quality", f"Ratings over {results.window_label(window_ms)}.")
-
-
 def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
     if outcome.study.speed_groups is not None:
         choose("Left out", [_ALONE, _GROUP], key="ways")
@@ -92,12 +84,17 @@ def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
 
 
 def _show_ratings(outcome: _Outcome) -> None:
+    campaign, display = outcome.view.campaign, outcome.view.display
     if outcome.is_whole:
-        _show_headline(outcome)
-    campaign, (study, leave_out) = outcome.view.campaign, _choose_way(outcome)
+        use, *reasons = (display.words(fact.sentence) for fact in recommend(outcome.shown).facts)
+        basis = f"By {campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58."
+        results.show_with_reasons(f":material/lightbulb: **{plain(use)}**", [*reasons, basis])
+        over = f"Ratings over {results.window_label(display.window_ms)}."
+        show_table(quality_table(outcome.study, display.window_ms), "quality", over)
+    study, leave_out = _choose_way(outcome)
     _show_tests(outcome, study, leave_out)
     if outcome.is_whole:
-        worst = worst_test(study, outcome.view.display.window_ms)
+        worst = worst_test(study, display.window_ms)
         with st.expander(f"The worst test, {plain(worst.test.id)}", icon=":material/troubleshoot:"):
             first, *others = map(plain, worst.sentences)
             st.markdown(f":material/{'warning' if worst.disappoints else 'info'}: **{first}** {' '.join(others)}")

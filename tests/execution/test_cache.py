@@ -107,12 +107,9 @@ def test_what_was_not_used_for_longest_makes_room(tmp_path: Path, monkeypatch: p
     (tmp_path / "history" / "a.json").write_bytes(bytes(5_000_000))
     assert _left(Cache(tmp_path)) == [2, 3, 4]
     assert Cache(tmp_path).get("kind", {"x": 2}) is not None  # used again
-    Cache(tmp_path).put("kind", {"x": 5}, {"a": million})
-    assert _left(Cache(tmp_path)) == [2, 4, 5]
-    Cache(tmp_path).put("kind", {"x": 0}, {"a": million})
-    assert _left(Cache(tmp_path)) == [0, 2, 5]
-    Cache(tmp_path).put("kind", {"x": 1}, {"a": million})
-    assert _left(Cache(tmp_path)) == [0, 1, 2, 5]  # all of the last hour
+    for x, left in ((5, [2, 4, 5]), (0, [0, 2, 5]), (1, [0, 1, 2, 5])):  # the last ones are all of the last hour
+        Cache(tmp_path).put("kind", {"x": x}, {"a": million})
+        assert _left(Cache(tmp_path)) == left
     user = Cache(tmp_path)
     assert user.get("kind", {"x": 1}) is not None
     for x in (0, 1, 2, 5):
@@ -152,8 +149,7 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr("os.fsync", full)
     cache.put("kind", {}, {"a": 2.0})
     monkeypatch.undo()
-    found = not_none(cache.get("kind", {}))
-    assert float(found["a"]) == 1.0
+    assert float(not_none(cache.get("kind", {}))["a"]) == 1.0
     assert len(list((tmp_path / "kind").iterdir())) == 1
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
     lost = f"What was finished is lost: {tmp_path} cannot be written (No space left on device)"
@@ -276,8 +272,7 @@ def test_what_is_packed_can_be_unpacked_elsewhere(tmp_path: Path) -> None:
     files = later.pack(later.used)
     assert len(files) == 1
     there.unpack(files)
-    found = not_none(there.get("kind", {"x": 2}))
-    assert found["a"].tolist() == [0, 1]
+    assert not_none(there.get("kind", {"x": 2}))["a"].tolist() == [0, 1]
     ((name, content),) = files.items()
     there.unpack({name: content[:-1]})
     assert there.get("kind", {"x": 2}) is not None

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -30,8 +31,6 @@ from tests.conftest import Capture
 pytestmark = pytest.mark.slow
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
-
-
 TASKS = [f"task {number}" for number in range(8)]
 
 
@@ -207,16 +206,9 @@ def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
 
 def test_a_cluster_gives_what_one_process_gives(campaign: Campaign, dask: Dask, tmp_path: Path) -> None:
     """To the bit; nothing is learned twice on the cluster, and all of it ends up in the caller's cache."""
-    here = run_study(campaign, CONFIG, held_out=["T1", "T2"], cache=Cache(tmp_path / "here"), workers=1)
-    seen: list[Progress] = []
-    there = run_study(
-        campaign,
-        CONFIG,
-        held_out=["T1", "T2"],
-        cache=Cache(tmp_path / "there"),
-        watch=Watch(seen.append),
-        scheduler=dask.address,
-    )
+    study, seen = partial(run_study, campaign, CONFIG, held_out=["T1", "T2"]), list[Progress]()
+    here = study(cache=Cache(tmp_path / "here"), workers=1)
+    there = study(cache=Cache(tmp_path / "there"), watch=Watch(seen.append), scheduler=dask.address)
     for a, b in zip(here.folds, there.folds, strict=True):
         assert a.ratings == b.ratings
         for x, y in zip(a.estimates, b.estimates, strict=True):

@@ -320,8 +320,6 @@ def test_the_force_of_the_barrier_is_counted_once(cells: list[Channel], told: st
 
 
 OWN_ACCOUNT = "Left out by the file's own account: 10SEATLERE00ACXP"
-
-
 DOUBTED: list[tuple[dict[str, Any], str]] = [
     ({"comments": ("on the plate", "channel failed at 40 ms")}, OWN_ACCOUNT),
     ({"name": "Seat left, questionable"}, OWN_ACCOUNT),

@@ -169,7 +169,6 @@ def as_bodies(folders: Folders) -> Folders:
 
 @pytest.mark.parametrize("of", [lambda folders: folders, as_bodies], ids=["nodes", "bodies"])
 def test_without_accelerations_the_velocities_tell(tmp_path: Path, of: Callable[[Folders], Folders]) -> None:
-
     def without(*words: str) -> Path:
         folders = {path: {i: t[i] for i in t if not i.endswith(words)} for path, t in FOLDERS.items()}
         return saved(tmp_path / "-".join(words), binout0000=lsda(of(folders)))

@@ -101,6 +101,11 @@ class Session:
         self.app.file_uploader[0].set_value(dropped)
         return self.press("Open upload")
 
+    def give(self, name: str, content: bytes) -> "Session":
+        """Put a file into the last field for files."""
+        self.app.file_uploader[-1].set_value([(name, content, "application/octet-stream")])
+        return self.run()
+
     def field(self, label: str) -> Any:
         """The first field whose label begins like this."""
         kinds = "number_input", "selectbox", "multiselect", "text_input", "radio", "button_group"

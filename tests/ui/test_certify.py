@@ -5,7 +5,6 @@ import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -68,12 +67,6 @@ def certified(session: Session) -> Session:
     return session.finish()
 
 
-def tab(session: Session, name: str) -> Session:
-    """Open a tab of the page."""
-    session.app.button_group(key="certify_tab").set_value(name)
-    return session.run()
-
-
 def of_library(folder: Path, confidence: float = 0.9) -> Certification:
     """The same verdicts from the library."""
     criteria = [
@@ -91,10 +84,9 @@ def reason(session: Session, cell: str) -> str:
     return session.run().words
 
 
-def field(session: Session, label: str) -> Any:
-    """A field by its label."""
-    fields = (*session.app.number_input, *session.app.text_input, *session.app.selectbox)
-    return next(own for own in fields if own.label == label)
+def answers(session: Session) -> list[str]:
+    """What is said of the planned tests."""
+    return [label.split("**")[1] for label in session.buttons if label.startswith("**")]
 
 
 def of_row(session: Session, row: str) -> str:
@@ -107,10 +99,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     """Counts, the conditions to test, the whole table, the record, and the files."""
     session = certified(visit("certify", **LINK))
     expected = of_library(asking)
-    answered = planned(expected)
-    assert [label.split("**")[1] for label in session.buttons if label.startswith("**")] == [
-        row.word for row in answered
-    ]
+    assert answers(session) == [row.word for row in planned(expected)]
     assert "{} of {}".format(*expected.saved) in session.words
     for told in exceptions(expected).values():
         assert told[0] in session.words
@@ -120,8 +109,8 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
         assert verdict.reason in reason(session, f"{i} | {verdict.criterion.name}")
     assert session.charts == 1
     assert session.press("Export").downloads == FILES
-    assert tab(session, "Validated domain").charts == 1
-    assert tab(session, "Track record").charts == 1
+    assert session.open_tab("certify", "Validated domain").charts == 1
+    assert session.open_tab("certify", "Track record").charts == 1
     (record,) = [own for own in session.tables if "What this record supports" in own]
     assert record["Criterion"].tolist() == ["Near a limit", "crush", "rating", "All", "All, with CAE runs"]
     session.app.button_group(key="record").set_value("Are the probabilities right?")
@@ -135,8 +124,7 @@ def test_another_limit_or_confidence_is_answered_at_once(
     """Nothing is fitted, nothing has to be pressed."""
     session = certified(visit("certify", **LINK))
     fitting_is_an_error()
-    field(session, "Confidence").set_value(0.7)
-    session.run()
+    session.fill({"Confidence": 0.7})
     assert "Certify" not in session.buttons
     looser = of_library(asking, confidence=0.7)
     assert all(own.reason in reason(session, f"{i} | {own.criterion.name}") for i, own in looser.cells)
@@ -198,10 +186,10 @@ def test_with_a_single_test_the_page_says_what_cannot_be_said(asking: Path, visi
         (asking / "tests" / f"{test_id}.csv").unlink()
     session = certified(visit("certify", **LINK))
     assert "0 of 3" in session.words
-    assert [label.split("**")[1] for label in session.buttons if label.startswith("**")] == ["cannot say"] * 3
-    assert "too few to check verdicts" in tab(session, "Validated domain").words
+    assert answers(session) == ["cannot say"] * 3
+    assert "too few to check verdicts" in session.open_tab("certify", "Validated domain").words
     assert session.charts == 1
-    assert "There is no record" in tab(session, "Track record").words
+    assert "There is no record" in session.open_tab("certify", "Track record").words
     assert session.charts == 0
 
 
@@ -238,14 +226,10 @@ def test_a_fault_in_a_file_is_a_sentence(asking: Path, visit: Visit, name: str, 
 def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, visit: Visit) -> None:
     """Criteria with their confidence; a wrong one changes nothing, and is said."""
     session = visit("certify", **LINK)
-    (upload,) = session.app.file_uploader
-    upload.set_value([("mine.toml", b"confidence = 0.8\n[[criterion]]\nmetric = 'peak'\nat_most = 20", "text/plain")])
-    session.run()
-    assert field(session, "Confidence").value == 0.8
+    session.give("mine.toml", b"confidence = 0.8\n[[criterion]]\nmetric = 'peak'\nat_most = 20")
+    assert session.field("Confidence").value == 0.8
     assert session.app.session_state["criteria"] == ["peak~~~20~peak~g"]
-    (upload,) = session.app.file_uploader
-    upload.set_value([("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20", "text/plain")])
-    session.run()
+    session.give("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20")
     assert "mine.toml, criterion 1: expected a metric of peak" in session.words
     assert session.app.session_state["criteria"] == ["peak~~~20~peak~g"]
     assert (asking / "criteria.toml").read_text() == CRITERIA
@@ -298,7 +282,7 @@ def test_rows_typed_in_are_in_the_link_and_stay_when_the_page_is_left(visit: Vis
     assert session.app.query_params["criteria"] == typed
     assert session.go("data").go("certify").app.session_state["criteria"] == typed
     second = visit("certify", **LINK, criteria=typed, confidence="0.8")
-    assert (second.rows("criteria")[0][3], field(second, "Confidence").value) == ("444", 0.8)
+    assert (second.rows("criteria")[0][3], second.field("Confidence").value) == ("444", 0.8)
     second.edit("criteria", {2: {}})
     assert not second.app.error  # a new row is none before anything is typed in it
     second.edit("criteria", {0: {0: "peak"}})
@@ -348,8 +332,7 @@ def test_back_takes_the_table_of_criteria_back(visit: Visit) -> None:
     for number, found in ((2, "force"), (3, "'x'")):  # of the rows in which anything is
         assert re.search(f"criterion {number}: .*found {found}", session.words)
     session.app.session_state["criteria"] = ["peak~~~30~", "olc~~~20~"]  # as Back does
-    session.run()
-    assert session.app.query_params["criteria"] == ["peak~~~30~", "olc~~~20~"]
+    assert session.run().app.query_params["criteria"] == ["peak~~~30~", "olc~~~20~"]
 
 
 UNITS = [("unit", "m/s²"), ("system", "kph-kg"), ("unit", "g"), ("system", "mph-lb")]
@@ -368,9 +351,8 @@ def test_other_units_change_what_is_shown_and_nothing_else(asking: Path, visit: 
 
     def said() -> tuple[list[str], *tuple[object, ...]]:
         certified(session)
-        answers = [label.split("**")[1] for label in session.buttons if label.startswith("**")]
         link = {k: v for k, v in session.app.query_params.items() if k not in ("unit", "system")}
-        return answers, link, [session.app.session_state[key] for key in kept], bool(session.app.error)
+        return answers(session), link, [session.app.session_state[key] for key in kept], bool(session.app.error)
 
     first, shown = said(), {"unit": "g", "system": "mph-lb"}
     assert len(first[0]) == 3 * complete
@@ -410,7 +392,7 @@ def test_what_belongs_to_a_campaign_goes_with_it(
     assert session.app.session_state["campaign"] == other.name
     assert "No criteria yet" in session.words
     assert session.app.expander[0].proto.expanded
-    assert field(session, "Confidence").value == 0.95
+    assert session.field("Confidence").value == 0.95
     assert not {"cell", "criteria"} & {*session.app.query_params}
     session.app.sidebar.selectbox(key="campaign").set_value(asking.name)
     assert not session.run().app.expander[0].proto.expanded
@@ -425,18 +407,13 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
     session = visit("certify", matrix="Upload")
     content = b"id,speed_mph,front_weight_lb,rear_weight_lb\nA,21,2050,1500\nB,24.5,2050,1500\n"
-    upload = session.app.file_uploader[-1]
-    upload.set_value([("planned.csv", content, "text/csv")])
-    session.run()
+    session.give("planned.csv", content)
     summary = "2 planned tests, 21.0 to 24.5 mph"
     assert summary in [own.label for own in session.app.expander]
     link = {"matrix": "Upload", "uploaded": session.app.session_state["uploaded"]}
-    session.run()
-    assert session.app.query_params["uploaded"] == link["uploaded"]
+    assert session.run().app.query_params["uploaded"] == link["uploaded"]
     assert summary in [own.label for own in visit("certify", **link).app.expander]
-    session.app.file_uploader[-1].set_value([("planned.csv", b"id,speed\n", "text/csv")])
-    session.run()
-    assert session.app.session_state["uploaded"] is None
+    assert session.give("planned.csv", b"id,speed\n").app.session_state["uploaded"] is None
     assert session.app.error
     st.cache_resource.clear()  # as a server does that begins
     assert summary in [own.label for own in visit("certify", **link).app.expander]
@@ -450,26 +427,20 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
 
 def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_link(asking: Path, visit: Visit) -> None:
     """Uploaded, or chosen from those kept; another session sees what became of it, and none is cleared."""
-    session = tab(certified(visit("certify", **LINK)), "Track record")
-    assert "against earlier verdicts" in session.words
+    session = certified(visit("certify", **LINK)).open_tab("certify", "Track record")
     assert kept(session).options  # as soon as they were known
     assert "noted before a test" in session.press("Keep today’s verdicts").words
     record = json.loads(certification_json(of_library(asking)))
     last, _ = record["tests_sha256"].popitem()
     told = f"Run since: {last}."
     for content, words in ((b"{}", "expected the record of a certification"), (json.dumps(record).encode(), told)):
-        session.app.file_uploader[-1].set_value([("certification.json", content, "application/json")])
-        session.run()
-        assert words in session.words
+        assert words in session.give("certification.json", content).words
     assert kept(session).value == session.app.session_state["earlier"]
     link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Track record"}
     assert told in certified(visit("certify", **link)).words
-    kept(session).set_value(None)
-    session.run()
-    assert session.app.session_state["earlier"] is None
+    assert session.fill({"Earlier certification": None}).app.session_state["earlier"] is None
     kept(session).select_index(0)
-    session.run()
-    assert "Compared with an earlier certification of" in session.words
+    assert "An earlier certification judged" in session.run().words
 
 
 def kept(session: Session) -> "Selectbox[str]":
@@ -484,7 +455,7 @@ def test_a_confidence_that_there_is_not_is_a_sentence(visit: Visit, asked: str) 
     session = visit("certify", **LINK, confidence=asked)
     assert f"expected a confidence from 0.5 to 0.999999, found {asked}" in session.words
     assert "Certify" not in session.buttons
-    field(session, "Confidence").set_value(0.8).run()
+    session.field("Confidence").set_value(0.8).run()
     assert "expected a confidence" not in session.words
 
 
@@ -492,18 +463,16 @@ def test_a_confidence_that_there_is_not_is_a_sentence(visit: Visit, asked: str) 
 def test_one_campaigns_confidence_is_not_anothers(visit: Visit) -> None:
     """The sample's criteria come with their own."""
     session = visit("certify", **LINK)
-    assert field(session, "Confidence").value == 0.9
-    session.app.selectbox(key="campaign").set_value("sample")
-    session.run()
-    assert field(session, "Confidence").value == 0.95
+    assert session.field("Confidence").value == 0.9
+    assert session.fill({"Campaign": "sample"}).field("Confidence").value == 0.95
 
 
 def test_costs_in_the_address_ask_for_a_confidence_unless_one_is_declared(asking: Path, visit: Visit) -> None:
     """The field follows them; a cost without the other is a sentence."""
     session = visit("certify", **LINK, cost_test="5")
     assert "expected costs test and wrong_answer, above 0" in session.words
-    field(session, "Cost of a wrong answer").set_value(500.0).run()
-    assert (field(session, "Confidence").value, session.app.query_params["cost_wrong"]) == (0.9, "500")
+    session.field("Cost of a wrong answer").set_value(500.0).run()
+    assert (session.field("Confidence").value, session.app.query_params["cost_wrong"]) == (0.9, "500")
     (asking / "criteria.toml").write_text(CRITERIA.removeprefix("confidence = 0.9\n"))
     session = visit("certify", **LINK, cost_test="5", cost_wrong="500")
-    assert field(session, "Confidence").value == 0.99
+    assert session.field("Confidence").value == 0.99

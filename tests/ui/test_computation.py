@@ -11,8 +11,8 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit.computation import Request, _folds, fit_request, study_request
+from tests.ui.conftest import SOON
 
-SOON = 60.0
 CONFIG = StudyConfig(approaches=("cae",), windows_ms=(60.0,))
 
 

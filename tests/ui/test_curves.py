@@ -25,8 +25,7 @@ def test_a_link_may_ask_for_anything(visit: Visit) -> None:
     session = visit("compare", **CAE_ONLY, test="T2", explained="magic", compare_also=asked)
     predicted(session)
     session.app.session_state["pins"] = ["30mph 2000lb 1500lb", "0mph 1lb", "🚗"]
-    session.run()
-    (also,) = [each for each in session.app.multiselect if each.label == "Also show"]
+    (also,) = [each for each in session.run().app.multiselect if each.label == "Also show"]
     assert also.value == ["T3", "cae:C00"]
     assert "T3 · 26.0 mph" in also.options
     assert any(option.startswith("CAE run C00 · ") for option in also.options)

@@ -301,8 +301,7 @@ def test_the_badge_of_a_test_that_stands_apart_overlays_the_tests_at_its_speed(m
     session = begin("study")
     (badge,) = (button for button in session.app.button if "stands apart" in button.label)
     badge.click()
-    session.run()
-    assert session.app.title[0].value != "Study"
+    assert session.run().app.title[0].value != "Study"
     assert session.app.session_state["overlaid"] == ["T2", "T3"]
     assert "differs from the other tests" in session.words
     session.press("All 4 tests")
@@ -384,9 +383,7 @@ def test_a_reason_that_a_click_overtook_leaves_nothing_out(open_campaign: Path) 
     """Text that is typed is sent along with the click that ends typing, here on the test itself."""
     leave_out(open_campaign, ["T3"])
     session = begin()
-    session.field("Why is T3").set_value("its sensor came loose")
-    pills(session)[0].set_value(["T1", "T2", "T3", "T4"])
-    session.run()
+    session.fill({"Why is T3": "its sensor came loose", "Tests in use": ["T1", "T2", "T3", "T4"]})
     assert in_use(session) == ["T1", "T2", "T3", "T4"]
     leave_out(open_campaign, ["T3"])
     session = begin()
@@ -483,11 +480,11 @@ def test_the_list_of_folders_is_short(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("anna")
 def test_pages_offer_and_copy_only_inside_the_roots(
     campaign_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A folder opened before the server was restricted is not offered, and no copy is saved elsewhere."""
-    monkeypatch.setattr(visitors, "browser", lambda: "anna")
     inside = shutil.copytree(campaign_folder, tmp_path / "root" / "inside")
     for folder in (campaign_folder, inside):
         campaigns.remember(folder)

@@ -193,9 +193,7 @@ def test_on_an_import(open_campaign: Path, visit: "Visit", tmp_path: Path) -> No
     assert open_campaign.is_dir()
     source = tmp_path / "v5.zip"
     source.write_bytes(zipped(nhtsa_files()))
-    session = visit("data", opening="open", **OPTIONS)
-    session.app.file_uploader[0].set_value([(source.name, source.read_bytes(), "application/zip")])
-    session.press("Open upload")
+    session = visit("data", opening="open", **OPTIONS).upload({source.name: source.read_bytes()})
     (preview,) = crashfuse.preview_source(source)
     assert drawn(session) == traces(preview.plot(display=SHOWN))
 

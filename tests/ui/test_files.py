@@ -39,7 +39,6 @@ def captioned(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> Captioned:
 
 
 def test_a_name_has_the_campaign_the_test_what_is_drawn_the_window_and_the_unit(captioned: Captioned) -> None:
-    """In few words."""
     assert captioned().name == "Tiny_T2_pulses_0-60ms_g"
     assert captioned(test="T3", window=20.0, unit="m/s²").name == "Tiny_T3_pulses_0-20ms_mps2"
 
@@ -62,7 +61,6 @@ def test_a_name_has_whatever_is_not_as_usual(captioned: Captioned, chosen: dict[
 
 
 def test_a_name_has_tests_left_out_of_use(captioned: Captioned, campaign: Campaign) -> None:
-    """They change the figure."""
     shown = captioned(campaign=replace(campaign, unused=(("T9", campaign.test("T1").condition),)))
     assert shown.name == "Tiny_T2_pulses_0-60ms_g_without-T9"
     assert "T9 left out of use" in shown.details
@@ -184,10 +182,8 @@ def test_a_page_hands_out_curves_as_they_are_chosen(made: list[tuple[str, dict[s
     assert "Test T1 was left out." in files["fused_15mph_expected.k"]
     app.selectbox(key="export units").set_value("mm-s-t")
     app.button_group(key="export sign").set_value("positive")
-    app.number_input(key="export start").set_value(10.0)
-    app.number_input(key="export scale").set_value(0.5)
-    app.number_input(key="export id").set_value(42)
-    app.number_input(key="export draws of 7").set_value(3)
+    for name, value in {"start": 10.0, "scale": 0.5, "id": 42, "draws of 7": 3}.items():
+        app.number_input(key=f"export {name}").set_value(value)
     app.run()
     assert not app.exception
     name, files = made[-1]

@@ -205,10 +205,7 @@ def test_another_unit_converts_what_is_typed_in() -> None:
 def test_the_units_of_an_import_follow_those_of_the_pages() -> None:
     """Switched in the sidebar while it goes on, until another unit is chosen here."""
     session = begin().upload(table())
-    session.app.sidebar.button_group(key="system").set_value("mph-lb")
-    session.run().fill({"Speed (mph)": 30.0})
-    session.app.sidebar.button_group(key="system").set_value("kph-kg")
-    session.run()
+    session.fill({"Units of speeds": "mph-lb"}).fill({"Speed (mph)": 30.0}).fill({"Units of speeds": "kph-kg"})
     assert (session.field("Speed in").value, session.field("Weights in").value) == ("km/h", "kg")
     assert session.field("Speed (km/h)").value == pytest.approx(48.28, abs=0.01)
     session.fill({"Speed in": "mph"})
@@ -338,9 +335,7 @@ def test_a_folder_of_foreign_files_is_imported_from_where_it_is(tmp_path: Path) 
     (tmp_path / "v5").mkdir()
     for name, content in nhtsa_files().items():
         (tmp_path / "v5" / name).write_bytes(content)
-    session = begin()
-    session.app.text_input(key="folder").set_value(str(tmp_path / "v5"))
-    session = session.press("Open folder")
+    session = begin().open_folder(str(tmp_path / "v5"))
     assert "NHTSA" in session.words
     session.press("Back without importing")
     assert len(list((tmp_path / "v5").iterdir())) == len(nhtsa_files())

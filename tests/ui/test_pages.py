@@ -46,18 +46,9 @@ from tests.ui.conftest import SOON, Session, as_read, begin
 pytestmark = pytest.mark.usefixtures("open_campaign")
 
 FAST = ("cae", "lf_tcn")
-FITS: dict[str, dict[str, object]] = {
-    "displacement_domain": {
-        "points": 300,
-        "bias_rms_g": 7.25,
-        "log_marginal_likelihood": -12.3,
-        "dead": False,
-        "retries": 0,
-        "hyperparameters": {"shared, standard deviation": 0.7},
-        "spread_factors": {"shared, standard deviation": 1.5},
-        "touched_bounds": [],
-    }
-}
+BIAS = {"points": 300, "bias_rms_g": 7.25, "log_marginal_likelihood": -12.3, "dead": False, "retries": 0}
+SPREAD = {name: {"shared, standard deviation": to} for name, to in (("hyperparameters", 0.7), ("spread_factors", 1.5))}
+FITS: dict[str, dict[str, object]] = {"displacement_domain": {**BIAS, **SPREAD, "touched_bounds": []}}
 
 
 def predict(campaign: Campaign, condition: Condition, scale: float = 1.0) -> Prediction:
@@ -144,8 +135,7 @@ def test_training_shows_progress_and_can_be_cancelled() -> None:
     session = start("train")
     session.press(WITHOUT)
     job = running(lambda job: "LF TCN" in job.steps and job.steps["LF TCN"].progress.done == 3)
-    session.run()
-    assert "LF TCN: 3 of 10" in session.words
+    assert "LF TCN: 3 of 10" in session.run().words
     assert session.charts == 1
     drawn = json.loads(session.app.get("plotly_chart")[0].proto.spec)
     assert drawn["data"] == SentFigure(drawing_of(job.steps["LF TCN"].plot())).to_dict()["data"]
@@ -153,8 +143,7 @@ def test_training_shows_progress_and_can_be_cancelled() -> None:
     assert [layout[axis]["title"]["text"] for axis in ("xaxis", "yaxis")] == ["Step", "Loss"]
     session.press("Cancel")
     assert job.wait(SOON)
-    session.run()
-    assert "Cancelled" in session.words
+    assert "Cancelled" in session.run().words
 
 
 @pytest.mark.slow
@@ -284,9 +273,8 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     def in_two_parts(
         campaign: Campaign, config: StudyConfig, *, held_out: tuple[str, ...], watch: Watch, **_: object
     ) -> Study:
-        watch.show_part(
-            quick_study(campaign, replace(config, approaches=("cae", "displacement_domain")), held_out=held_out)
-        )
+        early = replace(config, approaches=("cae", "displacement_domain"))
+        watch.show_part(quick_study(campaign, early, held_out=held_out))
         while not trained.wait(0.01):
             watch.report("Training LF TCN", 3, 10)
         return quick_study(campaign, config, held_out=held_out)
@@ -294,8 +282,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     nothing_cached.setattr(computation, "run_study", in_two_parts)
     session = start("compare").press("Predict test T1")
     job = running(lambda job: job.part is not None and job.steps)  # shown, and then reported
-    session.run()
-    assert rated(session) == ["CAE", "Displacement domain"]
+    assert rated(session.run()) == ["CAE", "Displacement domain"]
     assert "LF TCN, Time domain, Fused: still training" in session.words
     assert "Training LF TCN: 3 of 10" in session.words
     assert "T1 left out" not in session.words  # how good an approach is that happens to be known first
@@ -314,12 +301,8 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
 
 CURVE = {"epoch": [1, 2], "train_loss": [1.0, 0.1], "validation_loss": [1.1, 0.2]}
 NETWORK = {"members": 4, "weights": 54433, "learning_curve": CURVE}
-BY_STRENGTH = {
-    "penalty": 0.02,
-    "left_out_delta_v_misfit": 0.02,
-    "rmse": {"0.02": 0.1, "0.06": 0.2},
-    "left_out_rmse": {"0.02": 0.3, "0.06": 0.4},
-}
+RMSE = {"rmse": {"0.02": 0.1, "0.06": 0.2}, "left_out_rmse": {"0.02": 0.3, "0.06": 0.4}}
+BY_STRENGTH = {"penalty": 0.02, "left_out_delta_v_misfit": 0.02, **RMSE}
 BY_ADAM = {"tuning_curve": {"epoch": [1, 2], "train_loss": [1.0, 0.1]}}
 
 
@@ -476,8 +459,7 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
     monkeypatch.setattr("crashfuse.study.config.create", create)
     session = start("predict").press("Predict")
     job = running(lambda job: job.part is not None and len(job.part.fits) >= 2)
-    session.run()
-    assert session.charts == 1
+    assert session.run().charts == 1
     assert "LF TCN, Time domain, Fused: still training" in session.words
     assert "Use " not in session.words
     assert "Pin this prediction" not in session.buttons
@@ -485,8 +467,7 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
     assert "once every approach is fitted" in session.open_tab("predict", "Over speed").words
     trained.set()
     assert job.wait(SOON)
-    session.run()
-    assert "still training" not in session.words
+    assert "still training" not in session.run().words
     assert "Use the fused" in session.words
     assert "Predict over speed" in session.buttons
 

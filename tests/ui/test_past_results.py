@@ -39,7 +39,6 @@ def past(visit: Visit, *ticked: PastResult) -> Session:
 
 
 def test_what_predict_and_certify_answer_is_listed(visit: Visit, open_campaign: Path) -> None:
-    """Without a pin or a button."""
     (open_campaign / "criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 900.0\n')
     (open_campaign / "matrix.csv").write_text("id,speed_mph,front_weight_lb,rear_weight_lb\nM,25,2050,1500\n")
     visit("certify", approach="cae").press("Certify").finish()
@@ -81,7 +80,6 @@ def test_two_studies_that_are_ticked_are_compared(visit: Visit, data: str) -> No
 
 
 def test_a_prediction_has_no_ratings_to_compare(visit: Visit, data: str) -> None:
-    """It is said what can be compared."""
     condition = Condition.of_vector([50 * KPH, 900.0, 700.0])
     prediction = kept(2, data, ratings={}, condition=condition, expected="0.78 to 0.93")
     session = past(visit, kept(1, data), prediction)
@@ -134,8 +132,7 @@ def test_a_certification_is_listed_and_opens_certify_with_its_criteria(visit: Vi
     session = visit("study", study_tab="Past results", ticked=earlier.id)
     (row,) = session.app.dataframe[0].value.to_dict("records")
     assert (row["What"], row["Recommended"]) == ("certification of 2 conditions", "CAE")
-    session.app.button[-1].click().run()
-    state = session.app.session_state
+    state = open_last(session).app.session_state
     assert session.app.title[0].value == "Certify"
     assert [text.split("~")[0] for text in state["criteria"]] == ["max_crush"]
     assert state["approach"] == "cae"

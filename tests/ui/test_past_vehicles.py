@@ -16,16 +16,10 @@ from tests.ui.conftest import SOON, Session, begin
 LEARN = "Learn an archive"
 
 
-def upload(session: Session, content: bytes) -> Session:
-    """Give the page a file of an archive."""
-    session.app.file_uploader[0].set_value([("past.cfa", content, "application/octet-stream")])
-    return session.run()
-
-
 def test_an_archive_is_put_in_shown_and_taken_out(open_campaign: Path) -> None:
     """What is in use stands on every page, which links here; Undo puts it back."""
     file, content = open_campaign / "archive.cfa", made_archive().content
-    session = upload(begin("train"), content)
+    session = begin("train").give("past.cfa", content)
     assert file.read_bytes() == content
     assert "Archive of 3 vehicles" in session.go("data").answer
     session.press("Archive of 3 vehicles")
@@ -42,7 +36,7 @@ def test_an_archive_is_put_in_shown_and_taken_out(open_campaign: Path) -> None:
 
 
 def test_a_file_that_is_no_archive_changes_nothing(open_campaign: Path) -> None:
-    session = upload(begin("train"), b"no archive")
+    session = begin("train").give("past.cfa", b"no archive")
     assert "Nothing was changed" in session.words
     assert session.tables[-1]["File"].tolist() == ["archive.cfa"]
     assert not (open_campaign / "archive.cfa").exists()

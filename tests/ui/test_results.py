@@ -24,8 +24,6 @@ from crashfuse.ui.kit.results import styled
 from crashfuse.units import KPH_KG, LB, MPH, G
 from tests.ui.conftest import as_read
 
-UNBROKEN = "\N{NO-BREAK SPACE}"
-
 
 def test_numbers_stand_at_the_right_and_words_at_the_left() -> None:
     """A rating with its grade begins with a number, stays in line; intervals are lighter."""
@@ -39,7 +37,7 @@ def test_numbers_stand_at_the_right_and_words_at_the_left() -> None:
     assert [style["selector"] for style in drawn["table_styles"]] == ["th.col1"]
     cells = [as_read(str(cell["display_value"])) for cell in drawn["body"][0] if cell["is_visible"]]
     assert cells == ["T_1", "25.3 :gray[[24.1, 26.0]]", "0.850 Good"]
-    assert UNBROKEN in drawn["body"][0][3]["display_value"]
+    assert "\N{NO-BREAK SPACE}" in drawn["body"][0][3]["display_value"]
 
 
 def test_settings_of_the_occupant_stand_beside_its_metrics(campaign: Campaign) -> None:

@@ -67,8 +67,7 @@ def test_units_that_were_chosen_are_kept_in_any_campaign(
         assert session.numbers["Test speeds"] == "24–56 km/h"
         session.open_folder(str(campaign_on_disk))
         assert session.numbers["Test speeds"] == "15–35 mph"
-        session.app.sidebar.button_group(key="system").set_value("kph-kg")
-        session.run()
+        session.fill({"Units of speeds": "kph-kg"})
     for folder in (metric, campaign_on_disk):
         assert session.open_folder(str(folder)).numbers["Test speeds"] == "24–56 km/h"
     assert session.app.query_params["system"] == "kph-kg"

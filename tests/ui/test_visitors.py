@@ -13,26 +13,17 @@ from crashfuse.files.archive import zipped
 from crashfuse.ui.kit import campaigns, uploads, visitors
 from crashfuse.ui.kit.computation import jobs
 from tests.conftest import content_of
-from tests.ui.conftest import Session, Visit
+from tests.ui.conftest import Visit
 from tests.ui.test_past_results import kept
 
 ANNA = Visitor("k1", "anna@example.com")
 
 
-def _upload(session: Session, folder: Path, name: str) -> str:
-    """Drop a zip of a campaign; returns the name that its link has."""
-    session.app.file_uploader[0].set_value([(f"{name}.zip", zipped(content_of(folder)), "application/zip")])
-    session.press("Open upload")
-    opened = session.app.sidebar.selectbox(key="campaign").value
-    assert isinstance(opened, str)
-    return opened
-
-
 @pytest.mark.slow
 def test_an_upload_is_in_nobody_elses_list_until_they_have_its_link(visit: Visit, campaign_folder: Path) -> None:
     """Its name can't be guessed; what was computed of it is for them alone, too, also once the server has ended."""
-    first = visit()
-    secret = _upload(first, campaign_folder, "secret-car")
+    first = visit().upload({"secret-car.zip": zipped(content_of(campaign_folder))})
+    secret = str(first.app.sidebar.selectbox(key="campaign").value)
     kept(1, campaigns.load(secret).fingerprint, campaign="secret-car")
     assert len(secret) == len("secret-car-") + 16
     second = visit()
@@ -71,8 +62,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_pages_open_what_is_inside_the_root_and_nothing_else(root: Path, campaign_folder: Path, tmp_path: Path) -> None:
     """Whether it exists or not, by whatever way it is named: the same sentence."""
-    inside = root / "car"
-    campaign_folder.rename(inside)
+    inside = campaign_folder.rename(root / "car")
     assert campaigns.allowed(inside) == inside.resolve()
     (tmp_path / "a:b-too").mkdir()
     (root / "link").symlink_to(tmp_path)
@@ -84,8 +74,7 @@ def test_pages_open_what_is_inside_the_root_and_nothing_else(root: Path, campaig
 
 def test_a_folder_that_leads_elsewhere_by_a_link_is_refused(root: Path, campaign_folder: Path, tmp_path: Path) -> None:
     """A pulse outside is not read by a link; a link to another place inside is fine."""
-    inside = root / "car"
-    campaign_folder.rename(inside)
+    inside = campaign_folder.rename(root / "car")
     pulse = inside / "tests" / "T1.csv"
     pulse.rename(root / "T1.csv")
     pulse.symlink_to(root / "T1.csv")
@@ -111,8 +100,7 @@ def test_a_link_made_after_opening_is_followed_by_no_read_and_no_write(
     (inside / leads_out).rename(outside)
     (inside / leads_out).symlink_to(outside)
     before = content_of(tmp_path)
-    session.app.button_group(key="tests in use").set_value(["T1", "T2", "T3"])
-    session.run()
+    session.fill({"Tests in use": ["T1", "T2", "T3"]})
     assert session.tables[0]["Found"].str.contains("a link to elsewhere|one outside").all()
     with pytest.raises(DataError, match="this server opens and writes nothing else"):
         campaigns.load(name)

@@ -304,10 +304,7 @@ def _show_variants(certification: Certification) -> None:
 
 
 def show_files(view: View, certification: Certification) -> None:
-    """Offer them, with criteria and matrix, which ask for the same again.
-
-    What the page shows *without* a test is in them, as other limits and confidences always are.
-    """
+    """Offer them, with criteria and matrix; what is shown *without* a test is in them, as other limits always are."""
     variants, matrix, asked = _variants(certification), certification.matrix, st.session_state["what_if"]
     without = {name: own for name, own in variants.items() if name in asked and name.startswith(_WITHOUT)}
     judged = {name: judge(campaign(), criteria, matrix).result for name, (campaign, criteria) in without.items()}

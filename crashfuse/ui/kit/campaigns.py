@@ -23,6 +23,7 @@ from crashfuse.ui.kit.visitors import keep_for_visitor, kept_for_visitor, visito
 
 SAMPLE = "sample"
 HASHED: dict[str | type, Callable[[Any], object]] = {Campaign: lambda campaign: campaign.fingerprint}  # in caches
+_sample = st.cache_resource(show_spinner="Preparing the sample campaign …")(sample_folder)
 _opening = threading.Lock()  # with the list in hand: to make it takes the lock
 _FOLDERS, _MOST_RECENT = "folders", 8  # opened before, kept for the visitor
 
@@ -156,10 +157,9 @@ def open_uploaded(folder: Path) -> str:
     read(folder)
     token = secrets.token_urlsafe(12)
     name = f"{folder.name}-{token}"
-    opened, one = opened_here(), _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})")
-    one.visitors.add(visitor().key)
+    opened, by = opened_here(), {visitor().key}
     with _opening:
-        opened[name] = one
+        opened[name] = _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})", visitors=by)
     note_in_log(visitor(), f"uploaded {label(name)}")
     return name
 
@@ -177,7 +177,7 @@ def load(name: str) -> Campaign:
 def folder_of(name: str) -> Path:
     """The folder of the open campaign of this name; a DataError if pages may not open it any more."""
     folder = opened_here()[name].folder
-    return _sample_folder() if folder is None else still_allowed(folder)
+    return _sample() if folder is None else still_allowed(folder)
 
 
 def read(folder: Path) -> Campaign:
@@ -221,11 +221,6 @@ def data_stamp(folder: Path) -> tuple[object, ...]:
     patterns = ("tests.csv", "cae.csv", "campaign.toml", "*_pulses.*", "*_wall.*", "tests/*", "cae/*")
     files = sorted(path for pattern in patterns for path in folder.glob(pattern))
     return tuple((path.name, *stamp(path)) for path in files)
-
-
-@st.cache_resource(show_spinner="Preparing the sample campaign …")
-def _sample_folder() -> Path:
-    return sample_folder()
 
 
 def recent_folders() -> tuple[Path, ...]:

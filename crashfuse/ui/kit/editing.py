@@ -56,7 +56,11 @@ def offer_leaving_out(view: View) -> None:
 def choose_tests_in_use(view: View) -> None:
     """Let the tests in use be changed, or offer a copy in which they can be."""
     if not can_be_edited(view.folder):
-        _offer_copy(view)
+        with st.popover("Save a copy to edit", icon=":material/content_copy:"):
+            st.markdown("Tests are left out of use, or added, in a copy.")
+            usual = str(Path.home() / "my-campaign")
+            st.text_input("Folder of the copy", placeholder=usual, **kept(_COPY))
+            st.button("Save the copy", type="primary", on_click=_save_copy, args=(view,))
         return
     used, unused = view.campaign.test_ids, [test_id for test_id, _ in view.campaign.unused]
     address.put(_USED, list(used))
@@ -113,14 +117,6 @@ def edit(view: View, change_it: Callable[[], str]) -> None:
         tests = {test.id for test in campaigns.load(view.name).tests}
         if st.session_state["test"] not in tests:  # another is then held out, without a warning
             st.session_state["test"] = None
-
-
-def _offer_copy(view: View) -> None:
-    with st.popover("Save a copy to edit", icon=":material/content_copy:"):
-        st.markdown("Tests are left out of use, or added, in a copy.")
-        usual = str(Path.home() / "my-campaign")
-        st.text_input("Folder of the copy", placeholder=usual, **kept(_COPY))
-        st.button("Save the copy", type="primary", on_click=_save_copy, args=(view,))
 
 
 def _save_copy(view: View) -> None:

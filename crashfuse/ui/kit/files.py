@@ -119,10 +119,7 @@ def export_button(show: Callable[[], None]) -> None:
 
 
 def offer(of: str, files: Mapping[str, Callable[[], pd.DataFrame | bytes | str]], form: str = "") -> None:
-    """A row of buttons that download files: tables as the command line writes them, reports also as slides.
-
-    Names of files begin with what they are ``of``, those of reports also with their form.
-    """
+    """Buttons that download files, named by what they are ``of``, and reports, also as slides, by their form."""
     with st.container(horizontal=True):
         for name, make in files.items():
             is_report = name.endswith(".html")
@@ -195,18 +192,15 @@ def offer_pulses(
         if (drawn := estimate.draws_mps2) is not None:
             draws = right.number_input("Draws", 0, len(drawn), 0, **kept(f"export draws of {len(drawn)}"))
         try:
-            location, curve = (_location(), None) if form == "isomme" else (LOCATION, _curve())
+            location, curve = LOCATION, None if form == "isomme" else _curve()
+            if curve is None:
+                location = st.text_input("Location code", LOCATION, max_chars=12, **kept("export location")).upper()
             export = PulseExport((form,), draws, seed, location, curve)
         except UsageError as error:
             st.warning(plain(error), icon=":material/warning:")
             return
         files = f"{approach}-{estimate.condition.speed_name}-{form}.zip"
         offer(campaign.name, {files: lambda: zipped(export.files(campaign, [estimate], remarks, chosen_units())[form])})
-
-
-def _location() -> str:
-    code: str = st.text_input("Location code", LOCATION, max_chars=12, **kept("export location"))
-    return code.upper()
 
 
 def _curve() -> SolverCurve:

@@ -1,7 +1,4 @@
-"""The window: pages, moves between them, their look, and what the browser is asked to do.
-
-Importing this takes no time: it paints the window while all else is imported.
-"""
+"""The window: pages, moves between them, what the browser is asked to do; painted while all else is imported."""
 
 from functools import cache
 from pathlib import Path
@@ -53,11 +50,8 @@ def navigate() -> Page:
 
 def show_links() -> None:
     """Links to all pages. Streamlit's own would drop this session's choices from the address."""
-    from crashfuse.ui.kit import address
-
-    known = pages()
     for name, (title, icon) in _PAGES.items():
-        st.page_link(known[name], label=title, icon=icon, query_params=address.parameters(name))
+        show_link(name, title, icon)
 
 
 def show_link(name: str, label: str, icon: str = ":material/arrow_forward:") -> None:

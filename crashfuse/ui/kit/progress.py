@@ -19,6 +19,7 @@ from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.visitors import visitor
 
 T = TypeVar("T")
+_slowness = st.cache_resource(ttl=5, show_spinner=False)(slowness)
 _PART_S = 3.0  # between two parts of a result: each redraws the page
 _OFTEN_S, _SELDOM_S = 0.5, 1.0  # between two looks at a job: until a part is shown, and then; each look costs the job
 _WORTH_A_WORD_S = 10.0
@@ -123,11 +124,6 @@ def _patience(request: Request[Any]) -> str:
         return "The paper's settings take many hours without a GPU."
     expected = _range(*jobs().pace.range_s(usual_s, _slowness()))
     return expected and f"On this machine now: {expected}."
-
-
-@st.cache_resource(ttl=5, show_spinner=False)
-def _slowness() -> float:
-    return slowness()
 
 
 def _range(lower_s: float, upper_s: float) -> str:

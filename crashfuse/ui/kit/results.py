@@ -23,6 +23,7 @@ from crashfuse.signals.rating import WEIGHTS, Rating
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import METRICS, PULSE_SHAPE, advice_on_page, chosen_units, plain
 
+_UNUSABLE = "This campaign cannot be used"
 _MOST_ROWS = 50  # shown; the downloaded file has all
 
 
@@ -83,11 +84,7 @@ def problem_table(problems: Sequence[Problem], *, merged: bool = False) -> pd.Da
 
 
 def show_problems(
-    problems: Sequence[Problem],
-    what: str = "This campaign cannot be used",
-    result: str = "Nothing of it was opened.",
-    *,
-    place: str = "",
+    problems: Sequence[Problem], what: str = _UNUSABLE, result: str = "Nothing of it was opened.", *, place: str = ""
 ) -> None:
     """Show all problems in the data, and offer them as a file."""
     n = len(problems)

@@ -1,7 +1,4 @@
-"""Files from the browser, and foreign files being imported.
-
-Uploads are deleted when the server ends, or as the next one starts.
-"""
+"""Files from the browser, deleted when the server ends or as the next one starts, and foreign files imported."""
 
 import atexit
 import hashlib

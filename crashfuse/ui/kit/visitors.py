@@ -1,7 +1,4 @@
-"""Who is in front of a session: the person who has logged in, else the browser; the log-in.
-
-A log-in by an identity provider (OpenID Connect) is asked for where the secrets file has a section ``[auth]``.
-"""
+"""Who is in front of a session: who logged in, if the secrets have ``[auth]`` (OpenID Connect), else the browser."""
 
 import hashlib
 import json
