@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -284,8 +284,9 @@ def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityV
     is_recorded = any(quality.recorded for _, quality in judged)
     rows = [_row(name, judged, by) for name in QUALITIES] if is_recorded else []
     table = pd.DataFrame(rows, columns=["quantity", "limit", "passed", "failed", "not_recorded", "worst", "worst_run"])
-    failed_runs = [(run, *(getattr(q, name) for name in QUALITIES), _beyond(q, failed)) for run, q, failed in failing]
-    runs = pd.DataFrame(failed_runs, columns=["id", *QUALITIES, "fails"])
+    runs = pd.DataFrame([(run, *astuple(quality)) for run, quality, _ in failing], columns=["id", *QUALITIES])
+    shown = ((f"{QUALITIES[name]} {number(100 * getattr(q, name), '.3g')} %" for name in own) for _, q, own in failing)
+    runs["fails"] = [", ".join(own) for own in shown]
     return QualityVerdict(
         limits=limits,
         runs=len(judged),
@@ -305,7 +306,3 @@ def _row(name: str, judged: list[tuple[str, RunQuality]], limits: QualityLimits)
     passed = len(recorded) - failed if limit is not None else 0
     run, worst = max(recorded, key=lambda row: abs(row[1]), default=("", None))
     return QUALITIES[name], limit, passed, failed, len(judged) - len(recorded), worst, run
-
-
-def _beyond(quality: RunQuality, failed: tuple[str, ...]) -> str:
-    return ", ".join(f"{QUALITIES[name]} {number(100 * getattr(quality, name), '.3g')} %" for name in failed)

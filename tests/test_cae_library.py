@@ -31,9 +31,8 @@ def test_a_condition_without_a_run_has_no_pair(campaign: Campaign) -> None:
 def test_a_pair_survives_rounding_and_is_the_nearest_of_several(campaign: Campaign) -> None:
     """A table in whole kg and tenths of km/h gives the same run; 0.4 % apart is another condition."""
     test = campaign.tests[0].condition
-    rounded = Condition.of_vector(
-        [round(test.speed_mps / KPH, 1) * KPH, float(round(test.front_weight_kg)), float(round(test.rear_weight_kg))]
-    )
+    weights = (float(round(weight)) for weight in (test.front_weight_kg, test.rear_weight_kg))
+    rounded = Condition.of_vector([round(test.speed_mps / KPH, 1) * KPH, *weights])
     assert rounded != test
     assert campaign.cae.paired_run(rounded) == campaign.cae.paired_run(test)
     assert campaign.cae.paired_run(replace(test, front_weight_kg=1.004 * test.front_weight_kg)) is None

@@ -23,18 +23,7 @@ from crashfuse.certification.earlier import COMPARED, Earlier, LaterTests, compa
 from crashfuse.certification.forecasts import SEEDS, Plan
 from crashfuse.certification.matrix import Matrix, MatrixGiven, matrix_given
 from crashfuse.certification.track_record import TrackRecord, left_out_tests
-from crashfuse.certification.verdict import (
-    WORDS,
-    AllMet,
-    Verdict,
-    Word,
-    all_met,
-    beside_tests,
-    judge,
-    needs_no_test,
-    with_probability_interval,
-    with_reason,
-)
+from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache
@@ -47,8 +36,7 @@ from crashfuse.units import Sentence, probability_text, read_out
 if TYPE_CHECKING:
     import pandas as pd
 
-APPROACH = AboutFused.name
-"""The approach whose predictions are judged if no other is asked for."""
+APPROACH = AboutFused.name  # whose predictions are judged if no other is asked for
 _LEARN, _JUDGE = "Left-out tests", "Planned tests"  # steps
 Rows = tuple[tuple[Verdict, ...], ...]
 Answer = Literal["was run", "skip", "run", "would miss", "cannot say"]
@@ -338,7 +326,7 @@ def certify_matrix(
         )
         if not is_variant:
             pairs = zip(plan.cells, judged, strict=True)
-            judged = tuple(tuple(with_probability_interval(v, at_cells[cell]) for v in row) for cell, row in pairs)
+            judged = tuple(tuple(v.with_interval(at_cells[cell]) for v in row) for cell, row in pairs)
         checks = {
             i: float(np.mean(chances))
             for (i, at), cell, tests in zip(matrix.items, plan.cells, tests_run, strict=True)
@@ -404,19 +392,18 @@ def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRec
     def held(verdict: Verdict, apart: Sequence[str]) -> Verdict:
         support = supports[verdict.criterion]
         if verdict.decided and (shortfall := support.shortfall(criteria.confidence)):
-            verdict = with_reason(verdict, shortfall, contradicted=True)
+            verdict = verdict.with_reason(shortfall, contradicted=True)
         elif verdict.decided and (reservation := support.reservation(criteria.confidence)):
-            verdict = with_reason(verdict, reservation)
+            verdict = verdict.with_reason(reservation)
         if verdict.run:
-            verdict = beside_tests(verdict, *_measured(verdict, record))
+            verdict = verdict.beside_tests(*_measured(verdict, record))
         if apart:
             may = Sentence("another test may come out as it did.")
             if verdict.folds:
                 alike, otherwise = (probability_text(share, criteria.confidence) for share in verdict.folds)
                 which = "{} either way." if alike == otherwise else "{} if a test comes out as it did, else {}."
                 may = Sentence(f"met with probability {which}", otherwise, alike)
-            caveat = Sentence("{} stands apart at about this speed: {}", read_out(apart), may)
-            verdict = with_reason(verdict, caveat)
+            verdict = verdict.with_reason(Sentence("{} stands apart at about this speed: {}", read_out(apart), may))
         return verdict
 
     apart = ([departure.test for departure in departures_near(campaign, row[0].condition)] for row in judged)
@@ -424,10 +411,7 @@ def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRec
 
 
 def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | None], dict[str, Condition]]:
-    trials = {
-        trial.held_out: trial
-        for trial in (*record.trials, *record.tuned)
-        if trial.left_out == "test" and trial.held_out in verdict.run and trial.verdict.criterion == verdict.criterion
-    }
+    alone = (trial for trial in (*record.trials, *record.tuned) if trial.left_out == "test")
+    trials = {t.held_out: t for t in alone if t.held_out in verdict.run and t.verdict.criterion == verdict.criterion}
     off = {i: t.verdict.condition for i, t in trials.items() if not t.verdict.condition.is_at(verdict.condition)}
     return {test: trials[test].measured if test in trials else None for test in verdict.run}, off

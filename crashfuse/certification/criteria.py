@@ -20,8 +20,7 @@ from crashfuse.units import KPH, MPH, G, Quantity, Sentence, UnitSystem, joined
 
 RATING = "rating"
 CONFIDENCE = 0.95
-WINDOW_MS = 60.0
-"""Window of a rating if none is named."""
+WINDOW_MS = 60.0  # of a rating if none is named
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +170,7 @@ class Criteria:
 
 LEAST_SURE, MOST_SURE = 0.5, 0.999999
 _MOST_CRITERIA = 100
-_LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
-"""Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
+_LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}  # a limit below is in the other unit: no vehicle crushes less
 _OTHER_UNITS = {"km/h": {"mph": MPH / KPH, "m/s": 1 / KPH}, "mm": {"inches": 25.4, "cm": 10.0}, "g": {"m/s²": 1 / G}}
 _NEAR = 1.2  # below the least or above the largest: a mile per hour is 1.6 km/h
 CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria
@@ -190,13 +188,13 @@ def read_criteria(path: Path) -> Criteria:
         raise DataError(Problem(path.name, "this file", NO_FILE, "declare the acceptance criteria in it"))
     values = read_toml(path, 1, "keep the criteria alone")
     items, problems = values.pop("criterion", []), list[Problem]()
-    declared, costs, tolerances = (values.pop(key, None) for key in ("confidence", "costs", "tolerances"))
+    asked = tuple(values.pop(key, None) for key in ("confidence", "costs", "tolerances"))
     if values:
         known = "confidence, [costs], [tolerances] and [[criterion]]"
         problems.append(Problem(path.name, known, ", ".join(values), "remove or rename it"))
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise DataError(Problem(path.name, "tables [[criterion]]", "another value", "begin each with [[criterion]]"))
-    return _checked(items, declared, costs, tolerances, path.name, problems)
+    return _checked(items, asked, path.name, problems)
 
 
 def criteria_of(
@@ -206,7 +204,7 @@ def criteria_of(
     tolerances: Mapping[str, Any] | None = None,
 ) -> Criteria:
     """Create criteria from mappings with the keys of ``criteria.toml``; raises as :func:`read_criteria`."""
-    return _checked([dict(item) for item in criteria], confidence, costs, tolerances, "the criteria", [])
+    return _checked([dict(item) for item in criteria], (confidence, costs, tolerances), "the criteria", [])
 
 
 def with_costs(criteria: Criteria, costs: Mapping[str, object]) -> Criteria:
@@ -280,14 +278,8 @@ def ratings_wanted() -> list[dict[str, Any]]:
     return [{"name": f"rating {window:g} ms", "window_ms": window, **rating} for window in WINDOWS_MS]
 
 
-def _checked(
-    items: list[dict[str, Any]],
-    confidence: object,
-    costs: object,
-    tolerances: object,
-    where: str,
-    problems: list[Problem],
-) -> Criteria:
+def _checked(items: list[dict[str, Any]], asked: tuple[object, ...], where: str, problems: list[Problem]) -> Criteria:
+    confidence, costs, tolerances = asked
     declared = float(confidence) if is_number(confidence) else None
     if confidence is not None and (declared is None or not LEAST_SURE <= declared <= MOST_SURE):
         expected = f"a confidence from {LEAST_SURE} to {MOST_SURE}"

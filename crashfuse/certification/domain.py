@@ -18,8 +18,7 @@ _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two ot
 _FARTHEST_BEYOND_MPS = 5 * MPH  # the slowest or fastest test
 _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
 _SAME_SPEED_MPS = 1.0 * KPH  # and a speed
-REST_ON_PEAK = ("peak", "peak_time", RATING)
-"""Metrics that nobody knows beyond the fastest test: what is crushed there for the first time may bottom out."""
+REST_ON_PEAK = ("peak", "peak_time", RATING)  # unknown beyond the fastest test: the structure may bottom out there
 _Gap = tuple[CrashTest, tuple[str, ...], float]  # a test, its speed group, and how far the nearest other one is
 
 

@@ -34,8 +34,7 @@ from crashfuse.study.estimate import is_beyond
 from crashfuse.units import read_out
 
 FILE = seal.FILE
-COMPARED = (FILE, "certification.csv", "track_record.csv")
-"""Files whose values are computed again."""
+COMPARED = (FILE, "certification.csv", "track_record.csv")  # whose values are computed again
 VERDICTS = "cells, "  # begins their places
 AGREEMENTS, UNDERIVED = ("to the last digit", "within rounding", "not"), "not derived"
 _ROUNDING = 1e-5  # of a value; tables have six digits
@@ -106,10 +105,7 @@ class LaterTests:
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        """Verdicts on metrics of tests that were run later, by the occupant model of then.
-
-        First those of certifications before it: certifying twice forgets nothing that was wrong once.
-        """
+        """Verdicts on metrics of tests run later, by the occupant model of then, after those that it knew itself."""
         then, found = replace(self.campaign, occupant=self.earlier.occupant), list(self.earlier.trials)
         for test, planned in self.made_for.items():
             if planned not in self.earlier.run:

@@ -18,9 +18,7 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
 
-LARGEST = 8 << 20
-"""Bytes of a file; 10,000 conditions take less than one million, a verdict in a certification about a hundred."""
-
+LARGEST = 8 << 20  # bytes of a file; 10,000 conditions take less than a million, a verdict about a hundred
 _MOST, _MOST_BYTES = 200, 64 << 20  # of all; what was not used for longest makes room
 _UNUSED_S = 365 * 86400.0
 _NAME = re.compile(r"[0-9a-f]{24}")

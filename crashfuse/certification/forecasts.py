@@ -114,12 +114,11 @@ class Forecast:
     def chances(self, criterion: Criterion) -> tuple[float, ...]:
         """Probability of meeting a criterion, by seed; empty if a record is too short to tell."""
         parts, folds = self._distributions(criterion), self._folds(criterion)
-        return tuple(
-            part.probability(criterion.at_least, criterion.at_most)
-            if np.isnan(ways).any()
-            else float(np.average(ways, weights=(1 - share, share)))
-            for part, ways, share in zip(parts, folds, self.apart_share.tolist(), strict=bool(parts))
-        )
+        found = []
+        for part, ways, share in zip(parts, folds, self.apart_share.tolist(), strict=bool(parts)):
+            alike = part.probability(criterion.at_least, criterion.at_most)
+            found.append(alike if np.isnan(ways).any() else float(np.average(ways, weights=(1 - share, share))))
+        return tuple(found)
 
     def probability_interval(self, criterion: Criterion) -> tuple[float, float] | None:
         """Central 95 % of the probability itself, as left-out tests leave it open; None as :meth:`chances` is empty."""
@@ -204,8 +203,7 @@ def _ranks(drawn: FloatArray) -> FloatArray:
 
 
 _KIND = "forecasts"  # kind of cache entry
-SEEDS = (0, 1)
-"""Averaged over, the same for everyone: nobody can choose others."""
+SEEDS = (0, 1)  # averaged over, the same for everyone: nobody can choose others
 _LEAST_RUNS = 2  # that are left to learn from
 _CHUNK = 16  # conditions predicted by one task, a usual matrix as a whole: each task has to restore the fit
 
@@ -333,11 +331,8 @@ def spreads(
     def of(condition: Condition, factor: float = 1.0) -> dict[str, FloatArray]:
         return metric_values(factor * pulse(condition), condition.speed_mps, occupant=occupant)
 
-    away = {
-        "speed_mps": tolerances.speed_kph * KPH,
-        "front_weight_kg": tolerances.weight * at.front_weight_kg,
-        "rear_weight_kg": tolerances.weight * at.rear_weight_kg,
-    }
+    away = {name: tolerances.weight * getattr(at, name) for name in ("front_weight_kg", "rear_weight_kg")}
+    away = {"speed_mps": tolerances.speed_kph * KPH, **away}
     ends = [[of(replace(at, **{name: getattr(at, name) + s * by})) for s in (-1, 1)] for name, by in away.items() if by]
     ends += [[of(at, 1 - tolerances.acceleration), of(at, 1 + tolerances.acceleration)]]
     values = {name: np.array([[low[name], high[name]] for low, high in ends]) for name in ends[0][0]}
@@ -345,8 +340,7 @@ def spreads(
     return {name: float(np.hypot.reduce(np.diff(own)[:, 0] / 2)) for name, own in known.items()}
 
 
-Split = tuple[CrashTest, Literal["test", "speed group"], tuple[str, ...]]
-"""A test, what is left out with it, the ids of all left out."""
+Split = tuple[CrashTest, Literal["test", "speed group"], tuple[str, ...]]  # with the ids of all left out
 
 
 class Plan(NamedTuple):

@@ -19,9 +19,8 @@ from crashfuse.study.estimate import BOUNDS, is_beyond
 from crashfuse.units import KPH, Sentence
 
 _MOST = 10_000  # each costs a prediction
+# as far as this from a planned condition a test is made for it: by protocols of barrier tests, and as repeats differ
 SAME_SPEED_MPS, SAME_WEIGHT = 1 * KPH, 0.02
-"""A test is made for a planned condition up to so much from it: what protocols of barrier tests allow in speed, and the
-relative difference in weight of a repeat."""
 
 
 @dataclass(frozen=True, slots=True)

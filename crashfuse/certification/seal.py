@@ -103,13 +103,8 @@ def seal(folder: Path, key: "Ed25519PrivateKey", inputs: Mapping[str, str], befo
     """Write what a certification rests on into its ``certification.json``, and sign that."""
     names = sorted(path.name for path in folder.iterdir() if path.is_file() and path.name not in (FILE, SEAL, REVIEW))
     values = json.loads((folder / FILE).read_bytes())
-    values["seal"] = {
-        "key": key_name(key.public_key()),
-        "date": values["date"],
-        "before": before,
-        "files": {name: _sha256(folder / name) for name in names},
-        "rests_on": dict(inputs),
-    }
+    digests = {"files": {name: _sha256(folder / name) for name in names}, "rests_on": dict(inputs)}
+    values["seal"] = {"key": key_name(key.public_key()), "date": values["date"], "before": before, **digests}
     content = (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
     write_atomically(folder / FILE, content)
     _sign(folder / SEAL, key, content)

@@ -21,8 +21,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import Quantity, Sentence, counted, probability_text
 
 _LEVEL = 0.95
-MOST_OF_A_TEST = 5
-"""Verdicts of a test that count, however often it was left out: its metrics vary together, so none supports 0.95."""
+MOST_OF_A_TEST = 5  # verdicts that count, however often it was left out: its metrics vary together
 SUPPORTED_AT_ALL = {"rebound_velocity": 0.85, "restitution": 0.85}
 """By metric: 9 and 12 % of decided verdicts on random vehicles are wrong (``benchmarks/certification.py``)."""
 
@@ -265,10 +264,9 @@ def left_out_tests(
         outside = domain.exceeded_by(test.condition), domain.unshown(test.condition)
         own, cae = (by_key[held_out, name, test.condition] for name in (approach, BASELINE))
         measured = {quantity(limit): own.measured(limit, test, campaign.occupant) for limit in criteria.items}
-        whole = None
         band = own.whole_mps2.mean(axis=0)
-        if len(band) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
-            whole = holds_whole((band[0], band[1]), test.pulse.accel_mps2)
+        is_counted = len(band) and not test.cae_tuned and (way == "test" or len(held_out) > 1)
+        whole = holds_whole((band[0], band[1]), test.pulse.accel_mps2) if is_counted else None
         yield LeftOutTest(test, way, own, cae, *outside, measured, whole)
 
 
@@ -277,14 +275,11 @@ class TrackRecord:
     """All trials of a campaign. Groups of a single test, whose verdict is the test's own, count once."""
 
     trials: tuple[Trial, ...]
-    since: tuple[Trial, ...] = ()
-    """Of tests run after an earlier certification had judged them; they support or refute, and count nowhere else."""
-    whole: tuple[tuple[LeftOut, bool], ...] = ()
-    """Whether left-out tests lie inside their bands of whole pulses, where there are any."""
-    tuned: tuple[Trial, ...] = ()
-    """Of tests that the CAE model was tuned to; they support nothing and count nowhere."""
+    since: tuple[Trial, ...] = ()  # of tests run after they were judged; they support or refute, and count nowhere else
+    whole: tuple[tuple[LeftOut, bool], ...] = ()  # whether tests lie inside their bands of whole pulses, if any
+    tuned: tuple[Trial, ...] = ()  # of tests that the CAE model was tuned to; they count nowhere
+    # of a test as it was left out, of shape (n_seeds, n_samples)
     predicted_mps2: Mapping[tuple[str, LeftOut], FloatArray] = field(default_factory=dict)
-    """What was predicted of a test as it was left out, of shape (n_seeds, n_samples)."""
 
     @classmethod
     def of_tests(cls, criteria: Criteria, left_out: Sequence[LeftOutTest]) -> Self:
@@ -312,11 +307,11 @@ class TrackRecord:
     def repeats(self, trial: Trial) -> bool:
         """Whether it is another once more, as nothing else was left out with the test."""
         alone = self._alone.get((trial.held_out, trial.verdict.criterion.name))
-        return trial.left_out != "test" and alone is not None and alone.verdict == trial.verdict
+        return trial.left_out != "test" and alone == trial.verdict
 
     @cached_property
-    def _alone(self) -> dict[tuple[str, str], Trial]:
-        return {(t.held_out, t.verdict.criterion.name): t for t in self.trials if t.left_out == "test"}
+    def _alone(self) -> dict[tuple[str, str], Verdict]:
+        return {(t.held_out, t.verdict.criterion.name): t.verdict for t in self.trials if t.left_out == "test"}
 
     @property
     def _inside(self) -> list[Trial]:
@@ -406,14 +401,11 @@ class TrackRecord:
     @property
     def brier(self) -> tuple[float, float] | None:
         """Mean squared error of the probabilities, and of the raw CAE's, over pulse metrics; None without any."""
-        pairs = [
-            (trial.verdict.probability, trial.cae_probability, trial.met)
-            for trial in self._inside
-            if trial.verdict.probability is not None and trial.cae_probability is not None
-        ]
-        if not pairs:
+        said = [(trial.verdict.probability, trial.cae_probability, trial.met) for trial in self._inside]
+        rows = np.array(said, dtype=np.float64).reshape(-1, 3)  # None is NaN
+        if not len(known := rows[~np.isnan(rows).any(axis=1)]):
             return None
-        ours, cae, met = np.array(pairs, dtype=np.float64).T
+        ours, cae, met = known.T
         return float(((ours - met) ** 2).mean()), float(((cae - met) ** 2).mean())
 
     @property

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -61,6 +61,33 @@ class Verdict:
         """Whether no test is needed to tell."""
         return self.word in ("met", "not met")
 
+    def with_interval(self, forecast: Forecast) -> Self:
+        """The verdict with what left-out tests, being few, and seeds leave open of its probability."""
+        p, interval = self.probability, forecast.probability_interval(self.criterion)
+        if p is None or interval is None:
+            return self
+        away = np.maximum([p - interval[0], interval[1] - p], 0.0)
+        below, above = np.hypot(away, COUNTED * self.error).tolist()
+        return replace(self, probability_interval=(max(p - below, 0.0), min(p + above, 1.0)))
+
+    def with_reason(self, *sentences: str, contradicted: bool = False) -> Self:
+        """The verdict with more sentences in its reason; open if these contradict it."""
+        word = "open" if self.decided and contradicted else self.word
+        return replace(self, word=word, reason=joined([self.reason, *sentences]))
+
+    def beside_tests(self, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Self:
+        """The verdict beside what tests there (or a little ``off``) measured; open if one contradicts it."""
+        criterion, contradicted, told = self.criterion, False, []
+        did = "it measured" if criterion.window_ms is None else "the prediction made without it rated"
+        for test, value in run.items():
+            if value is not None:
+                does = "meets" if criterion.is_met_by(value) else "misses"
+                where = Sentence("for it, at {}", off[test]) if test in off else "there"
+                words = test, where, did, criterion.shown(value), does
+                told.append(Sentence("Test {} was run {}: {} {}, which {} the limit.", *words))
+                contradicted |= (does == "meets") is not (self.word == "met")
+        return replace(self.with_reason(*told, contradicted=contradicted), run=run)
+
 
 class AllMet(NamedTuple):
     """Probability that a test meets several criteria at once, and the ends that those of the single ones leave it."""
@@ -76,10 +103,7 @@ COUNTED = 2.0  # standard errors, against a verdict
 
 
 def monte_carlo_error(chances: Sequence[float]) -> float:
-    """Standard error of the mean of probabilities by several seeds; 0 of one alone, which no seed changes.
-
-    How these scatter is shrunk as if four more seeds had come out as usual.
-    """
+    """Standard error of the mean of probabilities by several seeds, shrunk to the usual; 0 of one."""
     n = len(chances)
     if n < 2:
         return 0.0
@@ -150,37 +174,6 @@ def judge(
         verdict = Verdict(condition, criterion, *numbers, word, joined(why), run, chances, drawn, folds)
         verdicts.append(verdict if why else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
-
-
-def with_probability_interval(verdict: Verdict, forecast: Forecast) -> Verdict:
-    """The verdict with what left-out tests, being few, and seeds leave open of its probability."""
-    p, interval = verdict.probability, forecast.probability_interval(verdict.criterion)
-    if p is None or interval is None:
-        return verdict
-    away = np.maximum([p - interval[0], interval[1] - p], 0.0)
-    below, above = np.hypot(away, COUNTED * verdict.error).tolist()
-    return replace(verdict, probability_interval=(max(p - below, 0.0), min(p + above, 1.0)))
-
-
-def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
-    """The verdict beside what tests there (or a little ``off``) measured; open if one contradicts it."""
-    criterion, contradicted, told = verdict.criterion, False, []
-    did = "it measured" if criterion.window_ms is None else "the prediction made without it rated"
-    for test, value in run.items():
-        if value is not None:
-            met = criterion.is_met_by(value)
-            where = Sentence("for it, at {}", off[test]) if test in off else "there"
-            does = "meets" if met else "misses"
-            shown = criterion.shown(value)
-            told.append(Sentence("Test {} was run {}: {} {}, which {} the limit.", test, where, did, shown, does))
-            contradicted |= met is not (verdict.word == "met")
-    return replace(with_reason(verdict, *told, contradicted=contradicted), run=run)
-
-
-def with_reason(verdict: Verdict, *sentences: str, contradicted: bool = False) -> Verdict:
-    """The verdict with more sentences in its reason; open if these contradict it."""
-    word = "open" if verdict.decided and contradicted else verdict.word
-    return replace(verdict, word=word, reason=joined([verdict.reason, *sentences]))
 
 
 def _word(probability: float | None, confidence: float, error: float = 0.0) -> Word:

@@ -14,13 +14,12 @@ from crashfuse.version import __version__
 T = TypeVar("T")
 _SEVERAL = "; several separated by commas"
 _UNIT_SYSTEMS = ("mm-ms-kg", "mm-s-t", "m-s-kg")  # of solvers
-CONDITION = {
+CONDITION = {  # what of an imported record's can be given, by the name of what it is in SI
     "speed_mps": "impact speed",
     "mass_kg": "weight of the whole vehicle",
     "front_weight_kg": "weight on the front axle",
     "rear_weight_kg": "weight on the rear axle",
 }
-"""What of an imported record's condition can be given, by the name of what it is in SI."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -53,8 +52,38 @@ def parser() -> argparse.ArgumentParser:
     sample.add_argument("folder", type=Path, metavar="DIR", help="a new or empty folder")
 
     command("check", "data.check", "show what a campaign holds, and what is wrong")
-    _add_edit_options(command("edit", "data.edit", "leave tests out of use, take them out, undo the last change"))
-    _add_import_options(command("import", "data.import_", "import files of other formats into a campaign", None))
+    edit = command("edit", "data.edit", "leave tests out of use, take them out, undo the last change")
+    change = edit.add_mutually_exclusive_group()
+    change.add_argument("--leave-out", nargs="+", metavar="ID", help="tests that nothing learns from or rates")
+    edit.add_argument("--because", metavar="WHY", help="why, for the reports")
+    change.add_argument("--use", nargs="+", metavar="ID", help="tests to use again")
+    change.add_argument("--remove", nargs="+", metavar="ID", help="tests to take out of the folder")
+    change.add_argument("--cae-tuned", nargs="+", metavar="ID", help="tests that the CAE model was tuned to")
+    change.add_argument("--not-cae-tuned", nargs="+", metavar="ID", help="tests that it was not tuned to")
+    change.add_argument("--about", nargs="+", metavar="ID|NAME=VALUE", help="a test's id, then laboratory=…, date=…")
+    change.add_argument("--undo", action="store_true", help="undo the last change")
+    source = command("import", "data.import_", "import files of other formats into a campaign", None)
+    source.add_argument("source", type=Path, metavar="SOURCE", help="a file, folder or archive")
+    source.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
+    source.add_argument("--format", choices=FORMATS.declared, help="default: by the files' names")
+    source.add_argument("--as", dest="role", choices=("tests", "cae"), help="default: tests, asked if it is doubtful")
+    source.add_argument("--cae", nargs="+", default=(), metavar="NAME", help="CAE runs among them, by file or id")
+    source.add_argument("--cae-tuned", choices=("yes", "no"), help="was the CAE model tuned to these tests?")
+    source.add_argument("--id", metavar="ID", help="id for a source of one record")
+    _add_channel_options(source)
+    source.add_argument("--column", nargs="+", default=(), metavar="COLUMN=ROLE[:UNIT]", help="such as Zeit=time:ms")
+    source.add_argument("--conditions", type=Path, metavar="TABLE", help="a table with the conditions by id")
+    source.add_argument("--deceleration-sign", choices=("negative", "positive"), help="default: detected")
+    source.add_argument("--travel", choices=TRAVELS, help="direction in the source's axes (default: found)")
+    source.add_argument("--time-zero-ms", type=number, metavar="T", help="first contact, in the source's own time")
+    source.add_argument("--gap-mm", type=in_si(MS), metavar="G", help="to the barrier at the start of CAE runs")
+    axes = {**AXES, "mass_kg": {"--mass-lb": LB, "--mass-kg": 1.0}}
+    for name, what in CONDITION.items():
+        group, metavar = source.add_mutually_exclusive_group(), "V" if name == "speed_mps" else "W"
+        for flag, factor in axes[name].items():
+            help_ = f"{what} in {flag.rpartition('-')[2]}"
+            group.add_argument(flag, dest=name, type=in_si(factor), metavar=metavar, help=help_)
+    source.add_argument("--front-share", type=number, metavar="S", help="share of the mass, 0 to 1")
 
     study = command("study", "studies.study", "leave out each test in turn, predict it, rate the prediction", None)
     study.add_argument("campaigns", type=Path, nargs="+", metavar="CAMPAIGN")
@@ -74,8 +103,7 @@ def parser() -> argparse.ArgumentParser:
     _add_out(certify)
     certify.add_argument("--criteria", type=Path, metavar="FILE.toml", help="default: CAMPAIGN/criteria.toml")
     certify.add_argument("--matrix", type=Path, metavar="FILE.csv", help="conditions (default: CAMPAIGN/matrix.csv)")
-    price, help_ = ("TEST", "WRONG"), "costs, in place of [costs]"
-    certify.add_argument("--costs", type=number, nargs=2, metavar=price, help=help_)
+    certify.add_argument("--costs", type=number, nargs=2, metavar=("TEST", "WRONG"), help="costs, in place of [costs]")
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
@@ -156,44 +184,22 @@ def parser() -> argparse.ArgumentParser:
     learn.add_argument("--workers", type=whole(1), metavar="N", help="processes (default: one for each core)")
 
     command("studies", "studies.past_studies", "list the studies and predictions of this machine", None)
-    _add_rating_options(command("rate", "ratings.rate", "rate pulses against each other by ISO/TS 18571", None))
+    rate = command("rate", "ratings.rate", "rate pulses against each other by ISO/TS 18571", None)
+    files = "a table (time_ms, acceleration_g), or what import reads"
+    rate.add_argument("reference", type=Path, nargs="?", metavar="REFERENCE", help=files)
+    rate.add_argument("comparison", type=Path, nargs="?", metavar="COMPARISON", help="the same")
+    rate.add_argument("--pairs", type=Path, metavar="FILE.csv", help="a table with columns reference and comparison")
+    rate.add_argument("--each-channel", action="store_true", help="of two ISO-MME tests, by channel code")
+    rate.add_argument("--explain", action="store_true", help="what ratings are made of")
+    _add_windows(rate)
+    _add_also(rate)
+    _add_channel_options(rate)
+    rate.add_argument("--comparison-channel", nargs="+", default=(), metavar="NAME", help="if named otherwise")
+    rate.add_argument("--as-given", action="store_true", help="move, turn and filter nothing")
+    printed = rate.add_mutually_exclusive_group()
+    printed.add_argument("--json", action="store_true", help="no table, but JSON")
+    printed.add_argument("--csv", action="store_true", help="no table, but CSV")
     return root
-
-
-def _add_edit_options(parser: argparse.ArgumentParser) -> None:
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--leave-out", nargs="+", metavar="ID", help="tests that nothing learns from or rates")
-    parser.add_argument("--because", metavar="WHY", help="why, for the reports")
-    what.add_argument("--use", nargs="+", metavar="ID", help="tests to use again")
-    what.add_argument("--remove", nargs="+", metavar="ID", help="tests to take out of the folder")
-    what.add_argument("--cae-tuned", nargs="+", metavar="ID", help="tests that the CAE model was tuned to")
-    what.add_argument("--not-cae-tuned", nargs="+", metavar="ID", help="tests that it was not tuned to")
-    what.add_argument("--about", nargs="+", metavar="ID|NAME=VALUE", help="a test's id, then laboratory=…, date=…")
-    what.add_argument("--undo", action="store_true", help="undo the last change")
-
-
-def _add_import_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, folder or archive")
-    parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
-    parser.add_argument("--format", choices=FORMATS.declared, help="default: by the files' names")
-    parser.add_argument("--as", dest="role", choices=("tests", "cae"), help="default: tests, asked if it is doubtful")
-    parser.add_argument("--cae", nargs="+", default=(), metavar="NAME", help="CAE runs among them, by file or id")
-    parser.add_argument("--cae-tuned", choices=("yes", "no"), help="was the CAE model tuned to these tests?")
-    parser.add_argument("--id", metavar="ID", help="id for a source of one record")
-    _add_channel_options(parser)
-    parser.add_argument("--column", nargs="+", default=(), metavar="COLUMN=ROLE[:UNIT]", help="such as Zeit=time:ms")
-    parser.add_argument("--conditions", type=Path, metavar="TABLE", help="a table with the conditions by id")
-    parser.add_argument("--deceleration-sign", choices=("negative", "positive"), help="default: detected")
-    parser.add_argument("--travel", choices=TRAVELS, help="direction in the source's axes (default: found)")
-    parser.add_argument("--time-zero-ms", type=number, metavar="T", help="first contact, in the source's own time")
-    parser.add_argument("--gap-mm", type=in_si(MS), metavar="G", help="to the barrier at the start of CAE runs")
-    axes = {**AXES, "mass_kg": {"--mass-lb": LB, "--mass-kg": 1.0}}
-    for name, what in CONDITION.items():
-        group, metavar = parser.add_mutually_exclusive_group(), "V" if name == "speed_mps" else "W"
-        for flag, factor in axes[name].items():
-            help_ = f"{what} in {flag.rpartition('-')[2]}"
-            group.add_argument(flag, dest=name, type=in_si(factor), metavar=metavar, help=help_)
-    parser.add_argument("--front-share", type=number, metavar="S", help="share of the mass, 0 to 1")
 
 
 def _add_export_options(parser: argparse.ArgumentParser, *default: str) -> None:
@@ -208,23 +214,6 @@ def _add_export_options(parser: argparse.ArgumentParser, *default: str) -> None:
     group.add_argument("--scale", type=number, metavar="X", help="factor on curves (default: 1)")
     group.add_argument("--curve-id", type=int, metavar="ID", help="of the first curve (default: 1)")
     group.add_argument("--isomme-location", metavar="CODE", help="12 characters of codes (default: 10VEHC000000)")
-
-
-def _add_rating_options(parser: argparse.ArgumentParser) -> None:
-    files = "a table (time_ms, acceleration_g), or what import reads"
-    parser.add_argument("reference", type=Path, nargs="?", metavar="REFERENCE", help=files)
-    parser.add_argument("comparison", type=Path, nargs="?", metavar="COMPARISON", help="the same")
-    parser.add_argument("--pairs", type=Path, metavar="FILE.csv", help="a table with columns reference and comparison")
-    parser.add_argument("--each-channel", action="store_true", help="of two ISO-MME tests, by channel code")
-    parser.add_argument("--explain", action="store_true", help="what ratings are made of")
-    _add_windows(parser)
-    _add_also(parser)
-    _add_channel_options(parser)
-    parser.add_argument("--comparison-channel", nargs="+", default=(), metavar="NAME", help="if named otherwise")
-    parser.add_argument("--as-given", action="store_true", help="move, turn and filter nothing")
-    printed = parser.add_mutually_exclusive_group()
-    printed.add_argument("--json", action="store_true", help="no table, but JSON")
-    printed.add_argument("--csv", action="store_true", help="no table, but CSV")
 
 
 def _add_channel_options(parser: argparse.ArgumentParser) -> None:

@@ -132,8 +132,6 @@ def _matrix(arguments: argparse.Namespace, campaign: Campaign) -> Matrix:
         return Matrix.read(path, campaign.factors)
     if arguments.matrix is not None or not all(axes):
         raise UsageError("A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb (or kph, kg), no --matrix.")
-    factors: dict[str, dict[str, None]] = {}
-    for text in arguments.factor or ():
-        name, value = factor(text, campaign.factors)
-        factors.setdefault(name, {})[value] = None
-    return Matrix.grid(*axes, {name: tuple(values) for name, values in factors.items()}, units_of(arguments))
+    pairs = [factor(text, campaign.factors) for text in arguments.factor or ()]
+    factors = {name: tuple(dict.fromkeys(value for of, value in pairs if of == name)) for name, _ in pairs}
+    return Matrix.grid(*axes, factors, units_of(arguments))

@@ -12,16 +12,13 @@ if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
     from crashfuse.condition import Condition
 
-
-AXES = {
+AXES = {  # options by the name of what they are in SI, in either unit with its factor
     "speed_mps": {"--speed-mph": MPH, "--speed-kph": KPH},
     "front_weight_kg": {"--front-weight-lb": LB, "--front-weight-kg": 1.0},
     "rear_weight_kg": {"--rear-weight-lb": LB, "--rear-weight-kg": 1.0},
 }
-"""Options by the name of what they are in SI, in either unit with its factor."""
-ACCELERATION_UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
+ACCELERATION_UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}  # by their names here
 ACCELERATION_UNITS |= {"cmps2": "cm/s²", "inps2": "in/s²", "ftps2": "ft/s²"}
-"""Units of accelerations other than g, by their names here."""
 
 
 def add_axes(parser: argparse.ArgumentParser, axes: Iterable[str], *, required: bool = False, **options: Any) -> None:  # noqa: ANN401 - those of argparse

@@ -1,7 +1,4 @@
-"""Commands on data: start the dashboard, write the sample; check a campaign, edit it, import into it.
-
-Each imports what it needs: the dashboard is to start at once.
-"""
+"""Commands on data, and that of the dashboard; each imports what it needs: the dashboard is to start at once."""
 
 import argparse
 import shlex

@@ -1,7 +1,4 @@
-"""Output of a command: its folder, which holds results of one kind, is checked before anything is computed.
-
-Once new ones are written, what is left of older ones (speed groups, say) is removed.
-"""
+"""Output of a command: its folder, which holds results of one kind, is checked before anything is computed."""
 
 import argparse
 import os

@@ -98,10 +98,8 @@ def _plan(campaign: Campaign, given: Mapping[str, Any], held_out: Sequence[str],
     fingerprint, noted, begun = read_begun(resumed)
     asked = StudyConfig(**given)
     differing = [name for name in given if getattr(begun, name) != getattr(asked, name)]
-    if held_out and tuple(held_out) != noted:
-        differing.append("held_out")
-    if fingerprint != campaign.fingerprint:
-        differing.append("the campaign's data")
+    differing += ["held_out"] * (tuple(held_out) not in ((), noted))
+    differing += ["the campaign's data"] * (fingerprint != campaign.fingerprint)
     if differing:
         raise UsageError(f"{resumed} was begun with other settings: {', '.join(differing)}; leave out --resume.")
     config = replace(begun, to_ttzv=asked.to_ttzv or begun.to_ttzv)  # of which nothing is computed
@@ -174,8 +172,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
 
 def past_studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it has none
     """List studies and predictions of this machine, the latest first."""
-    results = past_results()
-    if not results:
+    if not (results := past_results()):
         print("Nothing was computed on this machine yet.")
         return
     table = history_table(results).texts()

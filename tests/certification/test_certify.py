@@ -370,10 +370,8 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
 
 def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_little_off(campaign: Campaign) -> None:
     """Up to 1 km/h and 2 % of each weight; of two conditions the nearer one is meant. Nobody hits them to 0.2 %."""
-    test = campaign.tests[1]
-    near, far, other = (
-        replace(test.condition, speed_mps=test.condition.speed_mps + off * KPH) for off in (0.9, -0.95, 1.1)
-    )
+    test, here = campaign.tests[1], campaign.tests[1].condition
+    near, far, other = (replace(here, speed_mps=here.speed_mps + off * KPH) for off in (0.9, -0.95, 1.1))
     loose, tight = (Criteria((Criterion("crush", "max_crush", at_most=most),), 0.5) for most in (1e4, 1e-4))
     for criteria in (loose, tight):
         found = certify_matrix(campaign, criteria, Matrix(("P1", "P2", "P3"), (near, far, other)), CAE)

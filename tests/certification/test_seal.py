@@ -13,19 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from crashfuse import cli
-from crashfuse.certification.seal import (
-    FILE,
-    REVIEW,
-    SEAL,
-    _sign,
-    key_name,
-    make_keys,
-    read_key,
-    rests_on,
-    review,
-    seal,
-    verify,
-)
+from crashfuse.certification import seal as seals
+from crashfuse.certification.seal import FILE, REVIEW, SEAL, key_name, make_keys, read_key, review, seal, verify
 from crashfuse.errors import DataError, Problem, UsageError
 from tests.conftest import Capture, problems_of
 
@@ -135,7 +124,7 @@ def test_whoever_seals_it_anew_has_another_key(sealed: Path, maker: Path, tmp_pa
     make_keys(tmp_path / "forger")
     (sealed / "track_record.csv").write_bytes(TABLE.replace(b"not met", b"met"))
     forger, its_name = read_key(tmp_path / "forger", "private"), key_name(read_key(tmp_path / "forger.pub", "public"))
-    _sign(sealed / SEAL, forger, (sealed / FILE).read_bytes())  # which names its maker
+    seals._sign(sealed / SEAL, forger, (sealed / FILE).read_bytes())  # which names its maker
     (problem,) = problems_of(lambda: verify(sealed))
     assert (problem.where, problem.found) == (SEAL, f"one by the key {its_name}")
     seal(sealed, forger, {}, None)
@@ -169,7 +158,7 @@ def test_a_review_is_signed_once_all_holds_and_one_key_for_both_is_told(
 def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, maker: Path, campaign_folder: Path) -> None:
     """Each by its place; changed ones, those that are gone and those that came are named."""
     (campaign_folder / "archive.cfa").write_bytes(b"past vehicles")
-    seal(sealed, read_key(maker, "private"), rests_on(campaign_folder), None)
+    seal(sealed, read_key(maker, "private"), seals.rests_on(campaign_folder), None)
     assert verify(sealed, campaign=campaign_folder)
     assert {"archive.cfa", "tests.csv", "tests/T1.csv", "cae_pulses.parquet"} <= set(verify(sealed).rests_on)
     (campaign_folder / "tests.csv").write_bytes(b"x")
@@ -179,7 +168,7 @@ def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, make
     (campaign_folder / "criteria.toml").write_text("")  # those from elsewhere are looked for beside it
     other = sealed.parent / "criteria.toml"
     other.write_text("confidence = 0.9")
-    seal(sealed, read_key(maker, "private"), rests_on(campaign_folder, other, None), None)
+    seal(sealed, read_key(maker, "private"), seals.rests_on(campaign_folder, other, None), None)
     assert {"criteria.toml", "../criteria.toml"} <= set(verify(sealed, campaign=campaign_folder).rests_on)
     other.write_text("other")
     (campaign_folder / "notes.csv").write_text("test,note\n")
@@ -220,6 +209,6 @@ def test_a_sealed_name_elsewhere_is_not_read(sealed: Path, maker: Path) -> None:
     values = json.loads((sealed / FILE).read_text())
     values["seal"]["files"] = {"../../etc/passwd": "00"}
     (sealed / FILE).write_text(json.dumps(values))
-    _sign(sealed / SEAL, read_key(maker, "private"), (sealed / FILE).read_bytes())
+    seals._sign(sealed / SEAL, read_key(maker, "private"), (sealed / FILE).read_bytes())
     (problem,) = problems_of(lambda: verify(sealed))
     assert problem.where == FILE

@@ -111,14 +111,11 @@ def test_bad_data_end_with_1_and_leave_nothing(campaign_folder: Path, tmp_path: 
     "arguments",
     [
         ["study", "--held-out", "T9"],
-        ["study", "--approach", "magic"],
-        ["study", "--windows-ms", "400"],
         ["predict", *at_condition(0, 2000, 1500)],
-        ["study", "--device", "cuda"],
-        ["train", "--device", "cuda"],
         ["learning-curve", "--cost-per-test", "-5"],
-        ["learning-curve", "--approach", "magic"],
-        ["learning-curve", "--windows-ms", "400"],
+        *([command, "--device", "cuda"] for command in ("study", "train")),
+        *([command, "--approach", "magic"] for command in ("study", "learning-curve")),
+        *([command, "--windows-ms", "400"] for command in ("study", "learning-curve")),
     ],
 )
 def test_wrong_usage_ends_with_2_and_leaves_nothing(
@@ -243,18 +240,14 @@ def test_predict_writes_pulses_metrics_and_report(campaign_on_disk: Path, tmp_pa
     files = {"pulses.csv", "pulses.parquet", "metrics.csv", "report.html", "prediction.json", "isomme"}
     assert {path.name for path in out.iterdir()} == files
     pulses = pd.read_csv(out / "pulses.csv")
-    pd.testing.assert_frame_equal(
-        pd.read_parquet(out / "pulses.parquet").astype({"approach": str, "held_out": str}).drop(columns="held_out"),
-        pulses.drop(columns="held_out"),
-        rtol=1e-5,
-        check_dtype=False,
-    )
+    binary = pd.read_parquet(out / "pulses.parquet").astype({"approach": str, "held_out": str})
+    pair = (table.drop(columns="held_out") for table in (binary, pulses))
+    pd.testing.assert_frame_equal(*pair, rtol=1e-5, check_dtype=False)
     assert len(pulses) == 2 * GRID_S.size
     assert pulses["held_out"].isna().all()
-    assert {path.stem for path in out.rglob("*.mme")} == {"cae_30mph_expected"} | {
-        f"displacement_domain_30mph_{which}"
-        for which in ("expected", "representative", "corridor_lower", "corridor_upper")
-    }
+    kinds = ("expected", "representative", "corridor_lower", "corridor_upper")
+    stems = {"cae_30mph_expected", *(f"displacement_domain_30mph_{kind}" for kind in kinds)}
+    assert {path.stem for path in out.rglob("*.mme")} == stems
     record = json.loads((out / "prediction.json").read_text())
     assert record["condition"]["speed_mps"] == pytest.approx(30 * 0.44704)
     for text in (record["extrapolation"][0], printed, (out / "report.html").read_text()):
@@ -300,10 +293,8 @@ def test_rate_takes_a_channel_of_each_file(tmp_path: Path, shell: Shell) -> None
     pulse = -30 * np.sin(np.pi * time_ms / 100)
     pd.DataFrame({"time_ms": time_ms, "left [g]": pulse, "right [g]": 0.8 * pulse}).to_csv(path, index=False)
     asked = ["rate", path, path, "--windows-ms", 60, "--csv", "--channel", "left [g]"]
-    same, other = (
-        pd.read_csv(StringIO(shell.prints(*asked, *more)))["overall"][0]
-        for more in ([], ["--comparison-channel", "right [g]"])
-    )
+    right = ["--comparison-channel", "right [g]"]
+    same, other = (pd.read_csv(StringIO(shell.prints(*asked, *own)))["overall"][0] for own in ([], right))
     assert other < same == 1
 
 
@@ -376,9 +367,8 @@ def test_version_and_help_end_well(shell: Shell) -> None:
 
 def test_speeds_and_weights_are_given_in_either_unit(shell: Shell) -> None:
     here = ["predict", "campaign", "--out", "out"]
-    arguments = cli.parser().parse_args(
-        [*here, "--speed-kph", "56", "--front-weight-kg", "950", "--rear-weight-lb", "1500"]
-    )
+    weights = ["--front-weight-kg", "950", "--rear-weight-lb", "1500"]
+    arguments = cli.parser().parse_args([*here, "--speed-kph", "56", *weights])
     np.testing.assert_allclose(arguments.speed_mps * 3.6, 56)
     np.testing.assert_allclose([arguments.front_weight_kg, arguments.rear_weight_kg], [950, 1500 * 0.45359237])
     both = [*here, *at_condition(35, 2000, 1500), "--speed-kph", "56"]
@@ -389,8 +379,7 @@ def test_speeds_and_weights_are_given_in_either_unit(shell: Shell) -> None:
     "arguments",
     [
         [],
-        ["app", "--port", "-1"],
-        ["app", "--port", "99999"],
+        *(["app", "--port", port] for port in ("-1", "99999")),
         *(["study", "campaign", "--out", "out", "--seed", seed] for seed in ("-1", "99999999999999999999", "1.5")),
     ],
 )

@@ -63,15 +63,13 @@ def test_what_is_no_study_is_refused(shell: Shell, tmp_path: Path) -> None:
 def test_a_written_study_is_read_back(tmp_path: Path) -> None:
     """Whatever its tests are called: numbers and words that others take for missing, too."""
     ids = ["007", "1e5", "NA", "nan", "None", "null", "inf", "True"]
-    config = {
-        "approaches": ["cae"], "preset": "fast", "seed": 3, "windows_ms": [60.0], "leave_out": "test", "device": "cpu"
-    }  # fmt: skip
+    config = {"approaches": ["cae"], "preset": "fast", "seed": 3, "windows_ms": [60.0]}
+    config |= {"leave_out": "test", "device": "cpu"}
     advice = {"campaign": {"approach": "cae"}}
     record = {"campaign": "a", "fingerprint": "f", "config": config, "rating": "b", "recommendation": advice}
     (tmp_path / "study.json").write_text(json.dumps({**record, "finished": True}))
-    (tmp_path / "scores.csv").write_text(
-        "held_out,approach,window_ms,overall,grade\n" + "".join(f"{i},cae,60,0.5,Poor\n" for i in ids)
-    )
+    rows = (f"{i},cae,60,0.5,Poor\n" for i in ids)
+    (tmp_path / "scores.csv").write_text("".join(["held_out,approach,window_ms,overall,grade\n", *rows]))
     found = read_study(tmp_path)
     assert found.ratings == {test: {"cae": {60.0: 0.5}} for test in ids}
     assert (found.config.seed, found.approach, found.condition) == (3, "cae", None)

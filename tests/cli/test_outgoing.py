@@ -57,9 +57,7 @@ def test_predict_exports_the_pulse_that_stands_in_its_table(
 def test_a_sweep_exports_the_pulses_at_each_speed(campaign_on_disk: Path, tmp_path: Path, shell: Shell) -> None:
     command = ["sweep", campaign_on_disk, "--out", tmp_path, "--approach", "cae", "--speed-mph", 24.95, 27, *WEIGHTS]
     assert shell.prints(*command, *LSDYNA).endswith(f"Written to {tmp_path}: lsdyna/, report.html, sweep.csv\n")
-    assert names(tmp_path / "lsdyna") == {
-        f"{speed}mph/cae_{speed}mph_expected.k" for speed in ("24.95", "25", "26", "27")
-    }
+    assert names(tmp_path / "lsdyna") == {f"{v}mph/cae_{v}mph_expected.k" for v in ("24.95", "25", "26", "27")}
     assert "25 mph" in (tmp_path / "lsdyna/25mph/cae_25mph_expected.k").read_text(encoding="ascii")
     assert run(*command) == cli.DONE
     assert names(tmp_path) == {"report.html", "sweep.csv"}

@@ -13,15 +13,8 @@ from crashfuse.files.atomic import sole_writer
 from tests.cli.conftest import Shell, run
 
 WEIGHTS = ["--front-weight-lb", "2000", "--rear-weight-lb", "1600"]
-COMMANDS = {
-    "study": [],
-    "predict": ["--speed-mph", "30", *WEIGHTS],
-    "sweep": WEIGHTS,
-    "certify": [],
-    "train": [],
-    "learning-curve": [],
-    "next-test": [],
-}
+COMMANDS = {"predict": ["--speed-mph", "30", *WEIGHTS], "sweep": WEIGHTS}
+COMMANDS |= {name: [] for name in ("study", "certify", "train", "learning-curve", "next-test")}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
