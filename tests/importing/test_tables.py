@@ -256,7 +256,6 @@ def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
     whole = lines("Time [s];Accel [g]", TIME_S, PULSE_G).split("\n")
     path.write_text("\n".join([*whole[:51], "# airbag", *whole[51:]]))
     assert "row 52: expected a number, found '# airbag'" in refusal(path)
-    path = tmp_path / "x.csv"
     rows = "\n".join(f'"{t / MS:.2f}","{a:.4f}"'.replace(".", ",") for t, a in zip(TIME_S, PULSE_G, strict=True))
     path.write_text(f'"Zeit [ms]","a [g]"\n{rows}\n')
     (record,) = read_records(Reading(path))
