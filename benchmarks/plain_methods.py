@@ -118,7 +118,7 @@ def _warp(test: bytes, cae: bytes) -> FloatArray:
     coarse = GRID_S[::_COARSE]
     slopes = [f_to_srsf(np.frombuffer(pulse)[::_COARSE], coarse) for pulse in (test, cae)]
     warp = optimum_reparam(slopes[0], coarse, slopes[1])
-    return np.interp(GRID_S, coarse, (warp - warp[0]) / np.ptp(warp))
+    return np.asarray(np.interp(GRID_S, coarse, (warp - warp[0]) / np.ptp(warp)))
 
 
 def _process(speeds_mps: FloatArray, scores: FloatArray, scale: float = 0.0) -> tuple[Callable[[float], float], float]:

@@ -20,6 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 from impacts import further_repeats
 from tables import add_data_option, write
@@ -43,7 +44,7 @@ _NONE, _APART, _STRANGER = "none", "none, in a group at one speed", "another str
 CFCS = {"as recorded": None, "CFC 60": 60}
 
 
-def _crash(accel: FloatArray) -> FloatArray:
+def _crash(accel: FloatArray) -> npt.NDArray[np.intp]:
     """Samples from the first to the last of 10 % of the peak."""
     return np.arange(*np.flatnonzero(np.abs(accel) > 0.1 * np.abs(accel).max())[[0, -1]])
 

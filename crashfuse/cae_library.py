@@ -84,10 +84,8 @@ class QualityLimits:
         return tuple(name for name in self.limited if getattr(quality, name) is None)
 
     def __str__(self) -> str:
-        terms = [
-            f"{QUALITIES[name]} {'at most' if name == 'energy_change' else 'below'} {100 * getattr(self, name):g} %"
-            for name in self.limited
-        ]
+        ends = {name: "at most" if name == "energy_change" else "below" for name in self.limited}
+        terms = [f"{QUALITIES[name]} {end} {100 * getattr(self, name):g} %" for name, end in ends.items()]
         return f"{self.name} ({', '.join(terms)})"
 
 

@@ -16,7 +16,7 @@ from crashfuse.units import MPH
 SPEED_STEP_MPS = 2 * MPH
 """Tests nearer to a condition than this are near it in speed."""
 SAME = 0.02  # relative difference up to which two speeds, or two masses, are the same
-_APART = 3.0  # times the widest group
+_APART, _WIDEST = 3.0, 0.1  # times the widest group; of the speed
 _ROUNDED_UP = 1 + 1e-9  # so that groups are the same in any unit
 TUNED = {True: "yes", False: "no", None: ""}
 """Cells of the column ``cae_tuned``."""
@@ -58,14 +58,15 @@ class CrashTest:
 def speed_groups(speeds_mps: FloatArray) -> npt.NDArray[np.intp]:
     """Group numbers of speeds, shape (n,): the finest single-linkage clusters with gaps three times the widest of them.
 
-    Speeds within 2 % never part. If no gaps are so wide, all others do.
+    Clusters are at most 10 % wide. Speeds within 2 % never part. If no gaps are so wide, all others do.
     """
     speeds, places = np.unique(speeds_mps, return_inverse=True)
     gaps, same = np.diff(speeds) * _ROUNDED_UP, SAME * speeds[1:]
     steps = np.where(gaps > same, gaps, 0.0)
     for parted in (*(steps >= least for least in np.unique(steps[steps > 0])), steps > 0):
         groups = np.r_[0, np.cumsum(parted)]
-        widest = max(np.ptp(speeds[groups == group]) for group in groups)
-        if (gaps >= _APART * np.maximum(widest, same))[parted].all():
+        low, high = np.array([speeds[groups == group][[0, -1]] for group in groups]).T
+        is_far = gaps >= _APART * np.maximum(np.max(high - low, initial=0.0), same)
+        if is_far[parted].all() and (high - low <= _WIDEST * high).all():
             break
     return np.asarray(groups[places])

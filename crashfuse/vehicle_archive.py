@@ -124,8 +124,7 @@ class VehicleArchive:
 def record_sentence(record: pd.DataFrame) -> str:
     """How the vehicles of an archive, each left out, were predicted with the others and without, in words."""
     few = record[record["n_tests"] <= _FEW]
-    gains = few["rating"] - few["rating_without"]
-    by_vehicle = gains.groupby(few["vehicle"]).mean()
+    by_vehicle = (few["rating"] - few["rating_without"]).groupby(few["vehicle"]).mean()
     return (
         f"Each of its {len(by_vehicle)} vehicles left out and predicted from 1 to {few['n_tests'].max()} tests, the "
         f"others changed the mean rating by {signed(by_vehicle.mean(), 3)} ({signed(by_vehicle.min(), 3)} to "

@@ -22,13 +22,13 @@ from crashfuse.units import KPH, MPH, said
         ((30.0, 32.1, 34.5, 36.9, 39.2, 42.1) * 2, (0, 1, 2, 3, 4, 5) * 2),  # a ladder, each step twice
         ((30.0, 32.0, 34.0, 36.0, 38.0, 60.0), (0, 1, 2, 3, 4, 5)),  # a test far away joins no others
         ((19.4, 20.6, 29.2, 30.3, 39.8, 41.1), (0, 0, 1, 1, 2, 2)),  # as they scatter about 20, 30, 40
+        ((15.0, 18.0, 21.0, 50.0, 53.0), (0, 1, 2, 3, 4)),  # two ladders, none of about one speed
         ((20.0, 21.0, 24.0), (0, 0, 1)),  # three times as wide, exactly
         ((20.0, 21.0, 23.9), (0, 1, 2)),
     ],
 )
 def test_speed_groups_are_apart_by_more_than_they_are_wide(speeds: Sequence[float], groups: Sequence[int]) -> None:
-    for unit in (1.0, KPH, MPH):
-        assert tuple(speed_groups(np.array(speeds) * unit)) == groups
+    assert [tuple(speed_groups(np.array(speeds) * unit)) for unit in (1.0, KPH, MPH)] == [groups] * 3
 
 
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=12), st.randoms(use_true_random=False))

@@ -58,8 +58,7 @@ def test_another_file_is_a_sentence(what: str, tmp_path: Path) -> None:
 def test_a_vehicle_of_the_archive_is_taken_out_of_it(campaign: Campaign) -> None:
     """Known by one of its tests, whatever its name, or by its CAE runs; with others' it may not be mixed."""
     known = made_archive(campaign)
-    one = replace(campaign, name="Renamed", tests=campaign.tests[:1])
-    taught = not_none(one.with_archive(known).prior)
+    taught = not_none(replace(campaign, name="Renamed", tests=campaign.tests[:1]).with_archive(known).prior)
     assert (taught.vehicles, taught.taken_out) == (NAMES[:2], campaign.name)
     assert taught.fingerprint == known.without[2].fingerprint  # as if it had never been in
     cae = CaeLibrary(campaign.cae.ids, campaign.cae.conditions, campaign.cae.accel_mps2 * np.float32(1.01))

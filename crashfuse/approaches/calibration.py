@@ -6,15 +6,8 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import (
-    MOST_TESTS,
-    Approach,
-    FittedState,
-    Prediction,
-    central_interval,
-    holds_whole,
-    whole_interval,
-)
+from crashfuse.approaches import base
+from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction, whole_interval
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
@@ -120,7 +113,7 @@ class Coverage:
             rebound=float(accel_inside[~loading].mean()) if not loading.all() else float("nan"),
             crush=bool(_inside(displacement.max(axis=1), measured.displacement_m.max())),
             peak=bool(_inside(np.min(draws_mps2, axis=1), accel.min())),
-            whole=whole and holds_whole(whole_interval(draws_mps2), test.pulse.accel_mps2),
+            whole=whole and base.holds_whole(whole_interval(draws_mps2), test.pulse.accel_mps2),
         )
 
 
@@ -133,7 +126,7 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
 
 
 def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
-    lower, upper = central_interval(draws, LEVEL)
+    lower, upper = base.central_interval(draws, LEVEL)
     return np.asarray((lower <= true) & (true <= upper))
 
 
@@ -152,7 +145,7 @@ class Calibration:
 
     def with_whole(self, drawn: Iterable[tuple[CrashTest, FloatArray]]) -> Self:
         """With the whole pulses inside, by each test's widened draws: they decide no widening, so are counted once."""
-        whole = [holds_whole(whole_interval(draws_mps2), test.pulse.accel_mps2) for test, draws_mps2 in drawn]
+        whole = [base.holds_whole(whole_interval(draws_mps2), test.pulse.accel_mps2) for test, draws_mps2 in drawn]
         return replace(self, tests=tuple(replace(c, whole=w) for c, w in zip(self.tests, whole, strict=True)))
 
     @property
@@ -186,8 +179,7 @@ class Calibration:
     def restored(cls, learned: FittedState) -> Self:
         """Restore that state."""
         rows = learned.arrays["inside"].tolist()
-        tests = tuple(Coverage(*row[:3], *map(bool, row[3:])) for row in rows)
-        return cls(tests=tests, **learned.values)
+        return cls(tests=tuple(Coverage(*row[:3], *map(bool, row[3:])) for row in rows), **learned.values)
 
     @property
     def state(self) -> dict[str, object]:

@@ -10,7 +10,18 @@ from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import MOST_TESTS, Approach, Device, FittedState, Prediction, Settings
 from crashfuse.approaches.calibration import JUDGED, STRIDE, WIDENINGS, Calibration, Coverage
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.mixture import COMPONENTS, AboutFused, Component, HeldOut, Pool, Scores, Tests, mixed, spread
+from crashfuse.approaches.mixture import (
+    COMPONENTS,
+    PRIOR,
+    AboutFused,
+    Component,
+    HeldOut,
+    Pool,
+    Scores,
+    Tests,
+    mixed,
+    spread,
+)
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.pretrained import Pretrained
 from crashfuse.approaches.time_domain.approach import TimeDomain
@@ -70,8 +81,7 @@ class Fused(AboutFused):
         time_domain, displacement_domain, pretrained = self._unfitted()
         self.time_domain_, _ = time_domain.fitted(campaign, run)
         # Taught both, displacement domain and network would err together: the network alone is (docs/decisions.md).
-        untaught = replace(campaign, prior=None)
-        self.displacement_domain_, _ = displacement_domain.fitted(untaught, run)
+        self.displacement_domain_, _ = displacement_domain.fitted(replace(campaign, prior=None), run)
         self.alike_, self.archive_ = self.displacement_domain_.alikeness(campaign.prior, run.watch)
         self.pretrained_, _ = pretrained.fitted(self._weighted(campaign), run)
         campaign = self._begin(campaign)
@@ -110,9 +120,7 @@ class Fused(AboutFused):
         campaign = self._thinned(campaign)
         self._tests = Tests.of(campaign, self.displacement_domain_.model_)
         taught = self.pretrained_.prior_
-        self.pool_ = (
-            Pool() if taught is None else Pool((1 - taught.share) * Pool().prior + taught.share * taught.logits)
-        )
+        self.pool_ = Pool(PRIOR if taught is None else (1 - taught.share) * PRIOR + taught.share * taught.logits)
         return campaign
 
     def _alone(self) -> list[HeldOut]:

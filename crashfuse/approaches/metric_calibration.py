@@ -195,7 +195,7 @@ def metric_errors(
 
 
 def _drawn_together(predictions: Sequence[Prediction], occupant: OccupantModel) -> list[dict[str, FloatArray]]:
-    """:func:`drawn_metrics` of each prediction, for many draws at once: a third of the time."""
+    """:func:`drawn_metrics` of many draws at once: a third of the time."""
     metrics: list[dict[str, FloatArray]] = []
     while left := predictions[len(metrics) :]:
         ends = np.cumsum([len(_drawn(prediction)) for prediction in left])

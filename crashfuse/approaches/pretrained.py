@@ -142,8 +142,7 @@ class PretrainedNetwork(nn.Module):
         for layer in self.early:
             hidden, pair = layer(hidden, seen, next(others, None))
             kept.append(pair)
-        first = self.first(self.first_norm(hidden)).float().view(shape)
-        first_mps2 = cae_mps2 + unit(speeds) * first
+        first_mps2 = cae_mps2 + unit(speeds) * self.first(self.first_norm(hidden)).float().view(shape)
         moves = torch.where(known[..., None], measured_mps2, first_mps2)
         hidden = hidden + self.moved(_steps(moves, cae_mps2, speeds)).flatten(1, 2)
         for layer in self.late:

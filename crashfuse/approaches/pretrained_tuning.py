@@ -67,11 +67,10 @@ def losses(network: PretrainedNetwork, vehicles: Sequence[Tensor], known: Tensor
 
 
 def _surprise(off: Tensor, forecast: Forecast) -> Tensor:
-    """Negative log likelihood of errors per sample, up to a constant: a low-rank Gaussian by Woodbury's identity."""
+    """Negative log likelihood of errors per sample, up to a constant (Woodbury's identity)."""
     precision, factors = torch.exp(-2 * forecast.log_deviation), forecast.factors
     scaled = factors * precision[..., None]
-    inner = factors.mT @ scaled + torch.eye(FACTORS, device=off.device)
-    root = torch.linalg.cholesky(inner)
+    root = torch.linalg.cholesky(factors.mT @ scaled + torch.eye(FACTORS, device=off.device))
     explained = torch.linalg.solve_triangular(root, (scaled * off[..., None]).sum(-2)[..., None], upper=False)
     squares = (off.square() * precision).sum(-1) - explained.square().sum((-2, -1))
     size = 2 * forecast.log_deviation.sum(-1) + 2 * torch.diagonal(root, dim1=-2, dim2=-1).log().sum(-1)

@@ -61,5 +61,5 @@ def side_by_side(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
 
 @cache
 def _crew() -> ThreadPoolExecutor:
-    """One thread for each core, once for all: to start them takes as long as their work."""
+    """Threads that are kept: to start them takes as long as their work."""
     return ThreadPoolExecutor(os.cpu_count(), initializer=torch.set_num_threads, initargs=(1,))

@@ -11,7 +11,7 @@ from scipy.spatial.distance import cdist
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import refuse_if
 from crashfuse.execution.cache import Code, Entry, finite
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.run import UNKEPT, Run, one_thread
@@ -27,10 +27,8 @@ _ENOUGH = {"ftol": 1e-8, "gtol": 1e-2, "maxiter": 40}
 _LEAST_SHARE = 1e-6  # of the largest mode: smaller ones are noise of single-precision pulses
 _LEAST_MPS = 0.5  # slower runs are divided by this speed, as their pulses are almost zero
 _LIKE = 30  # number of nearby runs whose errors represent the error at a condition
-_LEARNED = (
-    *("centre_", "length_scales_", "inputs_", "mean_", "modes_", "noise_", "residuals_", "speed_range_", "spread_"),
-    "weights_",
-)
+_SCALING = ("centre_", "spread_", "inputs_", "length_scales_", "speed_range_")
+_LEARNED = (*_SCALING, "mean_", "modes_", "noise_", "residuals_", "weights_")
 
 _FASTER = 1.1  # speed ratio of successive crashes that continue a loading curve
 _JOIN_M = 0.03  # displacement over which the step between two of them fades
@@ -48,8 +46,7 @@ class Emulator:
 
     def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
         """Train on the runs of the library; raises a DataError without a run, or Cancelled."""
-        if not len(cae):
-            raise DataError(Problem("CAE runs", "at least one run", "none", "add CAE runs to the campaign"))
+        refuse_if(not len(cae), "CAE runs", "at least one run", "none", "add CAE runs to the campaign")
         watch.report("CAE emulator", 0, 1)
         rows = np.linspace(0, len(cae) - 1, min(len(cae), _MOST_RUNS)).astype(int)
         vectors = cae.vectors[rows]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack
+from typing import TYPE_CHECKING, Literal, NamedTuple, Self, Unpack, cast
 
 import numpy as np
 
@@ -17,15 +17,7 @@ from crashfuse.approaches.mixture import AboutFused
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification import seal
-from crashfuse.certification.criteria import (
-    COSTS,
-    WINDOW_MS,
-    Criteria,
-    CriteriaGiven,
-    criteria_given,
-    varied,
-    with_costs,
-)
+from crashfuse.certification.criteria import WINDOW_MS, Criteria, CriteriaGiven, criteria_given, varied, with_costs
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import COMPARED, Earlier, LaterTests, compared, read_earlier, recorded
 from crashfuse.certification.forecasts import SEEDS, Plan
@@ -295,9 +287,9 @@ def certify(
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     require_a(bool, robustness, "robustness=True judges without each test, too")
     conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
-    if costs is not None and len(several(costs)) != len(COSTS):
+    if costs is not None and len(several(costs)) != 2:
         raise UsageError("Costs are that of a test and that of a wrong answer, such as (60_000, 1_200_000).")
-    limits = limits if costs is None else with_costs(limits, dict(zip(COSTS, costs, strict=True)))
+    limits = limits if costs is None else with_costs(limits, dict(zip(("test", "wrong_answer"), costs, strict=True)))
     config = replace(config, approaches=(approach,))
     with running(campaign, **run) as started:
         certification = certify_matrix(campaign, limits, conditions, config, started)
@@ -347,14 +339,14 @@ def certify_matrix(
         if not is_variant:
             pairs = zip(plan.cells, judged, strict=True)
             judged = tuple(tuple(with_probability_interval(v, at_cells[cell]) for v in row) for cell, row in pairs)
-        verdicts = _hold(judged, campaign, criteria, record)
-        found = Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
         checks = {
             i: float(np.mean(chances))
             for (i, at), cell, tests in zip(matrix.items, plan.cells, tests_run, strict=True)
             if not (tests or domain.outside(at) or domain.unshown(at))
             and (chances := at_cells[cell].chances(criteria.spot_check))
         }
+        verdicts = _hold(judged, campaign, criteria, record)
+        found = Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
         return replace(found, record_with_runs=flattered, spot_checks=checks)
 
     found = by(criteria, is_variant=False)
@@ -365,10 +357,9 @@ def without_each_test(certification: Certification, run: Run) -> Certification:
     """The certification with the variants that lack a test."""
     asked = certification.criteria, certification.matrix, certification.config, run
     tests = certification.campaign.test_ids if len(certification.campaign.tests) > 1 else ()
-    others = [
-        Variant.of(f"without {i}", certification, certify_matrix(certification.without(i), *asked)) for i in tests
-    ]
-    return replace(certification, variants=(*certification.variants, *others))
+    others = {f"without {i}": certify_matrix(certification.without(i), *asked) for i in tests}
+    added = (Variant.of(name, certification, other) for name, other in others.items())
+    return replace(certification, variants=(*certification.variants, *added))
 
 
 def recompute(folder: str | Path, campaign: Campaign, **run: Unpack[RunOptions]) -> pd.DataFrame:
@@ -390,12 +381,13 @@ def recompute(folder: str | Path, campaign: Campaign, **run: Unpack[RunOptions])
     import pandas as pd
 
     earlier, config, campaign = recorded(folder := Path(folder), campaign)
-    with TemporaryDirectory() as kept, running(campaign, **{"cache": Cache(Path(kept)), **run}) as started:
+    with TemporaryDirectory() as kept, running(campaign, **(RunOptions(cache=Cache(Path(kept))) | run)) as started:
         again = certify_matrix(campaign, earlier.criteria, earlier.matrix, config, started)
         record = replace(again.record, since=LaterTests(earlier, campaign).held_against(again.criteria))
         again = replace(again, verdicts=_hold(again.judged, again.campaign, again.criteria, record), record=record)
         made = views.certification_result(again).files
-        rows = [row for name in COMPARED for row in compared(name, seal.read(folder / name, "this file"), made[name]())]
+        pairs = {name: (seal.read(folder / name, "this file"), cast(bytes, made[name]())) for name in COMPARED}
+        rows = [row for name, pair in pairs.items() for row in compared(name, *pair)]
     return pd.DataFrame(rows, columns=["file", "place", "recorded", "recomputed", "agreement"])
 
 
@@ -403,8 +395,7 @@ def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: 
     """Whether the cache has every forecast that a certification takes."""
     config = replace(config, approaches=config.approaches[:1])
     plan = Plan.of(campaign, criteria, matrix, config, Run.of(campaign))
-    find = plan.forecasts
-    return all(map(find.is_known, plan.with_runs)) and find.are_known((*plan.cells, *plan.trials))
+    return all(map(plan.forecasts.is_known, plan.with_runs)) and plan.forecasts.are_known((*plan.cells, *plan.trials))
 
 
 def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord) -> Rows:
@@ -428,11 +419,8 @@ def _hold(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRec
             verdict = with_reason(verdict, caveat)
         return verdict
 
-    found = []
-    for row in judged:
-        apart = [departure.test for departure in departures_near(campaign, row[0].condition)]
-        found.append(tuple(held(verdict, apart) for verdict in row))
-    return tuple(found)
+    apart = ([departure.test for departure in departures_near(campaign, row[0].condition)] for row in judged)
+    return tuple(tuple(held(verdict, tests) for verdict in row) for row, tests in zip(judged, apart, strict=True))
 
 
 def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | None], dict[str, Condition]]:

@@ -8,13 +8,12 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeAlias, TypeGuard, cast
 
-import numpy as np
 import pandas as pd
 
 from crashfuse.campaign import Campaign
 from crashfuse.errors import NO_FILE, DataError, Problem, printable, require_a, several
 from crashfuse.files.toml_text import read_toml, shown, toml_text
-from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, in_sentence, metric_values
+from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, in_sentence
 from crashfuse.signals.rating import STANDARD
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.units import KPH, MPH, G, Quantity, Sentence, UnitSystem, joined
@@ -248,14 +247,11 @@ def criteria_text(criteria: Criteria) -> str:
 
 def limits_of_tests(campaign: Campaign, units: UnitSystem) -> list[dict[str, Any]]:
     """Five criteria to start from: the most that a test showed, rounded up in a reader's units, and a good rating."""
-    shown = [
-        metric_values(t.pulse.accel_mps2, t.condition.speed_mps, dt_s=t.pulse.dt_s, occupant=campaign.occupant)
-        for t in campaign.tests
-    ]
+    shown = [{own.name: own.value for own in campaign.metrics_of(test)} for test in campaign.tests]
     rows: list[dict[str, Any]] = []
     for name, metric in _TO_START.items():
         factor = units.factor(METRIC_UNITS[metric])
-        most = max((float(v[metric]) * factor for v in shown if np.isfinite(v[metric])), default=0.0)
+        most = max((value * factor for own in shown if (value := own[metric]) is not None), default=0.0)
         if most > 0:
             step = 10.0 ** (math.floor(math.log10(most)) - 1)
             rows.append({"name": name, "metric": metric, "at_most": math.ceil(most / step) * step / factor})
@@ -264,22 +260,18 @@ def limits_of_tests(campaign: Campaign, units: UnitSystem) -> list[dict[str, Any
 
 def varied(criteria: Criteria) -> dict[str, Criteria]:
     """The criteria at another confidence, or with limits 5 % stricter or looser, by what is other."""
-    confidences = {f"confidence {own:g}": own for own in (0.9, 0.99) if own != criteria.confidence}
-    limits = {"stricter": 0.05, "looser": -0.05}
-    return {name: replace(criteria, declared=own) for name, own in confidences.items()} | {
-        f"limits 5 % {word}": replace(criteria, items=tuple(_tightened(own, by) for own in criteria.items))
-        for word, by in limits.items()
-    }
+    others = {f"confidence {p:g}": replace(criteria, declared=p) for p in (0.9, 0.99) if p != criteria.confidence}
+    for word, by in (("stricter", 0.05), ("looser", -0.05)):
+        others[f"limits 5 % {word}"] = replace(criteria, items=tuple(_tightened(own, by) for own in criteria.items))
+    return others
 
 
 def _tightened(criterion: Criterion, share: float) -> Criterion:
     least, most = criterion.at_least, criterion.at_most
     highest = 1.0 if criterion.window_ms is not None else math.inf
-    return replace(
-        criterion,
-        at_least=None if least is None else min((1 + share) * least, highest),
-        at_most=None if most is None else min((1 - share) * most, highest),
-    )
+    least = None if least is None else min((1 + share) * least, highest)
+    most = None if most is None else min((1 - share) * most, highest)
+    return replace(criterion, at_least=least, at_most=most)
 
 
 def ratings_wanted() -> list[dict[str, Any]]:

@@ -90,7 +90,7 @@ class Domain:
 
     @cached_property
     def _reached_mps(self) -> tuple[tuple[float, float], ...]:
-        """Stretches of speed as far as the reach from any test; two are one if all between them is at about a speed."""
+        """As far as the reach from any test; two are one if all between them is at about a speed."""
         ranges: list[tuple[float, float]] = []
         for tested in self.speeds_mps:
             start, end = tested - self.reach_mps, tested + self.reach_mps

@@ -138,7 +138,7 @@ class LaterTests:
         return tuple(found)
 
     def _shifts(self, run: Condition, planned: Condition) -> dict[str, float]:
-        """How much more a test shows where it was run than as planned, by the emulator at both."""
+        """What a test shows more than as planned, by the emulator."""
         if run.is_at(planned) or not len(self.campaign.cae):
             return {}
         emulator, occupant = CaeModel().fit(self.campaign.cae, Run.of(self.campaign)).emulator_, self.earlier.occupant
@@ -202,8 +202,10 @@ def _leaves(values: dict[str, Any], above: str = "") -> Iterator[tuple[str, obje
 
 
 def _agreement(then: object, now: object) -> str:
-    lists = isinstance(then, list) and isinstance(now, list) and len(then) == len(now)
-    pairs = zip(then, now, strict=True) if lists else ((then, now),)
+    lists = (
+        (then, now) if isinstance(then, list) and isinstance(now, list) and len(then) == len(now) else ([then], [now])
+    )
+    pairs = zip(*lists, strict=True)
     near = all(a == b or (is_number(a) and is_number(b) and math.isclose(a, b, rel_tol=_ROUNDING)) for a, b in pairs)
     return AGREEMENTS[0 if then == now else 1 if near else 2]
 
@@ -226,8 +228,8 @@ def _of(values: dict[str, Any], digest: str) -> Earlier:
         matrix=matrix,
         occupant=occupant,
         rows={
-            i: tuple(_verdict(condition, limit, values["cells"][i][limit.name]) for limit in criteria.items)
-            for i, condition in matrix.items
+            i: tuple(_verdict(at, own, values["cells"][i][own.name]) for own in criteria.items)
+            for i, at in matrix.items
         },
         run=tuple(i for i in values["run"] if i in matrix.ids),
         waived=tuple(i for i in matrix.ids if i in values["waived"]),

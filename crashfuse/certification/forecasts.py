@@ -100,13 +100,12 @@ class Forecast:
         return cls(tuple(entry["names"].tolist()), **{name: numbers(entry, name, *_SHAPES[name]) for name in _SHAPES})
 
     def _distributions(self, criterion: Criterion) -> list[Distribution]:
-        """By seed; empty if a record is too short."""
         kind = Distribution if criterion.window_ms is None else RatingDistribution
         rows = self.distributions[:, self.names.index(quantity(criterion))]
         return [] if np.isnan(rows).any() else [kind(*row) for row in rows.tolist()]
 
     def _folds(self, criterion: Criterion) -> FloatArray:
-        """Probability of meeting a criterion if a test folds as most do, and as the one apart; shape (n_seeds, 2)."""
+        """:meth:`by_fold` by seed; shape (n_seeds, 2)."""
         rows = self.folds[:, :, self.names.index(quantity(criterion))].tolist()
         limits = criterion.at_least, criterion.at_most
         chances = [[np.nan if np.isnan(row[0]) else Distribution(*row).probability(*limits) for row in p] for p in rows]
@@ -198,7 +197,7 @@ def _metrics_of(test: CrashTest, occupant: OccupantModel) -> dict[str, float]:
 
 
 def _ranks(drawn: FloatArray) -> FloatArray:
-    """The share of draws below each, equal ones in the middle of theirs and those without a value above all others."""
+    """The share of draws below each; of equal ones the middle, and those without a value last."""
     n_draws = drawn.shape[1] if drawn.shape[1] > 1 else 0  # a single one is the pulse itself
     ends = [[np.searchsorted(np.sort(row), row[:n_draws], end) for row in drawn] for end in ("left", "right")]
     return np.asarray(np.mean(ends, axis=0) / max(n_draws, 1))
@@ -271,7 +270,7 @@ class Forecasts:
         shared = self.run.anew()
         for seed in sorted({each.seed for each in missing}):
             approaches = {each.approach for each in missing if each.seed == seed}
-            shared.cache.used |= prepare(self.campaign, approaches, _by(self.config, seed), shared).cache.used
+            shared.cache.used |= prepare(self.campaign, approaches, replace(self.config, seed=seed), shared).cache.used
         work = partial(_forecast, config=self.config.on_this_device, windows_ms=self.windows_ms)
         done, total = len(found), len(found) + len(missing)
         self.run.watch.report(step, done, total)
@@ -282,8 +281,8 @@ class Forecasts:
         return found
 
     def _is_fitted(self, asked: Query) -> bool:
-        approach = _by(self.config, asked.seed).on_this_device.create(asked.approach)
-        return approach.is_cached(self._training(asked))
+        config = replace(self.config, seed=asked.seed).on_this_device
+        return config.create(asked.approach).is_cached(self._training(asked))
 
     def is_known(self, asked: Query) -> bool:
         """Whether the cache has a forecast."""
@@ -311,7 +310,7 @@ def _forecast(
     learned_from, made, run = training(campaign, asked[0]), [], replace(run, memory={})
     with one_thread_throughout():
         for name, seed in dict.fromkeys((each.approach, each.seed) for each in asked):
-            fit = Fit.of(learned_from, name, _by(config, seed), run)
+            fit = Fit.of(learned_from, name, replace(config, seed=seed), run)
             for each in asked:
                 if (each.approach, each.seed) == (name, seed):
                     forecast = Forecast.of(fit, each.condition, windows_ms)
@@ -320,12 +319,8 @@ def _forecast(
     return made
 
 
-def _by(config: StudyConfig, seed: int) -> StudyConfig:
-    return replace(config, seed=seed)
-
-
 def _key(training: Campaign, asked: Query, config: StudyConfig, windows_ms: tuple[float, ...]) -> dict[str, object]:
-    fit = _by(config, asked.seed).create(asked.approach).identity
+    fit = replace(config, seed=asked.seed).create(asked.approach).identity
     own = {"campaign": training.fingerprint, "condition": asked.condition, "windows_ms": windows_ms}
     return {**fit, **own, "code": Code(__name__)}
 

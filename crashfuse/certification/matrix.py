@@ -156,7 +156,7 @@ def matrix_given(given: MatrixGiven, factors: Mapping[str, Sequence[str]]) -> Ma
 
 
 def _away(test: Condition, planned: FloatArray) -> FloatArray:
-    """How far a test is from conditions, shape (n, 3); up to 1 it may have been made for one."""
+    """How far a test is from conditions, shape (n, 3): made for one at 1 or less."""
     allowed = np.column_stack([np.full(len(planned), SAME_SPEED_MPS), SAME_WEIGHT * planned[:, 1:]])
     off = np.abs(test.vector - planned) / allowed
     return np.asarray(off.max(axis=1) - 1e-9)  # to the last digit of units

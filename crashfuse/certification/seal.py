@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -208,8 +208,7 @@ def _contents(path: Path, content: bytes) -> Sealed:
 def _holds(key: "Ed25519PublicKey", signature: bytes, content: bytes) -> bool:
     from cryptography.exceptions import InvalidSignature
 
-    try:
+    with suppress(InvalidSignature):
         key.verify(signature, content)
-    except InvalidSignature:
-        return False
-    return True
+        return True
+    return False

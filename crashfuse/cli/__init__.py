@@ -74,7 +74,7 @@ def _not_utf8(name: str) -> str:
 
 
 def _with_directions(argv: Sequence[str]) -> list[str]:
-    """The arguments with ``--travel -x`` as one, which argparse would take for two options."""
+    """``--travel -x`` as one, which argparse would take for two options."""
     joined: list[str] = []
     for argument in argv:
         if joined[-1:] == ["--travel"] and argument in TRAVELS:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli.conditions import ACCELERATION_UNITS, AXES, add_axes, filter_class, in_si, number, whole
+from crashfuse.cli.conditions import ACCELERATION_UNITS, AXES, add_axes, in_si, number, number_or, whole
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.vocabulary import TRAVELS
 from crashfuse.units import LB, MS, SYSTEMS
@@ -61,7 +61,7 @@ def parser() -> argparse.ArgumentParser:
     _add_out(study, "folder for the results; of several studies each has a folder in it")
     study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
     _add_model_options(study, several=True)
-    _add_windows(study, _window, "; ttzv: to each test's zero velocity, too")
+    _add_windows(study, number_or("ttzv"), "; ttzv: to each test's zero velocity, too")
     _add_also(study)
     help_ = "default: both; with --held-out or --preset paper: test"
     study.add_argument("--leave-out", choices=("test", "speed-group", "both"), help=help_)
@@ -230,7 +230,7 @@ def _add_rating_options(parser: argparse.ArgumentParser) -> None:
 def _add_channel_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
     parser.add_argument("--unit", choices=("g", *ACCELERATION_UNITS), help="of the acceleration (default: detected)")
-    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help="60, 180 or so, or none")
+    parser.add_argument("--channel-filter-class", type=number_or("none"), metavar="CFC", help="60, 180 or so, or none")
 
 
 def _add_out(parser: argparse.ArgumentParser, what: str = "folder for the results") -> None:
@@ -244,10 +244,6 @@ def _add_windows(parser: argparse.ArgumentParser, window: Callable[[str], object
 
 def _add_also(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--also", nargs="+", default=(), metavar="NAME", help="beside ratings: sprague-geers, anova")
-
-
-def _window(text: str) -> float | str:
-    return text if text == "ttzv" else number(text)
 
 
 def _add_factor(parser: argparse.ArgumentParser, what: str) -> None:
@@ -314,7 +310,7 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 class _Approaches:
-    """Names of all approaches, looked up for the help alone: that imports SciPy and other packages."""
+    """Names of all approaches, looked up for the help alone: that imports much."""
 
     def __iter__(self) -> Iterator[str]:
         from crashfuse.approaches.registry import APPROACHES
@@ -326,12 +322,8 @@ class _Approaches:
 
 
 def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:
-    """Parser of comma-separated values; a space-separated list would swallow the campaign that follows it."""
-
-    def values(text: str) -> list[T]:
-        return [parse(part) for part in text.split(",")]
-
-    return values
+    """By commas, as a list by spaces would swallow the campaign that follows it."""
+    return lambda text: [parse(part) for part in text.split(",")]
 
 
 def _one_of(*choices: str) -> Callable[[str], str]:

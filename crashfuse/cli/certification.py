@@ -26,7 +26,7 @@ from crashfuse.results.files import replaced, write_files
 
 
 def certify(arguments: argparse.Namespace) -> None:
-    """Give a verdict on every criterion at every condition of a matrix."""
+    """Judge every criterion at every condition."""
     arguments.approach = [arguments.approach or APPROACH]
     config = settings(arguments)
     if arguments.since and arguments.out.resolve() in (arguments.since.resolve(), arguments.since.resolve().parent):
@@ -40,10 +40,11 @@ def certify(arguments: argparse.Namespace) -> None:
     if earlier is not None:
         earlier.require_of(campaign)  # or another vehicle's would be told only once all is computed
     matrix = _matrix(arguments, campaign)
-    (approach,) = config.approaches
     how = {name: getattr(arguments, name) for name in ("costs", "robustness", "workers", "scheduler")}
     with watching() as watch:
-        judged = certify_campaign(campaign, criteria, matrix, approach=approach, config=config, watch=watch, **how)
+        judged = certify_campaign(
+            campaign, criteria, matrix, approach=config.approaches[0], config=config, watch=watch, **how
+        )
     certification = judged if earlier is None else judged.beside(earlier)
     if key is not None:
         certification = replace(certification, key=seal.key_name(key.public_key()))
@@ -69,7 +70,7 @@ def make_key(arguments: argparse.Namespace) -> None:
 
 
 def verify(arguments: argparse.Namespace) -> None:
-    """Hold a certification against its seal, recompute it, or sign it as reviewer."""
+    """Verify, recompute or review a certification."""
     folder, reviewing = arguments.folder, None if arguments.seal is None else seal.read_key(arguments.seal, "private")
     sealed = None
     if arguments.recompute is None or reviewing or arguments.key or (folder / seal.SEAL).exists():

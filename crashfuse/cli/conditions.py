@@ -24,13 +24,7 @@ ACCELERATION_UNITS |= {"cmps2": "cm/s²", "inps2": "in/s²", "ftps2": "ft/s²"}
 """Units of accelerations other than g, by their names here."""
 
 
-def add_axes(
-    parser: argparse.ArgumentParser,
-    axes: Iterable[str],
-    *,
-    required: bool = False,
-    **options: Any,  # noqa: ANN401 - those of argparse
-) -> None:
+def add_axes(parser: argparse.ArgumentParser, axes: Iterable[str], *, required: bool = False, **options: Any) -> None:  # noqa: ANN401 - those of argparse
     """Add the options for speed and weights to a parser."""
     for name in axes:
         group = parser.add_mutually_exclusive_group(required=required)
@@ -40,17 +34,11 @@ def add_axes(
 
 
 class _InUnit(argparse.Action):
-    """Stores what is given in SI, and the unit that it was given in: the end of the option's name."""
+    """Stores the unit of what is given, too: the end of the option's name."""
 
-    def __call__(
-        self,
-        _: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: object,
-        option_string: str | None = None,
-    ) -> None:
+    def __call__(self, _: object, namespace: argparse.Namespace, values: object, option: str | None = None) -> None:
         setattr(namespace, self.dest, values)
-        setattr(namespace, f"{self.dest} unit", str(option_string).rpartition("-")[2])
+        setattr(namespace, f"{self.dest} unit", str(option).rpartition("-")[2])
 
 
 def units_of(arguments: argparse.Namespace) -> tuple[str, str, str]:
@@ -62,7 +50,7 @@ def units_of(arguments: argparse.Namespace) -> tuple[str, str, str]:
 
 
 def require_positive(arguments: argparse.Namespace) -> None:
-    """Refuse speeds and weights, or ends of ranges, that are not above 0."""
+    """Refuse speeds and weights that are not above 0."""
     asked = [given for name in AXES if (given := getattr(arguments, name)) is not None]
     numbers = [number for each in asked for number in (each if isinstance(each, list) else [each])]
     if not all(0 < number < float("inf") for number in numbers):
@@ -70,7 +58,7 @@ def require_positive(arguments: argparse.Namespace) -> None:
 
 
 def condition_of(arguments: argparse.Namespace, campaign: "Campaign", speed_mps: float) -> "Condition":
-    """The condition with the weights and factors that are asked for, at this speed."""
+    """The condition that is asked for, at this speed."""
     from crashfuse.condition import Condition
 
     factors = tuple(factor(text, campaign.factors) for text in arguments.factor or ())
@@ -79,7 +67,7 @@ def condition_of(arguments: argparse.Namespace, campaign: "Campaign", speed_mps:
 
 
 def factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
-    """Name and value of a factor that tests have; raises if none has it."""
+    """Name and value of a factor; raises if no test has it."""
     name, _, value = text.partition("=")
     if value not in known.get(name, ()):
         choices = "; ".join(f"{name}={value}" for name, values in known.items() for value in values) or "none"
@@ -99,7 +87,7 @@ def number(text: str) -> float:
 
 
 def in_si(factor: float) -> Callable[[str], float]:
-    """Parser of a number in a unit with this factor to SI."""
+    """Parser of a number, by the factor of its unit."""
     return lambda text: number(text) * factor
 
 
@@ -119,6 +107,6 @@ def whole(low: int, high: int | None = None) -> Callable[[str], int]:
     return parsed
 
 
-def filter_class(text: str) -> float | str:
-    """A channel filter class, or "none"."""
-    return text if text == "none" else number(text)
+def number_or(word: str) -> Callable[[str], float | str]:
+    """Parser of a number, or of a word."""
+    return lambda text: text if text == word else number(text)

@@ -101,7 +101,7 @@ def edit(arguments: argparse.Namespace) -> None:
 
 
 def import_(arguments: argparse.Namespace) -> None:
-    """Add a source to a campaign, and print how its records were read."""
+    """Add a source to a campaign, and print how it was read."""
     from crashfuse.campaign_folder.history import changes
     from crashfuse.importing import Choices, ColumnChoice, import_source
     from crashfuse.readers.record import PartialCondition

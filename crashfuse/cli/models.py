@@ -126,14 +126,14 @@ def _fits(arguments: argparse.Namespace, campaign: Campaign) -> list[Fit]:
 
 
 def settings(arguments: argparse.Namespace, usual: StudyConfig | None = None) -> StudyConfig:
-    """The settings that the options ask for, else the usual ones, checked."""
+    """What the options ask for, else the usual, checked."""
     config = replace(usual or StudyConfig(), **given_settings(arguments))
     config.check()
     return config
 
 
 def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The settings that the options name, by their names in a :class:`StudyConfig`."""
+    """What the options name, as in a :class:`StudyConfig`."""
     options = {"approach": "approaches", "windows_ms": "windows_ms", "leave_out": "leave_out"}
     options |= {name: name for name in ("preset", "seed", "device", "also")}
     given = {name: getattr(arguments, option, None) for option, name in options.items()}

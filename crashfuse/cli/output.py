@@ -44,7 +44,7 @@ def claim(arguments: argparse.Namespace, out: Path) -> None:
 
 
 def opened(arguments: argparse.Namespace, kind: str) -> tuple[Campaign, Display]:
-    """The campaign of a command that writes this kind of result, whose folder it claims, and how it is shown."""
+    """The campaign of a command, whose folder for this kind of result it claims, and how it is shown."""
     require_output(arguments.out, arguments.campaign, kind)
     claim(arguments, arguments.out)
     campaign = load_campaign(arguments.campaign, arguments.archive)
@@ -52,7 +52,7 @@ def opened(arguments: argparse.Namespace, kind: str) -> tuple[Campaign, Display]
 
 
 def require_writable(out: Path, option: str = "--out") -> None:
-    """Refuse a folder that is a file, lies below one, or is not writable, by the option that names it."""
+    """Refuse what is no folder, or not writable, by the option that names it."""
     there = next(path for path in (out.resolve(), *out.resolve().parents) if path.exists())
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
         what = "Nothing can be written to" if there.is_dir() else "Not a folder, but a file, is"
@@ -61,7 +61,7 @@ def require_writable(out: Path, option: str = "--out") -> None:
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Context for writing results: what prevents it is said."""
+    """Context that says what prevents writing."""
     try:
         yield
     except OSError as error:
@@ -70,7 +70,7 @@ def writing(folder: Path) -> Iterator[None]:
 
 
 def say_written(out: Path, kind: str) -> None:
-    """Print which files of this kind of result a folder contains."""
+    """Print which files a folder has of this kind."""
     print(f"Written to {out}: {', '.join(name for name in RESULT_FILES[kind] if (out / name).exists())}")
 
 
@@ -109,7 +109,7 @@ def pulse_export(arguments: argparse.Namespace) -> PulseExport:
 
 
 def figures(arguments: argparse.Namespace) -> None:
-    """Write every figure of a report in each format, its numbers as CSV, and all of them as slides."""
+    """Write the figures of a report in each format."""
     if missing := figure_files.missing_for(arguments.format):
         raise UsageError(missing)
     require_writable(arguments.out)

@@ -17,12 +17,15 @@ _SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
 
 
 def rate(arguments: argparse.Namespace) -> None:
-    """Rate one file against another, the pairs of a table, or two ISO-MME tests channel by channel."""
+    """Rate a file against another, pairs of a table, or two tests by channel."""
     if arguments.explain and (arguments.pairs or arguments.each_channel or arguments.csv):
         raise UsageError("--explain is for one pair of files, as text or with --json.")
-    files, windows, choices = (arguments.reference, arguments.comparison), arguments.windows_ms, _choices(arguments)
-    table = _rated(arguments, files, windows or WINDOWS_MS, choices)
-    explanations = explain_files(*files, windows or WINDOWS_MS, choices=choices) if arguments.explain else []
+    channels, others, also = map(tuple, (arguments.channel, arguments.comparison_channel, arguments.also))
+    unit = ACCELERATION_UNITS.get(arguments.unit, arguments.unit)
+    choices = RatingChoices(channels, others, arguments.channel_filter_class, unit, also, arguments.as_given)
+    files, windows = (arguments.reference, arguments.comparison), arguments.windows_ms or WINDOWS_MS
+    table = _rated(arguments, files, windows, choices)
+    explanations = explain_files(*files, windows, choices=choices) if arguments.explain else []
     explained = [explanation_record(own, "comparison") for own in explanations]
     if arguments.json:
         rows = table.drop(columns=[name for name in table if (table[name] == "").all()]).to_dict("records")
@@ -42,12 +45,6 @@ def rate(arguments: argparse.Namespace) -> None:
             raise CrashfuseError(found)
         if not (arguments.json or arguments.csv):
             print(found)
-
-
-def _choices(arguments: argparse.Namespace) -> RatingChoices:
-    channels, others, also = map(tuple, (arguments.channel, arguments.comparison_channel, arguments.also))
-    unit = ACCELERATION_UNITS.get(arguments.unit, arguments.unit)
-    return RatingChoices(channels, others, arguments.channel_filter_class, unit, also, arguments.as_given)
 
 
 def _rated(

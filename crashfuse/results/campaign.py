@@ -23,9 +23,8 @@ _SHOWN = {"peak": "Peak", "max_crush": "Crush", "t0": "TTZV", "olc": "OLC", "sm2
 def cae_errors_table(campaign: Campaign, window_ms: float = WINDOWS_MS[-1]) -> Table:
     """Metrics of each test and its CAE pulse, their differences, and the pulse's rating."""
     tests, rows = campaign.tests, []
-    for test, accel_mps2 in zip(
-        tests, cae_pulses(campaign.cae, [test.condition for test in tests], Run.of(campaign)), strict=True
-    ):
+    pulses = cae_pulses(campaign.cae, [test.condition for test in tests], Run.of(campaign))
+    for test, accel_mps2 in zip(tests, pulses, strict=True):
         of_cae = checked_metrics(accel_mps2, test.condition.speed_mps, dt_s=DT_S, occupant=campaign.occupant)
         both = zip(of_cae, campaign.metrics_of(test), strict=True)
         row = {
@@ -34,10 +33,9 @@ def cae_errors_table(campaign: Campaign, window_ms: float = WINDOWS_MS[-1]) -> T
         rated = rate_windows(test.pulse, Pulse(GRID_S, accel_mps2), [window_ms])[window_ms].overall
         rows.append({"Test": test.id, "speed_mph": of_condition(test.condition)["speed_mph"], **row, "rating": rated})
     metrics = (
-        Column(
-            title, "pair", METRIC_UNITS[name], ".0f" if name == "max_crush" else ".1f", name, further=(f"{name} test",)
-        )
+        Column(title, "pair", METRIC_UNITS[name], form, name, further=(f"{name} test",))
         for name, title in _SHOWN.items()
+        for form in [".0f" if name == "max_crush" else ".1f"]
     )
     rating = Column(f"Rating, 0–{window_ms:g} ms", "grade", source="rating")
     return Table("CAE errors", pd.DataFrame(rows), (Column("Test"), CONDITION[0], *metrics, rating))

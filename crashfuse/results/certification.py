@@ -16,18 +16,9 @@ from crashfuse.certification.track_record import WrongShare, trial_bounds
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import one_of
 from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results import certification_facts as said
 from crashfuse.results import certification_tables as tables
 from crashfuse.results.campaign import campaign_result
-from crashfuse.results.certification_facts import (
-    PLACES,
-    against,
-    answer,
-    exceptions,
-    facts,
-    outcomes,
-    sentences,
-    spot_check,
-)
 from crashfuse.results.credibility import credibility_rows, credibility_table
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
@@ -63,7 +54,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
             rows[name] = rows[name].mask(again, "")
         return Table.of("credibility", rows.set_axis(_SHEET, axis=1))
 
-    told: dict[str, tuple[str, ...]] = {place: sentences(certification, place) for place in PLACES}
+    told: dict[str, tuple[str, ...]] = {place: said.sentences(certification, place) for place in said.PLACES}
     told["verdicts"] += (criteria.scatter,)
     sealed = f"Sealed by the key {certification.key}." if certification.key else "Not sealed."
     return Result(
@@ -73,15 +64,11 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         config=config,
         command=partial(certify_command, certification),
         held_out=campaign.test_ids,
-        answer=answer(certification),
-        against=against(certification),
+        answer=said.answer(certification),
+        against=said.against(certification),
         shown=("planned", "counts"),
         sentences={**told, "evidence": (*told["record"][:2], campaign.quality.checks, sealed)},
-        tables=Deferred(
-            **tables.makers_of_tables(certification),
-            credibility=credibility,
-            repeats=repeats,
-        ),
+        tables=Deferred(**tables.makers_of_tables(certification), credibility=credibility, repeats=repeats),
         figures=_figures(certification),
         parts={"data": (campaign_result(campaign),), "left_out": _left_out(certification)},
         values={
@@ -91,7 +78,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
             "quantities": list(dict.fromkeys(criterion.label for criterion in criteria.items)),
             "confidence": criteria.confidence,
             "costs": criteria.costs,
-            "exceptions": exceptions(certification),
+            "exceptions": said.exceptions(certification),
             "notes": [(note.test, note.when, note.text) for note in notes],
             "earlier": certification.since and certification.since.earlier,
         },
@@ -128,23 +115,20 @@ def _figures(certification: Certification) -> dict[str, Figure]:
 
 
 def _left_out(certification: Certification) -> tuple[Result, ...]:
-    """A part for each left-out test: what it showed, the CAE model, and what was predicted without it."""
     campaign, approach = certification.campaign, certification.config.approaches[0]
     names = {**tables.PULSE_OF, BASELINE: BASELINE, **({} if approach == BASELINE else {"test": approach})}
 
-    def overlay(display: Display, test: CrashTest) -> Drawing:
+    def overlay(test: CrashTest, display: Display) -> Drawing:
         made = tables.left_out_pulses(certification)[test.id].items()
         drawn = {names[way]: Prediction(test.condition, accel_mps2.mean(axis=0)) for way, accel_mps2 in made}
         return pulses.overlay(test, drawn, display)
 
-    figures = {
-        test: Figure("test, CAE model and prediction", partial(overlay, test=campaign.test(test)))
-        for test, _ in certification.record.predicted_mps2
-    }
-    return tuple(
-        Result(kind="left-out test", title=f"{test}, left out", figures={"overlay": figure})
-        for test, figure in figures.items()
-    )
+    def part(test: CrashTest) -> Result:
+        figure = Figure("test, CAE model and prediction", partial(overlay, test))
+        return Result(kind="left-out test", title=f"{test.id}, left out", figures={"overlay": figure})
+
+    left_out = dict.fromkeys(test for test, _ in certification.record.predicted_mps2)
+    return tuple(part(campaign.test(test)) for test in left_out)
 
 
 def certification_figure(certification: Certification, figure: str, **display: Unpack[DisplayOptions]) -> Drawing:
@@ -162,7 +146,7 @@ def certification_json(certification: Certification) -> bytes:
 
 
 def _since(certification: Certification, since: LaterTests) -> dict[str, object]:
-    bounds = outcomes(since)
+    bounds = said.outcomes(since)
     return {
         "sha256": since.earlier.digest,
         "date": since.earlier.date,
@@ -180,7 +164,7 @@ def _since(certification: Certification, since: LaterTests) -> dict[str, object]
             }
             for trial in since.trials
         ],
-        "sentences": sentences(certification, "since"),
+        "sentences": said.sentences(certification, "since"),
     }
 
 
@@ -240,7 +224,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "counted_once": certification.counted_once,
         "uncertain": {i: met._asdict() for i, met in certification.uncertain.items()},
         "run_first": certification.run_first,
-        "spot_check": spot_check(certification),
+        "spot_check": said.spot_check(certification),
         "bounds": {unit: share.at_most for unit, share in record.bounds().items()},
         "track_record": {
             "near_limit": tables.share_columns(record.near_limit.bounds()["verdicts"]),
@@ -267,17 +251,16 @@ def certification_record(certification: Certification) -> dict[str, object]:
             for own in criteria.items
             for support in [record.support(own)]
         },
-        "sentences": sentences(certification, "summary"),
-        "exceptions": exceptions(certification),
+        "sentences": said.sentences(certification, "summary"),
+        "exceptions": said.exceptions(certification),
     }
 
 
 def _costs(certification: Certification) -> dict[str, object]:
-    by_code = {fact.code: fact.values for fact in facts(certification)}
     return {
-        name: {key: value for key, value in by_code[code].items() if not isinstance(value, str)}
-        for name, code in (("confidence", "costs.confidence"), ("saving", "costs.saving"))
-        if code in by_code
+        fact.code.removeprefix("costs."): {key: v for key, v in fact.values.items() if not isinstance(v, str)}
+        for fact in said.facts(certification)
+        if fact.code.startswith("costs.")
     }
 
 

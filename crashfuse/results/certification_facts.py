@@ -7,19 +7,10 @@ from statistics import fmean
 from typing import Any, ClassVar, Literal
 
 from crashfuse.approaches.base import WHOLE_SHARE
+from crashfuse.certification import track_record as records
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import likely_unit
 from crashfuse.certification.earlier import LaterTests
-from crashfuse.certification.track_record import (
-    TrackRecord,
-    Trial,
-    WrongShare,
-    counted_wrong,
-    largest_share,
-    percent_at_most,
-    strictest_per_metric,
-    trial_bounds,
-)
 from crashfuse.certification.verdict import all_met
 from crashfuse.execution.cache import remembered
 from crashfuse.files.toml_text import package_data
@@ -76,7 +67,7 @@ def _fact(code: str, *about: str, **values: object) -> Fact:
 @remembered  # asked for by every place
 def facts(certification: Certification) -> tuple[Fact, ...]:
     """All facts of a certification, the most important first."""
-    kinds = _campaign, _matrix, _costs, _record, _domain, _conditions, _not_used, _criteria, _since
+    kinds = _campaign, _matrix, _costs, _record, _domain, _conditions, _criteria, _since
     return by_importance(chain.from_iterable(kind(certification) for kind in kinds), CATALOGUE)
 
 
@@ -119,6 +110,8 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield _fact("test.extrapolated", test.id, notes=joined(notes))
+    for name in dict.fromkeys(chain.from_iterable(unused_at(certification).values())):
+        yield _fact("test.not_used", name, condition=dict(campaign.unused)[name], reason=campaign.reason_of(name))
 
 
 def _matrix(certification: Certification) -> Iterator[Fact]:
@@ -174,14 +167,16 @@ def _record(certification: Certification) -> Iterator[Fact]:
         yield _fact("record.none", why=why)
         return
     near = record.near_limit.bounds()["verdicts"]
-    text = f"{counted(near.n, 'verdict')} on hidden tests, {counted_wrong(near.wrong)} (up to {percent_at_most(*near)})"
+    near_wrong = f"{records.counted_wrong(near.wrong)} (up to {records.percent_at_most(*near)})"
+    text = f"{counted(near.n, 'verdict')} on hidden tests, {near_wrong}"
     near_text = text if near.n else "no verdict on a hidden test, so the others prove little"
     yield _fact("record.decided", **_outcome(record.bounds()), near=near.n, near_wrong=near.wrong, near_text=near_text)
     tests, saved, missed = record.waived(criteria)
     way = "also with all at its speed" if has_speed_groups(certification.campaign) else "alone"
     outcome = f"{missed} of these missed a criterion" if missed else f"All {saved} met every criterion"
     values = {"tests": counted(tests, "test"), "way": way, "n": saved, "answered": saved or "none", "wrong": missed}
-    yield _fact("record.waived", **values, outcome=outcome, bound=percent_at_most(missed, saved) if saved else None)
+    bound = records.percent_at_most(missed, saved) if saved else None
+    yield _fact("record.waived", **values, outcome=outcome, bound=bound)
     hidden = record.saved(criteria)
     fastest = max((t.verdict.condition.speed_mps for t in record.counted if t.held_out in hidden), default=float("inf"))
     if faster := {i: v for i in certification.waived if (v := rows[i][0].condition.speed_mps) > fastest + KPH}:
@@ -191,7 +186,7 @@ def _record(certification: Certification) -> Iterator[Fact]:
         yield _fact("record.with_runs", **_outcome(with_runs.bounds()), skipped=with_runs.waived(criteria)[1])
     yield from _intervals(record)
     if whole := record.whole_pulses:
-        narrow = any(largest_share(*counts) < WHOLE_SHARE for counts in whole.values())
+        narrow = any(records.largest_share(*counts) < WHOLE_SHARE for counts in whole.values())
         sentence = whole_sentence({how_left_out(way): counts for way, counts in whole.items()})
         yield _fact("record.whole", sentence=sentence, narrow=narrow, **whole)
     if record.brier is not None and record.brier[0] >= record.brier[1]:
@@ -200,10 +195,10 @@ def _record(certification: Certification) -> Iterator[Fact]:
     yield from (_fact("record.bin", **asdict(own)) for own in record.reliability if not own.holds)
 
 
-def _outcome(bounds: Mapping[str, WrongShare]) -> dict[str, object]:
+def _outcome(bounds: Mapping[str, records.WrongShare]) -> dict[str, object]:
     wrong, n = bounds["verdicts"]
-    at_most = {"bound": percent_at_most(wrong, n), "bound_by_test": percent_at_most(*bounds["tests"])}
-    return {"n": n, "wrong": wrong, "outcome": counted_wrong(wrong), **at_most}
+    at_most = {"bound": records.percent_at_most(wrong, n), "bound_by_test": records.percent_at_most(*bounds["tests"])}
+    return {"n": n, "wrong": wrong, "outcome": records.counted_wrong(wrong), **at_most}
 
 
 def _criteria(certification: Certification) -> Iterator[Fact]:
@@ -267,12 +262,12 @@ def _since(certification: Certification) -> Iterator[Fact]:
     yield from _wrong("since.wrong", since.trials, earlier.criteria.confidence)
 
 
-def outcomes(since: LaterTests) -> dict[str, WrongShare]:
+def outcomes(since: LaterTests) -> dict[str, records.WrongShare]:
     """:func:`trial_bounds` of the verdicts on tests run since, each metric once."""
-    return trial_bounds(strictest_per_metric(since.counted))
+    return records.trial_bounds(records.strictest_per_metric(since.counted))
 
 
-def _wrong(code: str, trials: Iterable[Trial], confidence: float) -> Iterator[Fact]:
+def _wrong(code: str, trials: Iterable[records.Trial], confidence: float) -> Iterator[Fact]:
     for trial in (trial for trial in trials if trial.wrong):
         verdict, criterion = trial.verdict, trial.verdict.criterion
         yield _fact(
@@ -288,7 +283,7 @@ def _wrong(code: str, trials: Iterable[Trial], confidence: float) -> Iterator[Fa
         )
 
 
-def _intervals(record: TrackRecord) -> Iterator[Fact]:
+def _intervals(record: records.TrackRecord) -> Iterator[Fact]:
     (inside, n), (inside_outside, n_outside) = record.intervals, record.intervals_outside
     missed = [
         Sentence("{} {} {}, not {}", trial.held_out, limit.name, trial.measured_text, limit.interval(v.lower, v.upper))
@@ -334,9 +329,3 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
     for name in domain.factors:
         if without := [i for i, condition in items if not dict(condition.factors).get(name)]:
             yield _fact("condition.no_factor", *without, factor=name)
-
-
-def _not_used(certification: Certification) -> Iterator[Fact]:
-    campaign, unused = certification.campaign, dict(certification.campaign.unused)
-    for name in dict.fromkeys(chain.from_iterable(unused_at(certification).values())):
-        yield _fact("test.not_used", name, condition=unused[name], reason=campaign.reason_of(name))

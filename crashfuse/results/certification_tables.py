@@ -35,19 +35,18 @@ _TRIAL_COLUMNS = (
     *("bounds.verdicts", "bounds.tests", "tuned"),
 )
 _OF_LIMITS = ("metric", "window_ms", "at_least", "at_most", "unit")
-_OF_PROBABILITY = ("probability_lower", "probability_upper")
 _JUDGED = ("met", "not met", "decided")
 
 
 def certification_table(certification: Certification, units: UnitSystem | None = None) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion, with the tests run there; reasons in these units."""
     system = certification.campaign.units if units is None else units
-    factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
+    columns, basis = condition_columns(certification.matrix), _bases(certification.campaign)
     answers, at_once = certification.answers, {i: all_met(row) for i, row in certification.rows.items()}
     though_met = {i: Sentence("{}.", at_once_text(certification, i)) for i in certification.uncertain}
     return _numbers_of(
         {
-            **condition_columns(i, verdict.condition, factors, certification.matrix.conditions[0]),
+            **columns[i],
             "criterion": verdict.criterion.name,
             **{name: getattr(verdict.criterion, name) for name in _OF_LIMITS},
             **{name: getattr(verdict, name) for name in ("value", "lower", "upper", "probability")},
@@ -59,10 +58,11 @@ def certification_table(certification: Certification, units: UnitSystem | None =
             "answer": answers[i],
             "all_met": at_once[i].probability,
             "spot_check": certification.spot_checks.get(i, float("nan")),
-            **dict(zip(_OF_PROBABILITY, verdict.probability_interval or (float("nan"),) * 2, strict=True)),
-            **({"test": " ".join(verdict.run)} if run else {}),
+            **{"probability_lower": least, "probability_upper": most},
+            **({"test": " ".join(verdict.run)} if certification.run else {}),
         }
         for i, verdict in certification.cells
+        for least, most in [verdict.probability_interval or (float("nan"), float("nan"))]
     )
 
 
@@ -86,23 +86,16 @@ def track_record_table(certification: Certification) -> pd.DataFrame:
 
 def matrix_table(matrix: Matrix) -> pd.DataFrame:
     """The conditions, in the form of ``matrix.csv``."""
-    factors = factors_of(matrix)
-    return pd.DataFrame(condition_columns(i, c, factors, matrix.conditions[0]) for i, c in matrix.items)
+    return pd.DataFrame([*condition_columns(matrix).values()])
 
 
-def factors_of(matrix: Matrix) -> tuple[str, ...]:
-    """Names of the factors that conditions of a matrix have."""
-    return tuple(dict.fromkeys(name for condition in matrix.conditions for name, _ in condition.factors))
-
-
-def condition_columns(
-    condition_id: str, condition: Condition, factors: Sequence[str], like: Condition
-) -> dict[str, object]:
-    """A condition in the columns of ``matrix.csv``, in the units of another one."""
+def condition_columns(matrix: Matrix) -> dict[str, dict[str, object]]:
+    """By id each condition in the columns of ``matrix.csv``, in the units of the first."""
+    factors = dict.fromkeys(name for condition in matrix.conditions for name, _ in condition.factors)
     return {
-        "id": condition_id,
-        **replace(condition, units=like.units).columns,
-        **{name: dict(condition.factors).get(name, "") for name in factors},
+        i: {"id": i, **replace(own, units=matrix.conditions[0].units).columns}
+        | {name: dict(own.factors).get(name, "") for name in factors}
+        for i, own in matrix.items
     }
 
 
@@ -236,10 +229,7 @@ def _record(certification: Certification) -> Table:
 
 @remembered
 def left_out_pulses(certification: Certification) -> dict[str, dict[str, FloatArray]]:
-    """By left-out test the CAE pulse (of its run, if there is one) and, by what was left out, the predicted ones.
-
-    Each of shape (n_seeds, n_samples); that without the speed group only if it is another one.
-    """
+    """By left-out test the CAE pulse and, by what was left out, those predicted, each (n_seeds, n_samples)."""
     campaign, predicted = certification.campaign, certification.record.predicted_mps2
     tests = list(dict.fromkeys(test for test, _ in predicted))
     of_cae = cae_pulses(campaign.cae, [campaign.test(test).condition for test in tests], Run.of(campaign))
@@ -251,12 +241,11 @@ def left_out_pulses(certification: Certification) -> dict[str, dict[str, FloatAr
 
 
 PULSE_OF = {BASELINE: "CAE", "test": LEFT_OUT["test"], "speed group": WITH_GROUP}
-"""What each of these is called."""
 
 
 @remembered
 def left_out_ratings(certification: Certification) -> Table:
-    """The ratings of these pulses with their parts, means over the seeds, as the record has them."""
+    """Ratings of these pulses with their parts, means over the seeds."""
     campaign, window = certification.campaign, certification.config.windows_ms[-1]
     rows = [
         {

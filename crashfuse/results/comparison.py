@@ -4,7 +4,6 @@ import json
 import platform
 from collections.abc import Iterable
 from datetime import UTC, datetime
-from itertools import permutations
 from pathlib import Path
 
 from crashfuse.approaches.registry import APPROACHES, LABELS, label_of
@@ -19,10 +18,6 @@ from crashfuse.units import Sentence, counted, joined
 from crashfuse.version import __version__
 
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
-_IN_TWO_WAYS = {
-    f"{one}, {other}": f"{_LEFT_OUT[one]} in the first, {_LEFT_OUT[other]} in the second"
-    for one, other in permutations(_LEFT_OUT, 2)
-}
 
 
 def history_table(results: Iterable[PastResult | Earlier]) -> Table:
@@ -81,7 +76,8 @@ def _way_result(compared: StudyComparison, window: float, way: str) -> Result:
 
 def left_out_in_words(way: str) -> str:
     """A way of leaving tests out of :attr:`StudyComparison.ways`."""
-    return f"Each test left out {(_LEFT_OUT | _IN_TWO_WAYS)[way]}"
+    first, *second = (_LEFT_OUT[own] for own in way.split(", "))
+    return f"Each test left out {first}" + "".join(f" in the first, {own} in the second" for own in second)
 
 
 _MEANS = (

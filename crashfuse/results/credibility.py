@@ -43,10 +43,7 @@ def credibility_table(certification: Certification, units: UnitSystem | None = N
 
 
 def credibility_rows(certification: Certification) -> pd.DataFrame:
-    """One row a factor and basis: what is asked, what is measured of it, stated by the user, or not known, its source.
-
-    No level, no compliance.
-    """
+    """One row a factor and basis: what is asked, what the data say of it, its source; no level, no compliance."""
     known: dict[str, dict[str, None]] = {}
     for own in (*campaign_facts(certification.campaign), *facts(certification)):
         known.setdefault(own.code, {})[own.sentence] = None

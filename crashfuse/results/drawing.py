@@ -235,7 +235,7 @@ def drawing_of(figure: go.Figure) -> Drawing:
 
 
 def _smoothed(edge: FloatArray, n: int) -> FloatArray:
-    """Mean over n samples to either side of the largest of as many: nowhere below the edge."""
+    """Nowhere below the edge, over n samples to either side."""
 
     def around(values: FloatArray) -> FloatArray:
         return np.lib.stride_tricks.sliding_window_view(np.pad(values, n, mode="edge"), 2 * n + 1)

@@ -160,13 +160,12 @@ def learning_curve_result(curve: LearningCurve, cost: Cost | str | None = None) 
         "cost_per_test": cost and asdict(cost),
     }
     steps = gains_table(curve, cost)
-    asked = curve.campaign, curve.config, curve.repeats, str(cost or "")
     return Result(
         kind="learning curve",
         title="how many tests are enough",
         campaign=curve.campaign,
         config=curve.config,
-        command=partial(learning_curve_command, *asked),
+        command=partial(learning_curve_command, curve.campaign, curve.config, curve.repeats, str(cost or "")),
         held_out=curve.campaign.test_ids,
         answer=answer,
         shown=() if steps.empty else ("gains",),

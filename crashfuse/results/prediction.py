@@ -17,7 +17,7 @@ from crashfuse.errors import one_of, require_a, several
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.results import figures
 from crashfuse.results.campaign import campaign_result
-from crashfuse.results.certification_tables import condition_columns, csv_as_given, factors_of
+from crashfuse.results.certification_tables import condition_columns, csv_as_given
 from crashfuse.results.display import Display, DisplayOptions
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.export.outgoing_pulses import PulseExport, PulseFiles, PulseFormat
@@ -161,7 +161,6 @@ def _as_single_test(shown: Prediction) -> Prediction:
 
 
 def _beside(other: figures.Further, shown: PredictedPulse) -> figures.Further:
-    """Another prediction at this condition is named by its settings."""
     if not isinstance(other, PredictedPulse) or other.condition != shown.condition:
         return other
     is_other = figures.otherwise(other.config, shown.config)
@@ -213,12 +212,11 @@ def cautions(predictions: Sequence[PredictedPulse]) -> list[Sentence]:
 def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
     """One row per prediction, approach and metric, with its difference from the first; for files."""
     first = {(own.approach, m.name): m.value for own in predictions[0].estimates for m in own.metrics}
-    conditions = tuple(prediction.condition for prediction in predictions)
-    ids = tuple(str(number) for number, _ in enumerate(conditions, start=1))
-    factors = factors_of(Matrix(ids, conditions))
+    ids = tuple(str(number) for number, _ in enumerate(predictions, start=1))
+    conditions = condition_columns(Matrix(ids, tuple(prediction.condition for prediction in predictions)))
     return pd.DataFrame(
         {
-            **condition_columns(number, condition, factors, conditions[0]),
+            **columns,
             "preset": prediction.config.preset,
             "seed": prediction.config.seed,
             "approach": estimate.approach,
@@ -227,7 +225,7 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
             "difference": None if m.value is None or base is None else m.value - base,
             **of_folds(m),
         }
-        for number, condition, prediction in zip(ids, conditions, predictions, strict=True)
+        for columns, prediction in zip(conditions.values(), predictions, strict=True)
         for estimate in prediction.estimates
         for m in estimate.metrics
         for base in [first.get((estimate.approach, m.name))]

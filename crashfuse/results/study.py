@@ -10,20 +10,12 @@ import pandas as pd
 from crashfuse.approaches.registry import LABELS
 from crashfuse.errors import UsageError, require_a
 from crashfuse.files.csv_text import csv_bytes
+from crashfuse.results import rating_tables
 from crashfuse.results.campaign import campaign_result
 from crashfuse.results.display import DEFAULT, Display
 from crashfuse.results.drawing import Drawing
 from crashfuse.results.fit_explanations import bias_result, coverage_table, estimates_result, events_window_ms
 from crashfuse.results.provenance import fit_record, provenance, recommendation_record, study_command
-from crashfuse.results.rating_tables import (
-    TABLE_3,
-    TABLE_5,
-    TTZV_COLUMN,
-    further_table,
-    mean_values,
-    rating_table,
-    ratings_shown,
-)
 from crashfuse.results.render.figure_files import Report
 from crashfuse.results.render.html import ReportOptions, report
 from crashfuse.results.render.text import json_bytes
@@ -39,8 +31,8 @@ from crashfuse.study.study import Fold, Study
 from crashfuse.units import Sentence, joined, speed
 
 _PAPER_TABLES: Mapping[str, tuple[str, Mapping[str, str]]] = {
-    "table_3": ("Table 3: the network before (LF) and after (MF) learning from the other tests", TABLE_3),
-    "table_5": ("Table 5: the approaches against the raw CAE model", TABLE_5),
+    "table_3": ("Table 3: the network before (LF) and after (MF) learning from the other tests", rating_tables.TABLE_3),
+    "table_5": ("Table 5: the approaches against the raw CAE model", rating_tables.TABLE_5),
 }
 _LEFT_OUT = {"test": "A test left out", "speed group": "A speed left out"}
 _WAYS = {"test": "left out alone", "speed group": "left out with all tests at about its speed"}
@@ -109,23 +101,19 @@ def _way(study: Study) -> str:
 def means_table(study: Study) -> Table:
     """Mean rating of each approach over each window with its grade."""
     of = "Rating of the held-out test," if len(study.folds) == 1 else "Mean rating over the held-out tests, each"
-    return replace(ratings_shown(mean_values(study)), name=f"{of} {_WAYS[_way(study)]}")
+    return replace(rating_tables.ratings_shown(rating_tables.mean_values(study)), name=f"{of} {_WAYS[_way(study)]}")
 
 
 def quality_table(study: Study, window_ms: float) -> Table:
     """How good predictions are, in the mean and worst test: a test left out, a speed."""
-    lines = []
+    rows = []
     for view in filter(None, (study, study.speed_groups)):
         approach = recommend(view).approach
         rated = {fold.held_out: fold.ratings[approach][window_ms].overall for fold in view.folds}
-        lines.append((_LEFT_OUT[_way(view)], LABELS[approach], rated))
-    grades = (Column(name, "grade") for name in ("Mean", "Worst"))
-    rows = (
-        {"How good is a prediction?": of, "Mean": float(np.mean([*rated.values()])), "Worst": min(rated.values())}
-        | {"Worst test": min(rated, key=rated.__getitem__), "Approach": by}
-        for of, by, rated in lines
-    )
-    return Table.of("quality", rows, *grades)
+        grades = {"Mean": float(np.mean([*rated.values()])), "Worst": min(rated.values())}
+        worst = {"Worst test": min(rated, key=rated.__getitem__), "Approach": LABELS[approach]}
+        rows.append({"How good is a prediction?": _LEFT_OUT[_way(view)], **grades, **worst})
+    return Table.of("quality", rows, Column("Mean", "grade"), Column("Worst", "grade"))
 
 
 def quality_of(account: Account, repeat: Repeatability | None) -> dict[Sentence, Sentence]:
@@ -150,8 +138,8 @@ def _tables(study: Study) -> dict[str, Table]:
     if groups is not None:
         tables["speed_groups"] = means_table(groups)
     for name, (caption, rows) in _PAPER_TABLES.items():
-        if len(ratings := rating_table(study, rows)):
-            tables[name] = replace(ratings_shown(ratings, "number"), name=caption)
+        if len(ratings := rating_tables.rating_table(study, rows)):
+            tables[name] = replace(rating_tables.ratings_shown(ratings, "number"), name=caption)
     held_out = [fold.held_out for fold in study.folds]
     if (repeats := repeats_table(study.repeatability, held_out, study.config.windows_ms)) is not None:
         tables["repeats"] = repeats
@@ -187,7 +175,7 @@ def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Re
     outcome += [repeat.sentence(rating.overall, LABELS[advice.approach])] if repeat is not None else []
     came_out = [expected.outcome(rating.overall)] if expected is not None and several else []
     about = estimates_result(study.campaign, fold.estimates, test, advice.sentences)
-    draw = partial(study.draw, test.id)
+    draw, further = partial(study.draw, test.id), rating_tables.further_table(study, fold, window)
     figures = {"motion": Figure("Pulses over time", _drawn(window, partial(draw, notes=notes)), not several)}
     if options.form == "whole":
         missed = expected is not None and expected.is_missed_by(rating.overall)
@@ -207,11 +195,7 @@ def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Re
             "why": (joined([*came_out, rating_headline(explanation)]),),  # its reason is among the parts
             "rating_parts": tuple(parts),
         },
-        tables={
-            **about.tables,
-            "ratings": _ratings_of_test(study, fold),
-            "further": further_table(study, fold, window),
-        },
+        tables={**about.tables, "ratings": _ratings_of_test(study, fold), "further": further},
         figures=figures,
         values={"notes": [(note.when, note.text) for note in notes]},
     )
@@ -220,10 +204,10 @@ def _fold(study: Study, fold: Fold, window: float, options: ReportOptions) -> Re
 def _ratings_of_test(study: Study, fold: Fold) -> Table:
     overall = {
         name: {f"0–{window:g} ms": rated[window].overall for window in study.config.windows_ms}
-        | ({TTZV_COLUMN: fold.overall_to_ttzv(name)} if study.config.to_ttzv else {})
+        | ({rating_tables.TTZV_COLUMN: fold.overall_to_ttzv(name)} if study.config.to_ttzv else {})
         for name, rated in fold.ratings.items()
     }
-    return ratings_shown(pd.DataFrame.from_dict(overall, orient="index"), "number")
+    return rating_tables.ratings_shown(pd.DataFrame.from_dict(overall, orient="index"), "number")
 
 
 def _weak_spots(study: Study, approach: str) -> list[str]:
@@ -239,16 +223,15 @@ def _weak_spots(study: Study, approach: str) -> list[str]:
 
 def study_files(study: Study) -> dict[str, Callable[[], Content]]:
     """The files of a study by their names, without its report."""
-    groups = study.speed_groups
-    files: dict[str, Callable[[], Content]] = {"scores.csv": lambda: csv_bytes(study.scores)}
-    if groups is not None:
-        files["speed_groups.csv"] = lambda: csv_bytes(groups.scores)
-    files["pulses.csv"] = lambda: csv_bytes(study.pulses)
-    files["metrics.csv"] = lambda: csv_bytes(study.metrics)
-    if (window_ms := events_window_ms(study)) is not None:
-        files["cae_events.csv"] = lambda: csv_bytes(study.campaign.cae_events(window_ms))
-    files["study.json"] = lambda: json_bytes(study_record(study))
-    return files
+    groups, window_ms = study.speed_groups, events_window_ms(study)
+    return {
+        "scores.csv": lambda: csv_bytes(study.scores),
+        **({} if groups is None else {"speed_groups.csv": lambda: csv_bytes(groups.scores)}),
+        "pulses.csv": lambda: csv_bytes(study.pulses),
+        "metrics.csv": lambda: csv_bytes(study.metrics),
+        **({} if window_ms is None else {"cae_events.csv": lambda: csv_bytes(study.campaign.cae_events(window_ms))}),
+        "study.json": lambda: json_bytes(study_record(study)),
+    }
 
 
 def study_record(study: Study) -> dict[str, object]:

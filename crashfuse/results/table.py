@@ -91,7 +91,8 @@ class Column:
         value, form = row.get(name), self.form if unit or not self.units else self.unitless or self.form
         if self.kind == "text":
             missing = value is None or value != value  # not a number
-            return Cell(self.missing if missing else display.title(_words(value, display), unit))
+            words = ("no", "yes")[value] if isinstance(value, bool) else display.words(value)
+            return Cell(self.missing if missing else display.title(words, unit))
         factor = display.units.factor(unit) * (-1 if self.flips and display.deceleration else 1)
         factor *= 100 if self.kind == "share" else 1
 
@@ -146,10 +147,6 @@ def frame_of(rows: Iterable[Mapping[str, object]]) -> pd.DataFrame:
     types = {name: set(map(type, frame[name])) for name in frame}
     floats, others = {float, np.float64}, {int, type(None)}
     return frame.astype({name: float for name, own in types.items() if own & floats and own <= floats | others})
-
-
-def _words(value: object, display: Display) -> str:
-    return ("no", "yes")[value] if isinstance(value, bool) else display.words(value)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, UsageError, require_number
+from crashfuse.errors import UsageError, refuse_if, require_number
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import G
 
@@ -81,14 +81,11 @@ def _check(accel: FloatArray, cfc: float, dt_s: float, padding: int) -> None:
     require_number("A channel filter class", cfc)
     if cfc not in CLASSES:
         raise UsageError(f"There is no channel filter class {cfc:g}; take 60, 180, 600 or 1000.")
-    if 1 / dt_s < 10 * cfc * (1 - 1e-9):
-        expected = f"at least {10 * cfc:g} samples a second for CFC {cfc:g}"
-        raise DataError(Problem("signal", expected, f"{1 / dt_s:g}", "choose a lower class"))
-    if accel.shape[-1] <= padding:
-        found = f"{accel.shape[-1] * dt_s * 1e3:g} ms"
-        raise DataError(Problem("signal", "a record longer than 10 ms", found, "filter before cutting the record"))
-    if not np.isfinite(accel).all():
-        raise DataError(Problem("signal", "finite numbers", "NaN or infinity", "mend the record"))
+    expected, length = f"at least {10 * cfc:g} samples a second for CFC {cfc:g}", f"{accel.shape[-1] * dt_s * 1e3:g} ms"
+    refuse_if(1 / dt_s < 10 * cfc * (1 - 1e-9), "signal", expected, f"{1 / dt_s:g}", "choose a lower class")
+    advice = "filter before cutting the record"
+    refuse_if(accel.shape[-1] <= padding, "signal", "a record longer than 10 ms", length, advice)
+    refuse_if(not np.isfinite(accel).all(), "signal", "finite numbers", "NaN or infinity", "mend the record")
 
 
 _PASSED_MPS2, _BEGUN_MPS2, _CALM_MPS2, _STAYS_S = 0.5 * G, 0.1 * G, 0.05 * G, 1e-3

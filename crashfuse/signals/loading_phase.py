@@ -55,8 +55,7 @@ def loading_phase(accel_mps2: FloatArray, speed_mps: float) -> LoadingPhase:
     n = accel.size if np.isnan(t0) else int(np.searchsorted(time, t0))  # number of samples before t0, where v > 0
     phase = np.array([time[:n], motion.displacement_m[:n], motion.velocity_mps[:n], accel[:n]])
     if not np.isnan(t0):
-        left_s = t0 - time[n - 1]
-        crush = motion.displacement_m[n - 1] + 0.5 * motion.velocity_mps[n - 1] * left_s
+        crush = motion.displacement_m[n - 1] + 0.5 * motion.velocity_mps[n - 1] * (t0 - time[n - 1])
         phase = np.column_stack([phase, [t0, crush, 0.0, np.interp(t0, time, accel)]])
     return LoadingPhase(phase[0], phase[1], phase[2], phase[3], t0)
 

@@ -123,8 +123,7 @@ def vehicle_pulse_index(
     step: FloatArray = velocity_mps[..., 0].ravel() * dt_s
     stretch = _stretched(taut, step, stiffness * dt_s**2)
     longest = stretch.argmax(axis=0)
-    peaked = (longest > 0) & (longest < n - 1)
-    index: FloatArray = np.where(peaked, stiffness * stretch.max(axis=0), np.nan)
+    index: FloatArray = np.where((longest > 0) & (longest < n - 1), stiffness * stretch.max(axis=0), np.nan)
     return index.reshape(displacement_m.shape[:-1])
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem, printable, require_number
+from crashfuse.errors import printable, refusal, refuse_if, require_number
 from crashfuse.units import KPH, MPH, G
 
 FloatArray = npt.NDArray[np.floating[Any]]
@@ -44,8 +44,8 @@ class Pulse:
 
     def __post_init__(self) -> None:
         time, accel = numbers("time_s", self.time_s), numbers("accel_mps2", self.accel_mps2)
-        if found := _trouble(time, accel):
-            raise DataError(Problem("pulse", "evenly sampled, finite numbers", found, "mend the record"))
+        found = _trouble(time, accel)
+        refuse_if(found, "pulse", "evenly sampled, finite numbers", found, "mend the record")
         require_step(float(time[1] - time[0]), time.size)
         for name, values in (("time_s", time), ("accel_mps2", accel)):
             values = values.copy() if values.flags.writeable else values
@@ -73,21 +73,19 @@ def numbers(name: str, values: object) -> FloatArray:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         found = printable(repr(values), 60)
-        raise DataError(Problem(name, "an array of numbers", found, "pass the values of the curve")) from None
+        raise refusal(name, "an array of numbers", found, "pass the values of the curve") from None
 
 
 def require_step(dt_s: float, n: int) -> None:
     """Raise a DataError if a time step of a record of n samples is none, or can only be in ms."""
     require_number("dt_s", dt_s)
-    if not 0 < dt_s < np.inf:
-        raise DataError(Problem("dt_s", "a time step above 0, in s", f"{dt_s:g}", "state the step of the record"))
-    if dt_s > _LONGEST_STEP_S or n * dt_s > _LONGEST_S:
-        found = f"{dt_s:g}, a record of {n * dt_s:g} s"
-        advice = f"state times in s: {dt_s:g} ms are {dt_s * 1e-3:g} s"
-        raise DataError(Problem("dt_s", "the time step of a crash, in s", found, advice))
+    stated, is_long = f"{dt_s:g}", dt_s > _LONGEST_STEP_S or n * dt_s > _LONGEST_S
+    refuse_if(not 0 < dt_s < np.inf, "dt_s", "a time step above 0, in s", stated, "state the step of the record")
+    found, advice = f"{stated}, a record of {n * dt_s:g} s", f"state times in s: {stated} ms are {dt_s * 1e-3:g} s"
+    refuse_if(is_long, "dt_s", "the time step of a crash, in s", found, advice)
 
 
-def _trouble(time: FloatArray, accel: FloatArray) -> str | None:
+def _trouble(time: FloatArray, accel: FloatArray) -> str:
     if time.ndim != 1 or time.shape != accel.shape or time.size < 2:
         return f"time of shape {time.shape} and acceleration of shape {accel.shape}"
     if not (np.isfinite(time).all() and np.isfinite(accel).all()):
@@ -95,7 +93,7 @@ def _trouble(time: FloatArray, accel: FloatArray) -> str | None:
     steps = np.diff(time)
     if steps.min() <= 0 or np.ptp(steps) > 0.01 * steps.mean():
         return f"time steps from {steps.min():g} to {steps.max():g} s"
-    return None
+    return ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -141,7 +139,7 @@ def motion(accel_mps2: FloatArray, speed_mps: FloatArray | float, dt_s: float) -
 
 
 def _integral(values: FloatArray, dt_s: float) -> FloatArray:
-    """The trapezoidal rule along the last axis, from 0 (importing SciPy's costs most of a second)."""
+    """The trapezoidal rule from 0 (importing SciPy's costs most of a second)."""
     integral = np.empty(values.shape)
     integral[..., 0] = 0.0
     steps = integral[..., 1:]
@@ -183,39 +181,37 @@ def checked_pulse(
     accel_mps2 = Pulse(np.arange(accel_mps2.size) * dt_s, accel_mps2).accel_mps2
     require_number("speed_mps", speed_mps)
     stated = f"{speed_mps:g}"
-    if not 0 < speed_mps < np.inf:
-        raise DataError(Problem("speed_mps", expected, stated, "state a number above 0"))
+    refuse_if(not 0 < speed_mps < np.inf, "speed_mps", expected, stated, "state a number above 0")
     motion = kinematics(accel_mps2, speed_mps, dt_s)
     if (lost := float(speed_mps - motion.velocity_mps.min())) > _FASTEST_MPS:
         expected, found = "times in s and acceleration in m/s²", f"a pulse that takes away {lost / KPH:,.0f} km/h"
-        raise DataError(Problem("accel_mps2", expected, found, "correct the unit, of dt_s or of the acceleration"))
+        raise refusal("accel_mps2", expected, found, "correct the unit, of dt_s or of the acceleration")
     gained = float(motion.velocity_mps.max()) / speed_mps - 1
-    if gained > _GAINED and gained > lost / speed_mps:
-        found = f"a pulse that adds {100 * gained:.0f} % to the impact speed"
-        raise DataError(Problem("accel_mps2", "acceleration, negative while braking", found, "change its sign"))
+    is_turned = gained > max(_GAINED, lost / speed_mps)
+    found = f"a pulse that adds {100 * gained:.0f} % to the impact speed"
+    refuse_if(is_turned, "accel_mps2", "acceleration, negative while braking", found, "change its sign")
     likely, change = {"km/h": KPH} if speed_mps > _FASTEST_MPS else {}, lost / speed_mps
     braking_mps2 = -float(motion.accel_mps2[-max(accel_mps2.size // 10, 1) :].mean())
     is_over = braking_mps2 < _OVER * lost / (accel_mps2.size * dt_s)
     if is_unstopped := is_over and motion.velocity_mps[-1] > 0 and change < _CHANGE[0]:
         found = f"a pulse that is over and took away {100 * change:.0f} % of the impact speed"
-        if not likely and _CHANGE[0] < change * G < _CHANGE[1]:
-            advice = f"multiply it by {G:g} if it is in g"
-            raise DataError(Problem("accel_mps2", "acceleration in m/s²", found, advice))
+        is_in_g, advice = not likely and _CHANGE[0] < change * G < _CHANGE[1], f"multiply it by {G:g} if it is in g"
+        refuse_if(is_in_g, "accel_mps2", "acceleration in m/s²", found, advice)
         stated += f", of which the pulse takes away {100 * change:.0f} %"
         sizes = {"mph": MPH, "km/h": KPH}
         likely |= {unit: size for unit, size in sizes.items() if _CHANGE[0] < change / size < _CHANGE[1]}
     if likely:
         unit, size = min(likely.items(), key=lambda item: abs(change / item[1] - _USUAL_CHANGE))
         advice = f"convert it: {speed_mps:g} {unit} are {speed_mps * size:.4g} m/s"
-        raise DataError(Problem("speed_mps", expected, stated, advice))
+        raise refusal("speed_mps", expected, stated, advice)
     if is_unstopped:
-        raise DataError(Problem("accel_mps2", "one that stops the vehicle", found, "check its unit and the speed's"))
+        raise refusal("accel_mps2", "one that stops the vehicle", found, "check its unit and the speed's")
     if draws_mps2 is None:
         return accel_mps2, None
     draws_mps2 = numbers("draws_mps2", draws_mps2)
-    if draws_mps2.ndim != 2 or draws_mps2.shape[-1] != accel_mps2.size or not draws_mps2.size:
-        expected, shape = f"whole pulses, shape (n_draws, {accel_mps2.size})", f"shape {draws_mps2.shape}"
-        raise DataError(Problem("draws_mps2", expected, shape, "give draws the samples of the pulse"))
+    differ = draws_mps2.ndim != 2 or draws_mps2.shape[-1] != accel_mps2.size or not draws_mps2.size
+    expected, shape = f"whole pulses, shape (n_draws, {accel_mps2.size})", f"shape {draws_mps2.shape}"
+    refuse_if(differ, "draws_mps2", expected, shape, "give draws the samples of the pulse")
     return accel_mps2, draws_mps2
 
 

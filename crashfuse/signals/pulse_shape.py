@@ -31,14 +31,12 @@ class TwoStep(NamedTuple):
 
 def equivalent_square_wave(motion: Kinematics) -> FloatArray:
     """The constant deceleration that stops the vehicle within the same crush, v0²/(2 C) (ESW)."""
-    speed = motion.velocity_mps[..., 0]
-    return np.nan_to_num(speed**2 / 2 / motion.crush_m, nan=-np.inf)
+    return np.nan_to_num(motion.velocity_mps[..., 0] ** 2 / 2 / motion.crush_m, nan=-np.inf)
 
 
 def centroid_time(motion: Kinematics) -> FloatArray:
     """The time of the centroid of the pulse up to T, ∫ a t dt / ∫ a dt, which is C/v0."""
-    speed = motion.velocity_mps[..., 0]
-    return np.nan_to_num(motion.crush_m / speed, nan=np.inf)
+    return np.nan_to_num(motion.crush_m / motion.velocity_mps[..., 0], nan=np.inf)
 
 
 @lru_cache(maxsize=1)  # several metrics are parts of the result

@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem, UsageError, printable, require_number, several
+from crashfuse.errors import UsageError, printable, refuse_if, require_number, several
 from crashfuse.signals.pulse import FloatArray, Pulse, numbers, require_step
 
 STANDARD = "ISO/TS 18571:2024"
@@ -142,9 +142,8 @@ def rate_many(reference: FloatArray, comparisons: FloatArray, *, dt_s: float) ->
     reference, comparisons = np.asarray(reference, dtype=np.float64), np.asarray(comparisons, dtype=np.float64)
     _check(reference, comparisons, dt_s)
     reference, comparisons = _at_10_khz(reference, dt_s), _at_10_khz(comparisons, dt_s)
-    if np.ptp(reference) == 0:
-        found = f"{reference[0]:g} throughout"
-        raise DataError(Problem("reference", "a curve that varies", found, "choose another signal"))
+    found = f"{reference[0]:g} throughout"
+    refuse_if(np.ptp(reference) == 0, "reference", "a curve that varies", found, "choose another signal")
     return _rate(reference, comparisons)
 
 
@@ -170,31 +169,29 @@ def rated_curves(reference: Pulse, comparison: Pulse, window_ms: float) -> tuple
     curves = []
     for name, pulse in (("reference", reference), ("comparison", comparison)):
         begin, end = pulse.time_s[0], pulse.time_s[-1] + pulse.dt_s
-        if not (begin <= 1e-9 and window_ms / 1e3 - 1e-9 <= end):  # written so that NaN is rejected too
-            found, advice = f"{begin * 1e3:g}–{end * 1e3:g} ms", "choose a window inside the record"
-            raise DataError(Problem(name, f"a record over 0–{window_ms:g} ms", found, advice))
+        fits = begin <= 1e-9 and window_ms / 1e3 - 1e-9 <= end  # written so that NaN is rejected too
+        expected, found = f"a record over 0–{window_ms:g} ms", f"{begin * 1e3:g}–{end * 1e3:g} ms"
+        refuse_if(not fits, name, expected, found, "choose a window inside the record")
         time_s = np.arange(max(round(window_ms / 1e3 / RATING_DT_S), 0)) * RATING_DT_S
         curves.append(np.interp(time_s, pulse.time_s, pulse.accel_mps2))
     return curves[0], curves[1]
 
 
 def _check(reference: FloatArray, comparisons: FloatArray, dt_s: float) -> None:
-    if reference.ndim != 1:
-        found = f"one of {' × '.join(map(str, reference.shape))} numbers" if reference.ndim else "a single number"
-        raise DataError(Problem("reference", "a curve, an array of one dimension", found, "choose one channel"))
-    if comparisons.ndim != 2 or comparisons.shape[-1] != reference.size:
-        expected = f"the reference's {' × '.join(map(str, reference.shape))} samples"
-        found = " × ".join(map(str, comparisons.shape[1:])) or "a single number"
-        raise DataError(Problem("comparison", expected, found, "cut both curves to the same window"))
+    shape, expected = " × ".join(map(str, reference.shape)), "a curve, an array of one dimension"
+    found = f"one of {shape} numbers" if shape else "a single number"
+    refuse_if(reference.ndim != 1, "reference", expected, found, "choose one channel")
+    differ = comparisons.ndim != 2 or comparisons.shape[-1] != reference.size
+    found = " × ".join(map(str, comparisons.shape[1:])) or "a single number"
+    refuse_if(differ, "comparison", f"the reference's {shape} samples", found, "cut both curves to the same window")
     for name, values in (("reference", reference), ("comparison", comparisons)):
         unfit = np.argwhere(~(np.abs(values) < _LARGEST))
-        if unfit.size:
-            found = f"{values[tuple(unfit[0])]:g} at sample {unfit[0, -1]}"
-            raise DataError(Problem(name, "finite numbers", found, "mend the record"))
+        found = f"{values[tuple(unfit[0])]:g} at sample {unfit[0, -1]}" if unfit.size else ""
+        refuse_if(found, name, "finite numbers", found, "mend the record")
     require_step(dt_s, reference.size)
-    if not reference.size * dt_s > SHORTEST_WINDOW_S - 1e-9:
-        found = f"{reference.size * dt_s * 1e3:g} ms"
-        raise DataError(Problem("window", "at least 10 ms", found, "rate a longer window"))
+    length_s = reference.size * dt_s
+    is_short = not length_s > SHORTEST_WINDOW_S - 1e-9
+    refuse_if(is_short, "window", "at least 10 ms", f"{length_s * 1e3:g} ms", "rate a longer window")
 
 
 def _at_10_khz(curves: FloatArray, dt_s: float) -> FloatArray:
@@ -222,8 +219,7 @@ def _rate(reference: FloatArray, comparisons: FloatArray) -> list[Rating]:
             slope[curves] = slope_score(t, c)
     parts = (corridor, phase, magnitude, slope)
     overall = sum(weight * part for weight, part in zip(WEIGHTS.values(), parts, strict=True))
-    scores = np.column_stack([overall, *parts]).tolist()
-    return [Rating(o, c, p, m, s, grade(o)) for o, c, p, m, s in scores]
+    return [Rating(o, c, p, m, s, grade(o)) for o, c, p, m, s in np.column_stack([overall, *parts]).tolist()]
 
 
 def corridor_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
@@ -235,8 +231,7 @@ def corridor_values(reference: FloatArray, comparisons: FloatArray) -> FloatArra
     """1 inside the inner corridor, 0 outside the outer one, a parabola in between."""
     norm = np.abs(reference).max()
     inner, outer = INNER_CORRIDOR * norm, OUTER_CORRIDOR * norm
-    distance = np.abs(comparisons - reference)
-    return np.asarray(np.clip((outer - distance) / (outer - inner), 0.0, 1.0) ** 2)
+    return np.asarray(np.clip((outer - np.abs(comparisons - reference)) / (outer - inner), 0.0, 1.0) ** 2)
 
 
 def overlap(reference: FloatArray, comparisons: FloatArray, shift: int) -> tuple[FloatArray, FloatArray]:
@@ -304,8 +299,7 @@ def magnitude_score(reference: FloatArray, comparisons: FloatArray) -> FloatArra
     """Score of the relative difference along the dynamic time warping path, shape (n_curves,)."""
     error = np.empty(len(comparisons))
     for curve, (i, j) in enumerate(warping_paths(comparisons, reference, band=WARP_BAND)):
-        comparison = comparisons[curve]
-        error[curve] = np.abs(comparison[i] - reference[j]).sum() / np.abs(reference[j]).sum()
+        error[curve] = np.abs(comparisons[curve][i] - reference[j]).sum() / np.abs(reference[j]).sum()
     return np.maximum((_MAGNITUDE_LIMIT - error) / _MAGNITUDE_LIMIT, 0.0)
 
 

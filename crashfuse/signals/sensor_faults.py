@@ -212,9 +212,9 @@ def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
     accel, same = raw.accel, _SAME * raw.peak
     ends = np.flatnonzero(np.diff(np.r_[False, np.abs(np.diff(accel)) <= same, False])).reshape(-1, 2)
     ends = ends[(ends[:, 0] > 0) & (ends[:, 1] < accel.size - 1)]
-    sides = np.minimum(np.abs(accel[ends[:, 0] - 1]), np.abs(accel[ends[:, 1] + 1]))
+    around_mps2 = np.minimum(np.abs(accel[ends[:, 0] - 1]), np.abs(accel[ends[:, 1] + 1]))
     is_in_crash = (ends[:, 1] > raw.first) & (ends[:, 0] < raw.last)
-    ends = ends[is_in_crash | (sides > 0.4 * _JUMP * raw.peak)]  # what is lost at its edge cuts it short
+    ends = ends[is_in_crash | (around_mps2 > 0.4 * _JUMP * raw.peak)]  # what is lost at its edge cuts it short
     lengths = np.diff(ends)[:, 0]
     runs: list[tuple[int, int]] = [*map(tuple, ends[lengths >= max(raw.samples(_RUN_S), _RUN)].tolist())]
 

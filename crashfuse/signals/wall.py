@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import refuse_if
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import MS, number
@@ -47,9 +47,8 @@ class Wall:
             found = "a time that does not increase, or no numbers"
         elif self.time_s[-1] > _LONG_ENOUGH_S and abs(float(force[-1])) > _AT_ITS_END * np.abs(force).max() > 0:
             found = "one that is largest at its end, as an impulse is"
-        if found:
-            expected, advice = "a force that ends with the crash", "differentiate an impulse over time, or import again"
-            raise DataError(Problem(where, expected, found, advice))
+        advice = "differentiate an impulse over time, or import again"
+        refuse_if(found, where, "a force that ends with the crash", found, advice)
 
     def beside(self, accel_mps2: FloatArray) -> "Witness":
         """What it says beside a pulse on the study grid, as far as both go."""

@@ -10,14 +10,9 @@ from typing import Self
 
 import numpy as np
 
+from crashfuse.approaches import metric_calibration as calibration
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.metric_calibration import (
-    Errors,
-    calibrated_metrics,
-    drawn_metrics,
-    metric_errors,
-    representative_pulses,
-)
+from crashfuse.approaches.metric_calibration import Errors
 from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.approaches.registry import blamed_on
 from crashfuse.campaign import Campaign
@@ -60,12 +55,12 @@ class Estimate(Prediction):
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
         """Pulse metrics of the prediction, with intervals, calibrated on left-out tests, if it has draws."""
-        return calibrated_metrics(self, self.drawn, self.metric_errors, self.occupant)
+        return calibration.calibrated_metrics(self, self.drawn, self.metric_errors, self.occupant)
 
     @cached_property
     def drawn(self) -> dict[str, FloatArray]:
         """Metrics of each draw, or of the pulse itself if there are none."""
-        return drawn_metrics(self, self.occupant)
+        return calibration.drawn_metrics(self, self.occupant)
 
     @cached_property
     def representative(self) -> dict[str, FloatArray]:
@@ -90,7 +85,7 @@ class Estimate(Prediction):
     def representative_pulses(self, draws: Sequence[int] = ()) -> FloatArray:
         """A pulse that looks like a test, then draws as single tests, shape (1 + n, 1250)."""
         with one_thread():
-            return representative_pulses(self, self.drawn, self.metric_errors, draws, self.occupant)
+            return calibration.representative_pulses(self, self.drawn, self.metric_errors, draws, self.occupant)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,14 +115,13 @@ class Fit:
             left_out, usual = learned.left_out(campaign), learned.usual_errors
 
         def judge() -> tuple[Errors, Errors]:
-            errors = metric_errors(left_out, campaign, usual)
+            errors = calibration.metric_errors(left_out, campaign, usual)
             return errors, errors
 
         def restore(entry: Entry) -> Errors:
             return {name: numbers(entry, name, len(left_out) + len(usual.get(name, ()))) for name in METRIC_LABELS}
 
-        key = {**learned.fit_key(campaign), "code": Code(__name__)}
-        errors = run.get_or_compute(_JUDGED, key, judge, restore)
+        errors = run.get_or_compute(_JUDGED, {**learned.fit_key(campaign), "code": Code(__name__)}, judge, restore)
         return cls(learned, config, seconds, left_out, errors, campaign)
 
     def __repr__(self) -> str:

@@ -73,8 +73,7 @@ def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...
 
 def doubt_fact(test: CrashTest) -> Fact:
     """That a test's sensor failed, and how."""
-    faults = joined([fault.text for fault in test.faults], "; ")
-    return Fact("test.in_doubt", {"faults": faults}, (test.id,))
+    return Fact("test.in_doubt", {"faults": joined([fault.text for fault in test.faults], "; ")}, (test.id,))
 
 
 def extrapolation_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:

@@ -163,15 +163,13 @@ def _write(result: PastResult, folder: Path) -> None:
 
 def past_results() -> list[PastResult]:
     """All that was kept and can be read, the latest first."""
-    records = [_read(path) for path in _home().glob("*.json")]
-    results = [record for record in records if record is not None]
+    results = [record for path in _home().glob("*.json") if (record := _read(path)) is not None]
     return sorted(results, key=lambda result: result.date, reverse=True)[:MOST]
 
 
 def parsed(values: Mapping[str, Any]) -> PastResult:
     """A record from plain JSON values; a ValueError, TypeError, KeyError or UsageError if it is none."""
-    names = ("campaign", "fingerprint", "basis", "approach", "date")
-    texts = {name: values[name] for name in names}
+    texts = {name: values[name] for name in ("campaign", "fingerprint", "basis", "approach", "date")}
     if not all(isinstance(text, str) for text in texts.values()) or not _DATE.fullmatch(texts["date"]):
         raise ValueError("no texts, or no date")
     condition = None if values["condition"] is None else Condition.parse(values["condition"])

@@ -216,8 +216,7 @@ def _predicted(
             estimates = [estimate for test in held_out for estimate in estimates_at(fits, test.condition)]
             for estimate in estimates if as_in_studies else ():
                 store_estimate(estimate, training, config, run.cache)
-        tests = [test for test in held_out for _ in config.approaches]
-        pairs = zip(estimates, tests, strict=True)
+        pairs = zip(estimates, [test for test in held_out for _ in config.approaches], strict=True)
         return [(chosen, [row for pair in pairs for row in _measured(*pair, config.windows_ms)])]
 
 
@@ -250,11 +249,8 @@ def _table(
         subset = {"n_tests": len(part.chosen), "chosen": " ".join(part.chosen), "choice": part.choice}
         rows += [{**subset, **row} for row in known[part.chosen]]
     table = pd.DataFrame(rows).astype({"inside": float, "half_width_g": float})
-    forecasts = tuple(
-        {name: None if metric is None else Distribution(*metric) for name, metric in row.items()}
-        for row in table.pop(_FORECAST)
-    )
-    return table, forecasts
+    plain = table.pop(_FORECAST)
+    return table, tuple({name: own and Distribution(*own) for name, own in row.items()} for row in plain)
 
 
 def _rows(entry: dict[str, Any]) -> list[_Row]:

@@ -125,9 +125,7 @@ def _cached_departures(campaign: Campaign, run: Run) -> tuple[Departure, ...]:
 
     def restore(entry: Entry) -> tuple[Departure, ...]:
         records = json.loads(str(entry["departures"]))
-        rows: list[dict[str, Any]] = [
-            {k: tuple(x) if isinstance(x, list) else x for k, x in own.items()} for own in records
-        ]
+        rows: list[Any] = [{k: tuple(x) if isinstance(x, list) else x for k, x in own.items()} for own in records]
         return tuple(Departure(**values) for values in rows)
 
     key = {"campaign": campaign.fingerprint, "code": Code(__name__)}
@@ -159,8 +157,7 @@ def _departure(
 
 
 def _bias_difference(one: BiasPoints, other: BiasPoints) -> float:
-    end = min(one.displacement_m[-1], other.displacement_m[-1])
-    at = np.linspace(0.0, end, 200)
+    at = np.linspace(0.0, min(one.displacement_m[-1], other.displacement_m[-1]), 200)
     first, second = (np.interp(at, points.displacement_m, points.bias_mps2) for points in (one, other))
     return sqrt(float(((first - second) ** 2).mean()))
 

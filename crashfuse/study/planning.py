@@ -211,8 +211,7 @@ class ConditionRange:
 
     def grid(self, n_speeds: int, n_weights: int = 1) -> tuple[Condition, ...]:
         """Conditions at evenly spaced speeds and weights, limits included; if just one, the middle value."""
-        numbers = (n_speeds, n_weights, n_weights)
-        spans = zip(self.low.vector, self.high.vector, numbers, strict=True)
+        spans = zip(self.low.vector, self.high.vector, (n_speeds, n_weights, n_weights), strict=True)
         axes = [np.unique(np.linspace(low, high, n) if n > 1 else (low + high) / 2) for low, high, n in spans]
         return _conditions(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3), self.low.factors)
 

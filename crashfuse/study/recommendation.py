@@ -186,8 +186,7 @@ class Recommendation:
         """What to use and to expect, and what speaks against it, in a line."""
         use, rated = f"Use {CLASSES[self.approach].in_words}", self.expected
         likely = "" if rated is None else f": rating {rated.range} expected (80 %, {rated.likely})"
-        against = [fact.sentence for fact in self.facts if fact.code in _AGAINST]
-        return joined([f"{use}{likely}.", *against])
+        return joined([f"{use}{likely}.", *[fact.sentence for fact in self.facts if fact.code in _AGAINST]])
 
     def __repr__(self) -> str:
         return f"<Recommendation: {self.sentences[0]}>"
@@ -258,8 +257,7 @@ def _ties(
 
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
-    is_beside = AboutTimeDomain.name in names and away <= _NEAR_MPS
-    name = AboutTimeDomain.name if is_beside else names[0]
+    name = AboutTimeDomain.name if AboutTimeDomain.name in names and away <= _NEAR_MPS else names[0]
     why = "there is only one test" if len(campaign.tests) == 1 else "no test was left out under these settings"
     unknown = Fact("recommendation.expected", {"sentence": f"What rating to expect is not known: {why}."})
     facts = _use(name, CLASSES[name].in_words, {}), unknown, Fact("recommendation.by_the_paper", {"away_mps": away})
@@ -283,8 +281,7 @@ def _recommendation(study: Study) -> Recommendation:
     window_ms, n, grouped = max(study.config.windows_ms), len(study.folds), study.config.leave_out == "speed group"
     if n == 1:
         advice = recommend_without(study, study.folds[0], window_ms)
-        rating = study.folds[0].ratings[advice.approach][window_ms].overall
-        return replace(advice, facts=advice.after(rating))
+        return replace(advice, facts=advice.after(study.folds[0].ratings[advice.approach][window_ms].overall))
     crps = {name: crps_g(study, name, window_ms) for name in by_preference(study.config.approaches)}
     best = min(crps.values(), key=lambda values: float(values.mean()))
     excess = {name: values - best for name, values in crps.items()}

@@ -93,8 +93,7 @@ class Computation:
         if elsewhere:  # what is not known of repeatability in the end is computed there
             tasks.append(Task(repeated=repeated))
         if elsewhere and late:
-            trained = self._train_beside(tasks, late, shared, early)
-            self._compute(_tasks(late), trained, _LATE, late)
+            self._compute(_tasks(late), self._train_beside(tasks, late, shared, early), _LATE, late)
         else:  # here, one after the other: what can be shown first is not delayed by training
             self._compute(tasks, shared, _EARLY, early)
             if late:
@@ -122,7 +121,7 @@ class Computation:
         return replace(shared, watch=self.run.watch)
 
     def _compute(self, tasks: Sequence[Task], shared: Run, step: str, wanted: Sequence[Wanted]) -> None:
-        """Progress is that of fits, which take the time however many tests each predicts."""
+        """Progress is that of fits, which take the time."""
         work, fits = partial(_computed, config=self.config.on_this_device), _fits(wanted)
         with closing(shared.completed(work, self.campaign, tasks)) as completed:
             for estimates in completed:
@@ -240,8 +239,7 @@ def _joined(
     def study(way: StudyConfig) -> Study:
         keys = [fold_key(plan.campaign, way, test) for test in plan.held_out]
         known = tuple(folds[key] for key in keys if key in folds)
-        config_of_way = replace(way, approaches=config.approaches)
-        return Study(plan.campaign, config_of_way, known, seconds, repeatability=repeats)
+        return Study(plan.campaign, replace(way, approaches=config.approaches), known, seconds, repeatability=repeats)
 
     first, *others = [study(way) for way in plan.configs]
     return replace(first, config=config, speed_groups=others[0] if others and others[0].folds else None)

@@ -12,7 +12,7 @@ from crashfuse.approaches.base import Approach, FittedState
 from crashfuse.approaches.metric_calibration import metric_errors
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
-from crashfuse.errors import DataError, Problem, UsageError, as_path, require_a
+from crashfuse.errors import DataError, UsageError, as_path, refusal, refuse_if, require_a
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.run import Run
 from crashfuse.files.atomic import write_atomically
@@ -82,20 +82,19 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
 def _check(path: Path, record: dict[str, Any], campaign: Campaign) -> None:
     approach = record["approach"]
     if approach in CLASSES and path.stem != approach and path.name in map(model_file, CLASSES.declared):
-        raise DataError(Problem(str(path), f"a model of {path.stem}", f"one of {approach}", "give it its name back"))
+        raise refusal(str(path), f"a model of {path.stem}", f"one of {approach}", "give it its name back")
     made, here = record["versions"], versions()
     if differing := [name for name in here if made.get(name) != here[name]]:
         expected, found = (", ".join(f"{name} {there.get(name)}" for name in differing) for there in (here, made))
-        raise DataError(Problem(str(path), f"a model made with {expected}", f"one made with {found}", _AGAIN))
+        raise refusal(str(path), f"a model made with {expected}", f"one made with {found}", _AGAIN)
     if record["fingerprint"] != campaign.fingerprint:
         expected = f"a model of the data in {campaign.name} (fingerprint {campaign.fingerprint[:12]}…)"
         found = f"one of {record['campaign']} ({record['fingerprint'][:12]}…)"
-        raise DataError(Problem(str(path), expected, found, f"{_AGAIN}, or take the campaign it belongs to"))
+        raise refusal(str(path), expected, found, f"{_AGAIN}, or take the campaign it belongs to")
 
 
 def _read(path: Path) -> tuple[dict[str, Any], Entry]:
-    if not path.is_file():
-        raise DataError(Problem(str(path), "a saved model", "no such file", "train it with crashfuse train"))
+    refuse_if(not path.is_file(), str(path), "a saved model", "no such file", "train it with crashfuse train")
     try:
         return read_tensors(path)
     except ValueError as error:
@@ -103,7 +102,7 @@ def _read(path: Path) -> tuple[dict[str, Any], Entry]:
 
 
 def _unfit(path: Path, found: str) -> DataError:
-    return DataError(Problem(str(path), "a model as crashfuse saved it", found, _AGAIN))
+    return refusal(str(path), "a model as crashfuse saved it", found, _AGAIN)
 
 
 def _settings(approach: Approach) -> dict[str, object] | None:

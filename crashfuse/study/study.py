@@ -136,11 +136,10 @@ class Study:
 
     def fold(self, held_out: str) -> Fold:
         """The fold with this test held out; a UsageError if there is none."""
-        for fold in self.folds:
-            if fold.held_out == held_out:
-                return fold
-        known = ", ".join(fold.held_out for fold in self.folds)
-        raise UsageError(f"Test {held_out!r} was not left out in this study; left out were {known}.")
+        by_test = {fold.held_out: fold for fold in self.folds}
+        if held_out not in by_test:
+            raise UsageError(f"Test {held_out!r} was not left out in this study; left out were {', '.join(by_test)}.")
+        return by_test[held_out]
 
     @property
     def scores(self) -> pd.DataFrame:

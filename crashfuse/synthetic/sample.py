@@ -61,8 +61,7 @@ def write_sample(folder: Path) -> None:
 
 def _write(campaign: Campaign, folder: Path) -> None:
     texts = (f"{name} = {json.dumps(getattr(campaign, name))}\n" for name in ("name", "notice"))
-    settings = "".join([*texts, 'channel_filter_class = "none"\n'])
-    _write_text(folder / "campaign.toml", settings)
+    _write_text(folder / "campaign.toml", "".join([*texts, 'channel_filter_class = "none"\n']))
     for path in _TEXTS.iterdir():
         copyfile(path, folder / path.name)
     header = "id,speed_mph,front_weight_lb,rear_weight_lb"
@@ -79,8 +78,7 @@ def _write(campaign: Campaign, folder: Path) -> None:
 
 
 def _write_cae_pulses(library: CaeLibrary, path: Path) -> None:
-    n_samples = library.accel_mps2.shape[1]
-    run = pa.array(np.repeat(np.arange(len(library), dtype=np.int16), n_samples))
+    run = pa.array(np.repeat(np.arange(len(library), dtype=np.int16), library.accel_mps2.shape[1]))
     accel = np.round(library.accel_mps2.ravel() / G / _STORED_G) * _STORED_G
     ids = pa.DictionaryArray.from_arrays(run, list(library.ids))
     time_ms = np.tile((GRID_S / MS).astype(np.float32), len(library))

@@ -10,7 +10,7 @@ lumped-mass model of Kamal (SAE 700414, 1970), reduced to what shapes the pulse 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ from crashfuse.units import G
 
 _CRUSH_GRID_M = np.linspace(0.0, 1.2, 1201)
 _COWPER_SYMONDS_Q = 5.0
+_ZONES = ("rails", "shell", "engine", "firewall")
 # Compression of each element (rows) per forward displacement of body, powertrain and rear mass (columns).
 _ZONE_INCIDENCE = np.array([[1, 0, 0], [1, 0, 0], [0, 1, 0], [1, -1, 0]], dtype=np.float64)
 _COUPLING_INCIDENCE = np.array([[1, -1, 0], [-1, 0, 1]], dtype=np.float64)
@@ -120,8 +121,7 @@ def simulate(
     incidence = np.vstack([_ZONE_INCIDENCE, _COUPLING_INCIDENCE])
     position = np.zeros_like(speed)
     work = np.zeros((len(incidence), n))
-    accel = np.empty((n_samples, n))
-    barrier = np.empty((n_samples, n))
+    accel, barrier = np.empty((2, n_samples, n))
     dt = DT_S / steps_per_sample
     for step in range(n_samples * steps_per_sample):
         rate = incidence @ speed
@@ -142,19 +142,17 @@ def _masses_kg(vehicle: Vehicle, condition: Condition) -> tuple[float, float, fl
 
 
 class _Elements:
-    """Force laws of all elements of all vehicles, with their history (largest crush, plastic slip)."""
+    """Force laws of all elements, with their history (largest crush, plastic slip)."""
 
     def __init__(self, fleet: Sequence[Vehicle], n: int) -> None:
-        zones = [[getattr(v, name) for v in fleet] for name in ("rails", "shell", "engine", "firewall")]
+        zones = [[getattr(v, name) for v in fleet] for name in _ZONES]
         joints = [[getattr(v, name) for v in fleet] for name in ("mounts", "rear")]
         self._table = np.array([[zone.loading_n(_CRUSH_GRID_M) for zone in row] for row in zones])
         self._first = np.arange(len(zones) * len(fleet)).reshape(len(zones), -1) * _CRUSH_GRID_M.size
-        self._unloading = _field(zones, "unloading_npm")
-        self._rate = _field(zones, "rate_mps")
+        self._unloading, self._rate = _field(zones, "unloading_npm"), _field(zones, "rate_mps")
         self._stiffness, self._damping = _field(joints, "stiffness_npm"), _field(joints, "damping_nspm")
         self._strength = _field(joints, "strength_n")
-        self._largest = np.zeros((len(zones), n))
-        self._slip = np.zeros((len(joints), n))
+        self._largest, self._slip = np.zeros((len(zones), n)), np.zeros((len(joints), n))
 
     def force_n(self, deformation_m: FloatArray, rate_mps: FloatArray) -> FloatArray:
         """Forces that resist these deformations and rates, shape (6, n); call once per step, in time order."""
@@ -220,9 +218,8 @@ def equipped(vehicle: Vehicle, condition: Condition) -> Vehicle:
 
 def scattered(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     """One specimen of the vehicle: forces scatter by 2 % as a whole and along the crush, gaps by 4 mm, folds by 1 %."""
-    zones = (vehicle.rails, vehicle.shell, vehicle.engine, vehicle.firewall)
-    rails, shell, engine, firewall = (_specimen(zone, rng) for zone in zones)
-    return replace(vehicle, rails=rails, shell=shell, engine=engine, firewall=firewall)
+    zones: dict[str, Any] = {name: _specimen(getattr(vehicle, name), rng) for name in _ZONES}
+    return replace(vehicle, **zones)
 
 
 def measured_pulses(conditions: Sequence[Condition], seed: int) -> FloatArray:
@@ -230,8 +227,7 @@ def measured_pulses(conditions: Sequence[Condition], seed: int) -> FloatArray:
     streams = [np.random.default_rng([seed, i]) for i in range(len(conditions))]
     specimens = [scattered(equipped(TRUTH, c), rng) for c, rng in zip(conditions, streams, strict=True)]
     records = _records(specimens, conditions)
-    noise = np.array([rng.normal(0.0, SENSOR_NOISE_MPS2, records.shape[1]) for rng in streams])
-    return _study_pulses(records + noise)
+    return _study_pulses(records + np.array([rng.normal(0.0, SENSOR_NOISE_MPS2, records.shape[1]) for rng in streams]))
 
 
 def cae_pulses(conditions: Sequence[Condition]) -> FloatArray:
@@ -253,8 +249,8 @@ def _specimen(zone: CrushZone, rng: np.random.Generator) -> CrushZone:
 
 
 def _records(vehicles: Vehicle | Sequence[Vehicle], conditions: Sequence[Condition]) -> FloatArray:
-    crash = simulate(vehicles, conditions, N_SAMPLES + _BEFORE_CONTACT)
-    return np.pad(crash.accel_mps2, ((0, 0), (_BEFORE_CONTACT, 0)))
+    accel = simulate(vehicles, conditions, N_SAMPLES + _BEFORE_CONTACT).accel_mps2
+    return np.pad(accel, ((0, 0), (_BEFORE_CONTACT, 0)))
 
 
 def _study_pulses(records: FloatArray) -> FloatArray:

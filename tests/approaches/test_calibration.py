@@ -77,8 +77,7 @@ def test_one_moment_outside_before_60_ms_is_no_whole_pulse_inside(at_s: float, w
 def test_what_comes_after_the_stop_is_counted_apart() -> None:
     """A test that goes on otherwise after t0 loses nothing before it."""
     accel = half_sine(260)
-    t0 = crash_test(accel).pulse.kinematics(CONDITION.speed_mps).t0_s
-    accel[t0 + 0.001 < GRID_S] += 500.0
+    accel[crash_test(accel).pulse.kinematics(CONDITION.speed_mps).t0_s + 0.001 < GRID_S] += 500.0
     found = Coverage.of(crash_test(accel), draws(260, 20))
     assert found.accel == 1.0
     assert found.rebound < 0.05
@@ -118,8 +117,7 @@ def test_one_test_in_twenty_may_lie_outside_rounded_up(name: str, n: int, most: 
 def test_what_is_kept_of_a_check_is_the_check() -> None:
     """The factors and the coverage of each test; what it tells is plain and rounded."""
     first = Coverage(0.91, 0.97236, float("nan"), crush=True, peak=False)
-    tests = (first, Coverage(0.93, 1.0, 0.5, False, True, False))
-    check = Calibration(1.3, tests, 1.5, 1.25)
+    check = Calibration(1.3, (first, Coverage(0.93, 1.0, 0.5, False, True, False)), 1.5, 1.25)
     shares = {"accel_inside": 0.92, "velocity_inside": 0.986, "rebound_inside": 0.5}
     counts = {"left_out_tests": 2, "holds": False, "crush_inside": 1, "peak_inside": 1, "whole_inside": 1}
     again = Calibration.restored(check.learned())
@@ -138,8 +136,7 @@ def test_bands_are_widened_step_by_step_until_they_hold() -> None:
     state = json.loads(json.dumps(calibration.state))
     assert (state["left_out_tests"], state["crush_inside"], state["accel_inside"]) == (4, 0, 0.5)
     assert calibrate(lambda factor: [INSIDE if factor >= 0.8 else OUTSIDE], (0.6, 0.8, 1.0)).widening == 0.8
-    never_stopped = Calibration(1.0, (replace(INSIDE, rebound=float("nan")),))
-    assert never_stopped.state["rebound_inside"] is None
+    assert Calibration(1.0, (replace(INSIDE, rebound=float("nan")),)).state["rebound_inside"] is None
 
 
 def test_a_band_of_each_level_holds_what_lies_within_it(campaign: Campaign) -> None:
@@ -157,8 +154,7 @@ def test_bands_are_widened_far_from_tests_until_left_out_speed_groups_lie_inside
     rng = np.random.default_rng(0)
     mean = np.full(125, -100.0)
     measured = np.interp(np.arange(1250), np.arange(0, 1250, 10), mean + rng.standard_normal(125))
-    draws = (mean + 0.5 * rng.standard_normal((4000, 125)))[None]
-    left_out = LeftOut(np.array([0]), mean[None], draws)
+    left_out = LeftOut(np.array([0]), mean[None], (mean + 0.5 * rng.standard_normal((4000, 125)))[None])
     speeds = np.array([50.0])  # it never stops
     assert widening_far(measured[None], speeds, left_out) in (1.75, 2.0, 2.5)
     wide = left_out.widened({0: 2.5})

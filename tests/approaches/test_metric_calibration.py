@@ -84,8 +84,7 @@ def test_a_probability_is_the_mean_of_those_that_the_tests_leave_open(errors: Fl
         assert by_law.mean() == pytest.approx(found.probability(*limits), abs=2e-3)
         shares = [0.025, 0.5, 0.975]
         np.testing.assert_allclose(np.quantile(by_law, shares), np.quantile(simulated, shares), atol=0.02)
-    surer = replace(found, freedom=1e6).probabilities(None, 109.0)
-    assert np.ptp(surer) < 0.01
+    assert np.ptp(replace(found, freedom=1e6).probabilities(None, 109.0)) < 0.01
     assert replace(found, scale=0.0).probabilities(None, 109.0).tolist() == [1.0]
     cut = replace(found, centre=3.0, lowest=0.1, highest=0.2)
     for limits in ((None, 5.0), (5.0, None)):
@@ -178,8 +177,7 @@ def test_a_time_within_the_pulse_is_no_later_than_its_end() -> None:
     """The grid ends at 99.92 ms; a mass has no such limit."""
     late = DRAWS - 3.0
     assert spread(late).interval[1] > 105.0  # type: ignore[operator]
-    timed = not_none(Distribution.of(late, NONE, "peak_time"))
-    assert timed.interval[1] == pytest.approx(99.92)
+    assert not_none(Distribution.of(late, NONE, "peak_time")).interval[1] == pytest.approx(99.92)
 
 
 def test_the_median_is_the_middle_of_the_interval() -> None:

@@ -28,8 +28,7 @@ def test_the_score_of_normal_draws_is_its_closed_form(monkeypatch: pytest.Monkey
     draws = np.random.default_rng(0).standard_normal((4000, 1))
     for y in (0.0, 0.7, -2.0):
         expected = y * (2 * norm.cdf(y) - 1) + 2 * norm.pdf(y) - 1 / np.sqrt(np.pi)
-        score = Scores.of(np.array([y]), [draws]).crps(np.array([1.0]))
-        assert score == pytest.approx(expected, abs=0.02)
+        assert Scores.of(np.array([y]), [draws]).crps(np.array([1.0])) == pytest.approx(expected, abs=0.02)
 
 
 def test_the_score_of_a_mixture_is_that_of_its_draws(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,8 +42,7 @@ def test_the_score_of_a_mixture_is_that_of_its_draws(monkeypatch: pytest.MonkeyP
 
 
 def _scores(rng: np.random.Generator, *offsets: float) -> Scores:
-    measured = np.zeros(5)
-    return Scores.of(measured, [offset + 0.1 * rng.standard_normal((50, 5)) for offset in offsets])
+    return Scores.of(np.zeros(5), [offset + 0.1 * rng.standard_normal((50, 5)) for offset in offsets])
 
 
 EQUAL = np.ones(2)
@@ -80,8 +78,7 @@ def test_the_weights_are_the_best_of_all(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_without_left_out_tests_the_prior_decides() -> None:
     prior = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    alone = Pool(prior, spread=1.0, strength=10.0).fit([]).weights(EQUAL)
-    assert alone[0] == pytest.approx(1 / (1 + np.exp(-1)))
+    assert Pool(prior, spread=1.0, strength=10.0).fit([]).weights(EQUAL)[0] == pytest.approx(1 / (1 + np.exp(-1)))
     one = Pool(prior, spread=0.1, strength=1.0).fit([_scores(np.random.default_rng(4), 1.0, 0.0)])
     assert one.weights(EQUAL)[0] == pytest.approx(1 / (1 + np.exp(-1)), abs=0.02)
 

@@ -22,8 +22,7 @@ def test_a_test_of_this_speed_is_nearer_than_one_of_another_speed_and_the_very_w
     first, second, *_ = campaign.tests
     fast = replace(first, condition=replace(first.condition, speed_mps=35 * MPH))
     condition = replace(fast.condition, front_weight_kg=fast.condition.front_weight_kg + 100 * LB)
-    slower = replace(second, condition=replace(condition, speed_mps=25 * MPH))
-    both = replace(campaign, tests=(slower, fast))
+    both = replace(campaign, tests=(replace(second, condition=replace(condition, speed_mps=25 * MPH)), fast))
     assert [own.id for own in nearest_tests(both, condition)] == [first.id, second.id]
 
 

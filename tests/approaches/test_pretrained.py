@@ -83,8 +83,7 @@ def test_what_is_predicted_together_is_what_is_predicted_alone() -> None:
 def test_a_parked_vehicle_has_a_finite_forecast() -> None:
     measured, cae, vectors = _arrays(0, 1)
     vectors[0, 1, 0], cae[0, 1] = 0.0, 0.0
-    forecast = _forecast((measured, cae, vectors), True, False)
-    assert all(bool(torch.isfinite(part).all()) for part in forecast)
+    assert all(bool(torch.isfinite(part).all()) for part in _forecast((measured, cae, vectors), True, False))
 
 
 def test_tests_that_were_read_once_say_what_they_say_together() -> None:

@@ -266,4 +266,4 @@ def test_costs_stand_in_the_record(planned: Path, tmp_path: Path, shell: Shell) 
     shell.prints(*certifying(planned, tmp_path / "out", "--costs", 5, 100))
     assert read_earlier(tmp_path / "out").criteria.costs == Costs(5, 100)
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "skipping pays from a confidence of 0.95; 0.8 is asked for." in report
+    assert "skipping pays from a confidence of 0.95; asked for is 0.8." in report

@@ -39,8 +39,7 @@ def test_gain_of_a_sinusoid_is_the_butterworth_gain_squared(cfc: int, share: flo
     """A sinusoid at frequency f leaves with gain 1/(1 + r⁴), r = tan(π f/fs)/tan(π 2.0775 CFC/fs), and no delay."""
     dt_s = 2e-5
     frequency = share * 2.0775 * cfc
-    time_s = np.arange(0, 0.5, dt_s)
-    signal = np.sin(2 * np.pi * frequency * time_s)
+    signal = np.sin(2 * np.pi * frequency * np.arange(0, 0.5, dt_s))
     ratio = np.tan(np.pi * frequency * dt_s) / np.tan(np.pi * 2.0775 * cfc * dt_s)
     middle = slice(10_000, 15_000)
     found = cfc_filter(signal, cfc=cfc, dt_s=dt_s)[middle]

@@ -46,10 +46,8 @@ def test_constant_braking_has_the_closed_forms_of_its_occupant(occupant: Occupan
     """At a constant a, OLC = a (flight + restraint)/restraint, and VPI = a (1 + √(1 + 2·slack·k/(m·a)))."""
     motion = kinematics(np.full(time_of(0.15).size, -25 * G), SPEED_MPS, DT_S)
     restraint, slack_m = occupant.olc_restraint_mm, occupant.vpi_slack_mm / 1e3
-    olc, vpi = (
-        measure(motion.velocity_mps, motion.displacement_m, DT_S, occupant)
-        for measure in (occupant_load_criterion, vehicle_pulse_index)
-    )
+    moved = motion.velocity_mps, motion.displacement_m, DT_S, occupant
+    olc, vpi = occupant_load_criterion(*moved), vehicle_pulse_index(*moved)
     assert olc == pytest.approx(25 * G * (occupant.olc_free_flight_mm + restraint) / restraint, rel=1e-5)
     assert vpi == pytest.approx(
         25 * G * (1 + np.sqrt(1 + 2 * slack_m * occupant.vpi_stiffness_npm / (25 * G))), rel=1e-5

@@ -59,8 +59,7 @@ def test_draws_are_integrated_as_if_alone() -> None:
 
 def test_vehicle_that_never_stops_has_no_t0() -> None:
     """t0 is NaN where the pulse takes less than the speed, beside draws that do stop."""
-    draws = half_sine() * np.array([[0.5], [1.0]])
-    t0_s = kinematics(draws, 0.9 * DELTA_V_MPS, DT_S).t0_s
+    t0_s = kinematics(half_sine() * np.array([[0.5], [1.0]]), 0.9 * DELTA_V_MPS, DT_S).t0_s
     assert np.isnan(t0_s[0])
     assert 0 < t0_s[1] < DURATION_S
 

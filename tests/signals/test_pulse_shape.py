@@ -145,8 +145,7 @@ def test_a_vehicle_moves_freely_if_it_loses_less_than_a_twentieth_of_its_loss_in
 
 def test_ringing_leaves_a_vehicle_free_and_what_throws_it_off_does_not() -> None:
     """A half sine with ±10 g at 300 Hz, never quiet for 2 ms: free. Cut while it is thrown off, or padded then: not."""
-    ringing = 10 * G * np.sin(2 * np.pi * 300 * GRID_S)
-    motion = moved(half_sine(1.15) + ringing)
+    motion = moved(half_sine(1.15) + 10 * G * np.sin(2 * np.pi * 300 * GRID_S))
     assert pulse_shape.rebound_velocity(motion) == np.inf
     assert pulse_shape.moves_freely(motion)
     assert not pulse_shape.moves_freely(moved(half_sine(1.15)[: round(0.076 / DT_S)]))

@@ -142,8 +142,7 @@ def test_equal_fit_prefers_the_left_shift() -> None:
     assert rating.phase == pytest.approx(1 - 5 / (0.2 * 261))
     assert rating.slope == pytest.approx(1 - (spike + spike_on_the_end / 16) / spike / 2)
     for higher, shift in ((125, -5), (135, 5)):  # by too little for a Fourier transform
-        better = comparison + 1e-12 * (np.arange(261) == higher)
-        assert best_shifts(reference, better[None]).tolist() == [shift]
+        assert best_shifts(reference, (comparison + 1e-12 * (np.arange(261) == higher))[None]).tolist() == [shift]
 
 
 def test_a_shift_is_found_where_others_leave_a_flat_overlap() -> None:
@@ -168,8 +167,7 @@ def test_a_rating_beside_a_limit_is_told_with_the_digit_that_decides() -> None:
 
 def test_unit_does_not_matter() -> None:
     """In g, in m/s² and in units a trillion times smaller, the scores are the same."""
-    rng = np.random.default_rng(1)
-    t, c = np.cumsum(rng.normal(size=(2, 400)), axis=1)
+    t, c = np.cumsum(np.random.default_rng(1).normal(size=(2, 400)), axis=1)
     in_g = scores(rate_iso18571(t, c, dt_s=DT_S))
     for unit in (9.80665, 1e12):
         np.testing.assert_allclose(scores(rate_iso18571(unit * t, unit * c, dt_s=DT_S)), in_g, atol=1e-9)

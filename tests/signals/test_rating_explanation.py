@@ -30,8 +30,7 @@ TEST = bump(15, 200) + bump(33, 250) + bump(50, 220)
 
 @pytest.mark.parametrize("late_ms", [3.0, -3.0])
 def test_a_pulse_shifted_by_3_ms_is_3_ms_late_or_early(late_ms: float) -> None:
-    shifted = np.interp(TIME_S - late_ms / 1e3, TIME_S, TEST)
-    found = explain_rating(pulse(TEST), pulse(shifted), 70.0)
+    found = explain_rating(pulse(TEST), pulse(np.interp(TIME_S - late_ms / 1e3, TIME_S, TEST)), 70.0)
     assert found.shift_s == pytest.approx(late_ms / 1e3)
     assert not found.at_limit
     assert found.rating.phase == pytest.approx(1 - 3 / 14)
@@ -120,8 +119,7 @@ def test_peaks_are_where_the_humps_are_and_valleys_half_way_between() -> None:
 
 
 def test_a_ripple_is_no_hump_and_a_rise_has_none() -> None:
-    ripple = bumps(15) + bumps(40, height=15.0)
-    assert [hump.peak for hump in humps(ripple)] == [150]
+    assert [hump.peak for hump in humps(bumps(15) + bumps(40, height=15.0))] == [150]
     assert humps(np.linspace(0.0, -1.0, 600)) == ()
 
 

@@ -106,7 +106,7 @@ def test_noise_is_found_in_slow_records_and_after_a_wider_filter(rate: int, cfc:
     accel = noisy(time_s, crash(time_s))
     accel = accel if cfc is None else cfc_filter(accel, cfc=cfc, dt_s=1 / rate)
     (fault,) = sensor_faults(time_s, accel)
-    assert (fault.kind, fault.start_s) == ("noise", pytest.approx(0.04, abs=5e-3))
+    assert [fault.kind, fault.start_s] == ["noise", pytest.approx(0.04, abs=5e-3)]
 
 
 @pytest.mark.parametrize("rate", [1_000, 1_600, *RATES])

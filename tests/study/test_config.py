@@ -22,7 +22,7 @@ def test_a_plan_names_each_test_once(campaign: Campaign) -> None:
 def test_both_ways_to_leave_out_are_planned_where_both_are_possible(campaign: Campaign) -> None:
     both = StudyConfig(leave_out="both")
     assert [config.leave_out for config in StudyPlan(campaign, both).configs] == ["test", "speed group"]
-    assert [config.leave_out for config in StudyPlan(campaign.without(["T1", "T4"]), both).configs] == ["test"]
+    assert len(StudyPlan(replace(campaign, tests=campaign.tests[:1] * 2), both).configs) == 1
 
 
 @pytest.mark.parametrize(
@@ -77,8 +77,7 @@ def test_a_test_that_is_flat_over_a_window_is_named_before_anything_is_computed(
 
 def test_a_window_beyond_the_end_of_a_held_out_record_is_refused(campaign: Campaign) -> None:
     """Nobody measured what it would be rated against; up to its end, and with other tests held out, it can be."""
-    tests = (replace(campaign.tests[0], recorded_s=0.0799), *campaign.tests[1:])
-    cut = replace(campaign, tests=tests)
+    cut = replace(campaign, tests=(replace(campaign.tests[0], recorded_s=0.0799), *campaign.tests[1:]))
     for windows, held_out in (((80.0,), ("T1",)), ((100.0,), ("T2",))):
         StudyPlan(cut, StudyConfig(windows_ms=windows), held_out)
     with pytest.raises(DataError, match=r"T1: expected a record over 0–90 ms, found 79\.9 ms; rate a shorter window"):

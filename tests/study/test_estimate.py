@@ -139,5 +139,4 @@ def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: 
     estimate_at(campaign, condition, "displacement_domain")
     few = replace(DisplacementConfig.fast(), n_draws=20)
     monkeypatch.setattr(DisplacementConfig, "fast", lambda: few)
-    draws = not_none(estimate_at(campaign, condition, "displacement_domain").draws_mps2)
-    assert len(draws) == 20
+    assert len(not_none(estimate_at(campaign, condition, "displacement_domain").draws_mps2)) == 20

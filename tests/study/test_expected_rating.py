@@ -28,13 +28,9 @@ def at(
     """An estimate at the campaign's weights and this speed, with bands of a relative width there and here."""
     condition, pulse = replace(campaign.tests[0].condition, speed_mps=mph * MPH), campaign.tests[0].pulse.accel_mps2
     agreements = {test: Prediction(condition, accel, drawn(accel, there)).agreement for test, accel in left_out.items()}
+    draws = drawn(pulse, spread)
     return Estimate(
-        condition,
-        pulse,
-        drawn(pulse, spread),
-        approach="displacement_domain",
-        left_out_mps2=left_out,
-        agreements=agreements,
+        condition, pulse, draws, approach="displacement_domain", left_out_mps2=left_out, agreements=agreements
     )
 
 
@@ -151,8 +147,7 @@ def test_draws_agree_as_they_would_be_rated_by_corridor_and_slope() -> None:
 
 
 def test_without_draws_nothing_is_known_of_their_agreement() -> None:
-    prediction = Prediction(Condition.of_vector([15.0, 800.0, 700.0]), np.ones(1250))
-    assert np.isnan(prediction.agreement)
+    assert np.isnan(Prediction(Condition.of_vector([15.0, 800.0, 700.0]), np.ones(1250)).agreement)
     ratings = np.array([0.9, 0.8])
     alone = RatingDistribution.learned(ratings, np.zeros(2))
     assert RatingDistribution.learned(ratings, np.zeros(2), np.array([np.nan, 0.9]), np.nan) == alone

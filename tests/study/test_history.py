@@ -18,15 +18,7 @@ from crashfuse.execution.run import Run
 from crashfuse.study import history
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
-from crashfuse.study.history import (
-    LONGEST_NOTE,
-    PastResult,
-    Ratings,
-    StudyComparison,
-    annotate,
-    keep,
-    past_results,
-)
+from crashfuse.study.history import LONGEST_NOTE, PastResult, Ratings, StudyComparison, annotate, keep, past_results
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 from crashfuse.units import MPH

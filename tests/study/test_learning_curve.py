@@ -140,8 +140,7 @@ def test_all_but_one_is_what_a_study_rates(curve: LearningCurve, cache: Cache, m
 def test_a_held_out_pulse_reaches_no_prediction_without_it(campaign: Campaign, curve: LearningCurve) -> None:
     """Another pulse of T2: parts without T2 predict the others as before to the bit, those with T2 do not."""
     softer = with_pulse(campaign, "T2", 0.7 * campaign.test("T2").pulse.accel_mps2)
-    changed = learning_curve(softer, CONFIG, repeats=1, workers=1)
-    before, after = curve.table, changed.table
+    before, after = curve.table, learning_curve(softer, CONFIG, repeats=1, workers=1).table
     learned = (before["approach"] == "displacement_domain") & (before["held_out"] != "T2")
     saw_it = before["chosen"].str.split().map(lambda ids: "T2" in ids)
     assert before[learned & ~saw_it].equals(after[learned & ~saw_it])
@@ -156,8 +155,7 @@ def test_what_was_computed_is_not_computed_again(
     assert is_curve_cached(curve.campaign, CONFIG, repeats=1)
     assert not is_curve_cached(curve.campaign, replace(CONFIG, windows_ms=(50.0,)), repeats=1)
     monkeypatch.setattr(Fit, "of", None)
-    again = learning_curve(curve.campaign, CONFIG, repeats=1, cache=cache, workers=1)
-    assert again.table.equals(curve.table)
+    assert learning_curve(curve.campaign, CONFIG, repeats=1, cache=cache, workers=1).table.equals(curve.table)
 
 
 @pytest.mark.slow
@@ -171,8 +169,7 @@ def test_the_ratings_by_test_are_means_over_the_even_choices(curve: LearningCurv
     assert by_test.index.tolist() == list(curve.campaign.test_ids)
     assert by_test.columns.tolist() == [1, 2, 3]
     own = curve.table.query("approach == 'displacement_domain' and window_ms == 60 and choice == 'even'")
-    expected = own.query("held_out == 'T3' and n_tests == 1")["overall"].mean()
-    assert by_test.loc["T3", 1] == pytest.approx(expected)
+    assert by_test.loc["T3", 1] == pytest.approx(own.query("held_out == 'T3' and n_tests == 1")["overall"].mean())
     assert by_test.notna().all(axis=None)
     assert (curve.over(40.0).by_test("displacement_domain") != by_test).all(axis=None)
 

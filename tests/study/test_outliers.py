@@ -67,11 +67,8 @@ def test_a_faster_neighbour_is_scaled_to_the_tests_speed(campaign: Campaign, mod
     """A pulse in proportion to the speed is the same pulse."""
     group = at_one_speed(campaign, [1.0] * 4)
     first, *others = group.tests
-    faster = replace(
-        first,
-        condition=replace(first.condition, speed_mps=1.02 * first.condition.speed_mps),
-        pulse=replace(first.pulse, accel_mps2=1.02 * first.pulse.accel_mps2),
-    )
+    condition = replace(first.condition, speed_mps=1.02 * first.condition.speed_mps)
+    faster = replace(first, condition=condition, pulse=replace(first.pulse, accel_mps2=1.02 * first.pulse.accel_mps2))
     found = not_none(departure(replace(group, tests=(faster, *others)), "S1", model))
     assert found.ratings == pytest.approx([1.0] * 3)
 

@@ -80,11 +80,8 @@ def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campai
     """Full mph between; ends where the data end; a crawl and a run that goes on and on are left out."""
     pulse = np.full(GRID_S.size, -400.0, dtype=np.float32)  # takes 40 m/s off in its 100 ms
     speeds = np.array([1.0, 7.3, 12.0, 28.4, 120.0])  # mph; the last is too fast to be stopped
-    library = CaeLibrary(
-        tuple("abcde"),
-        tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds.tolist()),
-        np.tile(pulse, (5, 1)),
-    )
+    conditions = tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds.tolist())
+    library = CaeLibrary(tuple("abcde"), conditions, np.tile(pulse, (5, 1)))
     without = replace(campaign, cae=library, tests=())
     np.testing.assert_allclose(usual_speeds(without) / MPH, [7.3, *range(8, 29), 28.4])
     test = CrashTest("fast", Condition.of_vector([31 * MPH, 900.0, 700.0]), Pulse(GRID_S, pulse.astype(float)))
@@ -92,8 +89,7 @@ def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campai
 
 
 def test_speeds_without_runs_are_found(campaign: Campaign) -> None:
-    speeds = [10.0, 12.0, 14.0, 20.0, 21.0]
-    conditions = tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds)
+    conditions = tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in [10.0, 12.0, 14.0, 20.0, 21.0])
     library = CaeLibrary(tuple("abcde"), conditions, campaign.cae.accel_mps2[:5])
     found = np.array(uncovered_speeds(library, 8 * MPH, 30 * MPH)) / MPH
     np.testing.assert_allclose(found, [[8, 10], [14, 20], [21, 30]])
@@ -191,8 +187,7 @@ def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain, clu
     total = drawn.over_displacement_mps2[1:] + drawn.over_speed_mps2[1:, : s.size]
     lower, upper = np.quantile(total, [0.025, 0.975], axis=0)
     assert moving.any()
-    drawn_now = domain.calibration_.widening * np.mean((upper - lower) / 2)
-    assert now == pytest.approx(drawn_now, rel=0.04)
+    assert now == pytest.approx(domain.calibration_.widening * np.mean((upper - lower) / 2), rel=0.04)
 
 
 def test_what_the_tests_showed_has_no_influence(domain: DisplacementDomain) -> None:
@@ -240,8 +235,7 @@ def test_a_factor_that_tells_tests_apart_must_be_given(campaign: Campaign) -> No
     decels = [180.0 if condition.factors[0][1] == "A" else 220.0 for condition in conditions]
     tests = [CrashTest("", c, braking(c, decel)) for c, decel in zip(conditions, decels, strict=True)]
     runs = np.array([braking(c, 200.0).accel_mps2 for c in campaign.cae.conditions], np.float32)
-    library = replace(campaign.cae, accel_mps2=runs)
-    campaign = replace(campaign, cae=library, tests=tuple(tests))
+    campaign = replace(campaign, cae=replace(campaign.cae, accel_mps2=runs), tests=tuple(tests))
     domain = DisplacementDomain(FEW).fit(campaign)
     over = ConditionRange.of(tests)
     assert over.low == tests[0].condition
@@ -283,8 +277,7 @@ def test_a_range_that_makes_no_sense_is_refused() -> None:
 
 def test_the_figure_shows_the_gain_over_speed(clustered: Campaign) -> None:
     ranking = NextTests(clustered, RANGE, (at(12.0), at(50.0), at(20.0)), 4 * G, np.array([3.0, 3.5, 4.0]) * G)
-    figure = ranking.plot()
-    candidates, run = figure.data[:2]
+    candidates, run = ranking.plot().data[:2]
     np.testing.assert_allclose(candidates.x, [12, 20, 50], rtol=1e-6)
     np.testing.assert_allclose(candidates.y, [25, 0, 12.5], atol=1e-5)
     assert candidates.text == ("1", "3", "2")

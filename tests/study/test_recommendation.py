@@ -38,10 +38,8 @@ def study(campaign: Campaign, scales: dict[str, float]) -> Study:
     config = StudyConfig(approaches=tuple(scales))
     folds = []
     for number, test in enumerate(campaign.tests):
-        own = [
-            estimate(name, campaign, test, scale + 0.001 * number, 0.0 if name == "cae" else 0.05)
-            for name, scale in scales.items()
-        ]
+        off = {name: scale + 0.001 * number for name, scale in scales.items()}
+        own = [estimate(name, campaign, test, off[name], 0.0 if name == "cae" else 0.05) for name in scales]
         folds.append(Fold.of(test, own, config.windows_ms))
     return Study(campaign, config, tuple(folds))
 
@@ -74,11 +72,8 @@ def test_harm_against_the_raw_model_is_named_with_its_test(campaign: Campaign) -
     """Whoever recommends must say where it was worse."""
     spoiled = study(campaign, {"cae": 0.9, "displacement_domain": 0.97})
     first = campaign.tests[0]
-    bad = Fold.of(
-        first,
-        [estimate("cae", campaign, first, 0.99), estimate("displacement_domain", campaign, first, 0.7, 0.05)],
-        spoiled.config.windows_ms,
-    )
+    pair = [estimate("cae", campaign, first, 0.99), estimate("displacement_domain", campaign, first, 0.7, 0.05)]
+    bad = Fold.of(first, pair, spoiled.config.windows_ms)
     text = " ".join(recommend(replace(spoiled, folds=(bad, *spoiled.folds[1:]))).sentences)
     shown = [round(bad.ratings[name][60.0].overall, 3) for name in ("cae", "displacement_domain")]
     harm = shown[0] - shown[1]
@@ -146,8 +141,7 @@ def test_the_end_of_the_longest_window_counts(campaign: Campaign) -> None:
     for fold in study.folds:
         late = fold.estimates[1]
         accel = np.where((late.time_s >= 0.05) & (late.time_s < 0.06), late.accel_mps2, late.accel_mps2 - 6 * G)
-        wrong = replace(late, accel_mps2=accel)
-        folds.append(replace(fold, estimates=(fold.estimates[0], wrong)))
+        folds.append(replace(fold, estimates=(fold.estimates[0], replace(late, accel_mps2=accel))))
     found = recommend(replace(study, folds=tuple(folds)))
     crps_g = {"time_domain": pytest.approx(0.5), "displacement_domain": pytest.approx(0.96)}
     assert values(found, "recommendation.distance")["crps_g"] == crps_g
@@ -357,8 +351,7 @@ def test_a_prediction_without_the_neighbours_that_was_made_before_is_found(campa
     errors = {name: np.zeros(0) for name in METRIC_LABELS}
     perfect = replace(own, accel_mps2=test.pulse.accel_mps2, draws_mps2=None, metric_errors=errors)
     store_estimate(perfect, rest, CONFIG, Cache())
-    found = account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97))
-    assert found.without_neighbours == pytest.approx(1.0)
+    assert account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97)).without_neighbours == pytest.approx(1.0)
 
 
 def test_ranges_and_grades_agree_with_what_is_displayed(campaign: Campaign) -> None:

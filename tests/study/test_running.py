@@ -74,9 +74,6 @@ def test_a_speed_group_of_one_test_is_that_test_alone(campaign: Campaign) -> Non
 
 
 def test_predictions_from_the_same_tests_are_one_task() -> None:
-    wanted = [
-        running.Wanted(left_out, test, name)
-        for left_out, test in ((("A",), "A"), (("A", "B"), "A"), (("A", "B"), "B"))
-        for name in CONFIG.approaches
-    ]
+    asked = ((("A",), "A"), (("A", "B"), "A"), (("A", "B"), "B"))
+    wanted = [running.Wanted(*own, name) for own in asked for name in CONFIG.approaches]
     assert [len(task.wanted) for task in running._tasks(wanted)] == [2, 4]

@@ -144,8 +144,7 @@ def test_arrays_that_do_not_fit_are_refused_although_the_checksum_is_right(campa
         (arrays, text.replace('"seed": 0', '"seed": []')),
         (arrays, text.replace('"learned": {', '"learned": {"x": 1}, "y": {')),
     ):
-        digest = checksum(record, forged)
-        save_file(forged, saved, {"crashfuse": record, "sha256": digest})
+        save_file(forged, saved, {"crashfuse": record, "sha256": checksum(record, forged)})
         with pytest.raises(DataError, match="expected a model as crashfuse saved it, found"):
             load_model(saved, campaign)
 

@@ -22,8 +22,7 @@ from tests.study import test_history, test_one_more_test, test_recommendation
 def accounts(campaign: Campaign) -> Iterator[str]:
     """Of a test that disappoints, one with a failed sensor, one with and without its neighbours, one unasked."""
     sound = test_recommendation.fold(campaign, "T3", 0.5, 0.99)
-    faults = (SensorFault("spike", 0.03, 0.03, 60 * G, 2.0),)
-    failed = replace(sound, test=replace(sound.test, faults=faults))
+    failed = replace(sound, test=replace(sound.test, faults=(SensorFault("spike", 0.03, 0.03, 60 * G, 2.0),)))
     unasked = replace(sound, estimates=tuple(replace(own, left_out_mps2={}) for own in sound.estimates))
     config = test_recommendation.CONFIG
     yield from account(campaign, config, sound).sentences
@@ -48,8 +47,7 @@ def recommendations(campaign: Campaign) -> Iterator[str]:
     rest, test = campaign.without(["T2"]), campaign.test("T2")
     low = [test_recommendation.estimate(name, rest, test, 0.3) for name in ("cae", "fused")]
     yield from recommend_for(low, rest, test.condition).sentences
-    silent = [replace(own, left_out_mps2={}) for own in low]
-    yield from recommend_for(silent, rest, test.condition).sentences
+    yield from recommend_for([replace(own, left_out_mps2={}) for own in low], rest, test.condition).sentences
     yield from recommend_for(low, campaign.without(["T1", "T2", "T3"]), test.condition).sentences
 
 
@@ -64,8 +62,7 @@ def comparisons() -> Iterator[str]:
         yield from (*compared.sentences(), *compared.cautions)
     raw = test_history.raw
     for changed in ({"T1": 0.5, "T2": 0.6}, {"T1": 0.6, "T2": 0.6}):
-        other = raw(changed, fingerprint="b")
-        yield from StudyComparison(raw({"T1": 0.5, "T2": 0.5}), other).cautions
+        yield from StudyComparison(raw({"T1": 0.5, "T2": 0.5}), raw(changed, fingerprint="b")).cautions
 
 
 def curves(campaign: Campaign) -> Iterator[str]:
@@ -76,8 +73,7 @@ def curves(campaign: Campaign) -> Iterator[str]:
     yield from sentences(make(campaign, lambda s, t: min(s, 4) * 0.1 + 0.001 * ((s * 7 + t) % 3), sizes), cost)
     yield from sentences(make(campaign, lambda s, t: 0.9 + 0.1 / s + 0.001 * t, sizes), cost)
     yield from sentences(make(campaign, test_one_more_test.law, (1, 2, 3)))
-    alone = replace(gaining.config, approaches=("cae",))
-    yield from sentences(replace(gaining, config=alone))
+    yield from sentences(replace(gaining, config=replace(gaining.config, approaches=("cae",))))
 
 
 def test_what_is_said_of_studies(campaign: Campaign) -> None:

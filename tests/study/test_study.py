@@ -95,8 +95,7 @@ def test_crush_and_peak_lie_inside_the_intervals_that_are_told(campaign: Campaig
         others = tuple(own for own in checked_metrics(draws[0], test.condition.speed_mps) if own.name != name)
         estimate = Estimate(test.condition, draws[0], draws, approach="fused")
         vars(estimate)["metrics"] = (interval, *others)  # instead of those that it would compute
-        found = Fold.of(test, [estimate], [60.0]).coverage("fused")
-        return bool(getattr(found, field))
+        return bool(getattr(Fold.of(test, [estimate], [60.0]).coverage("fused"), field))
 
     around, beside = (np.linspace(*ends, 21)[:, None] * test.pulse.accel_mps2 for ends in ((0.9, 1.1), (0.6, 0.8)))
     assert inside(beside, value - 1, value + 1)
@@ -147,8 +146,7 @@ def test_the_rating_is_that_of_prediction_against_test(finished: Study) -> None:
     fold = finished.fold("T4")
     at = np.arange(600) * 1e-4
     test = finished.campaign.test("T4").pulse
-    predicted = fold.estimate("cae")
-    pair = [np.interp(at, test.time_s, accel) for accel in (test.accel_mps2, predicted.accel_mps2)]
+    pair = [np.interp(at, test.time_s, accel) for accel in (test.accel_mps2, fold.estimate("cae").accel_mps2)]
     assert fold.ratings["cae"][60.0] == rate_iso18571(pair[0], pair[1], dt_s=1e-4)
     assert finished.mean_rating("cae", 60.0) == pytest.approx(
         np.mean([f.ratings["cae"][60.0].overall for f in finished.folds])
@@ -164,8 +162,7 @@ def test_the_held_out_pulse_does_not_reach_its_own_prediction(
     pulse = campaign.test("T2").pulse
     changed = with_pulse(campaign, "T2", (1 + 0.5 * np.sin(200 * pulse.time_s)) * pulse.accel_mps2)
     cache = Cache(tmp_path_factory.mktemp("fresh"))
-    config = replace(CONFIG, approaches=(approach,))
-    study = run_study(changed, config, held_out=["T2"], cache=cache, workers=1)
+    study = run_study(changed, replace(CONFIG, approaches=(approach,)), held_out=["T2"], cache=cache, workers=1)
     before, after = finished.fold("T2").estimate(approach), study.fold("T2").estimate(approach)
     assert bits(after) == bits(before)
     assert study.fold("T2").ratings[approach][60.0] != finished.fold("T2").ratings[approach][60.0]
@@ -177,8 +174,7 @@ def test_another_training_pulse_does_reach_the_prediction(campaign: Campaign, fi
     changed = with_pulse(campaign, "T3", 0.8 * campaign.test("T3").pulse.accel_mps2).without(["T2"])
     for approach in ("time_domain", "displacement_domain"):
         estimate = estimate_at(changed, campaign.test("T2").condition, approach, CONFIG)
-        before = finished.fold("T2").estimate(approach)
-        assert np.abs(estimate.accel_mps2 - before.accel_mps2).max() > 1.0
+        assert np.abs(estimate.accel_mps2 - finished.fold("T2").estimate(approach).accel_mps2).max() > 1.0
 
 
 @pytest.mark.slow
@@ -188,8 +184,7 @@ def test_leaving_a_speed_group_out_learns_from_other_speeds_only(campaign: Campa
     study = run_study(campaign, config, held_out=["T2", "T4"], workers=1)
     for held_out, left_out in (("T2", ["T2", "T3"]), ("T4", ["T4"])):
         alone = estimate_at(campaign.without(left_out), campaign.test(held_out).condition, "displacement_domain")
-        found = study.fold(held_out).estimate("displacement_domain")
-        assert bits(found) == bits(alone)
+        assert bits(study.fold(held_out).estimate("displacement_domain")) == bits(alone)
 
 
 @pytest.mark.slow
@@ -307,8 +302,7 @@ def test_both_ways_to_leave_out_give_one_study_beside_the_other(campaign: Campai
 def test_tests_of_one_speed_group_are_left_out_one_by_one_only(campaign: Campaign) -> None:
     """There is no other group to learn from, and that is no error where both was asked for."""
     alike = replace(campaign, tests=(campaign.tests[0], replace(campaign.tests[0], id="T5")))
-    study = run_study(alike, StudyConfig(approaches=("cae",), leave_out="both"), workers=1)
-    assert study.speed_groups is None
+    assert run_study(alike, StudyConfig(approaches=("cae",), leave_out="both"), workers=1).speed_groups is None
 
 
 @pytest.mark.slow

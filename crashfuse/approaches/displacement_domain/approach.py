@@ -27,8 +27,8 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.run import UNKEPT, Run, one_thread
-from crashfuse.signals.loading_phase import loading_phase
-from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
+from crashfuse.signals.loading_phase import LoadingPhase, loading_phase
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 from crashfuse.vehicle_archive import Prior
 
 _LEAST_POINTS = 8  # bias points of a test, however many tests there are
@@ -166,8 +166,7 @@ class DisplacementDomain(BandedApproach):
         with one_thread():
             first = run.once((self.name, self.config, campaign.fingerprint), lambda: self)
             if first is self or first.is_of_seed:
-                unloadings = self._begin(campaign, run)
-                self.rebound_ = Rebound().fit(unloadings)
+                self.rebound_ = Rebound().fit(self._begin(campaign, run))
                 self.bias_.fit(self.points_, run.watch)
             else:
                 vars(self).update({name: getattr(first, name) for name in _OF_ANY_SEED})
@@ -204,11 +203,8 @@ class DisplacementDomain(BandedApproach):
         share = round(float(expit(_AGAINST + _BY_ERRORS * odds + by_cae)), 3)
         times = f"{np.exp(abs(odds)):.3g} times" if abs(odds) < _CERTAIN else "over 1000 times"
         errors, cae = "with" if odds > 0 else "without", "like" if by_cae > 0 else "unlike"
-        vehicles, alike = (
-            f"{len(prior.vehicles)} past vehicles",
-            f"its CAE model is {cae} theirs, and its tests are {times}",
-        )
-        alike += f" as probable {errors} the mean error of theirs over crush"
+        tests = f"its tests are {times} as probable {errors} the mean error of theirs over crush"
+        vehicles, alike = f"{len(prior.vehicles)} past vehicles", f"its CAE model is {cae} theirs, and {tests}"
         if share < _NEGLIGIBLE:
             return 0.0, f"The archive of {vehicles} is not used, as this one is of another kind: {alike}."
         return share, f"Taught by an archive of {vehicles}, which counts {share:.0%}: {alike}."
@@ -237,14 +233,13 @@ class DisplacementDomain(BandedApproach):
         self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
         self._paired = float(np.mean([view.paired for view in self._views]))
         self._speeds_mps = np.array([test.condition.speed_mps for test in campaign.tests])
-        pairs = list(zip(campaign.tests, self._views, strict=True))
         by_table_4 = self.config.bias == "table 4"
-        self.bias_ = (
-            Table4Bias(self.config.restarts, seed=self.seed) if by_table_4 else HierarchicalBias(seed=self.seed)
-        )
-        self._most_points = self.config.points_each(len(campaign.tests))
-        self.points_ = tuple(self._points(test, view.curve) for test, view in pairs)
-        return [] if by_table_4 else [view.unloading(test) for test, view in pairs]
+        bias = partial(Table4Bias, self.config.restarts) if by_table_4 else HierarchicalBias
+        self.bias_, self._most_points = bias(seed=self.seed), self.config.points_each(len(campaign.tests))
+        phases = [loading_phase(test.pulse.accel_mps2, test.condition.speed_mps) for test in campaign.tests]
+        own = zip(phases, self._views, strict=True)
+        self.points_ = tuple(self._points(phase, view.condition, view.curve) for phase, view in own)
+        return [] if by_table_4 else list(map(CaeView.unloading, self._views, campaign.tests))
 
     def learned(self) -> FittedState:
         """Hyperparameters of bias and rebound, and the check of the band."""
@@ -266,9 +261,7 @@ class DisplacementDomain(BandedApproach):
         self._seconds, self.decay_ = learned.values["seconds"], learned.values["decay"]
         return self
 
-    def _points(self, test: CrashTest, curve: LoadingCurve) -> BiasPoints:
-        condition = test.condition
-        phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
+    def _points(self, phase: LoadingPhase, condition: Condition, curve: LoadingCurve) -> BiasPoints:
         if self.config.bias == "table 4":
             return BiasPoints.projected(condition, phase, curve, self.config.projected_points)
         return BiasPoints.even(condition, phase, curve, self.config.step_s, self.bias_.end_share, self._most_points)
@@ -276,8 +269,8 @@ class DisplacementDomain(BandedApproach):
     def expected_points(self, condition: Condition) -> BiasPoints:
         """Where a test would show the bias if it crushed like the CAE model."""
         self._require("bias_")
-        test = CrashTest("", condition, Pulse(GRID_S, self.model_.pulse(condition).accel_mps2))
-        return self._points(test, LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps)))
+        phase = loading_phase(self.model_.pulse(condition).accel_mps2, condition.speed_mps)
+        return self._points(phase, condition, LoadingCurve(phase))
 
     def predict(self, condition: Condition) -> Prediction:
         """Eq. 29 with the mean bias, and with whole bias functions drawn."""
@@ -317,12 +310,11 @@ class DisplacementDomain(BandedApproach):
     def _simulate(
         self, cae: CaeView, bias: BiasDraws, rebound: Rebound, rng: Generator, widening: float, stride: int = 1
     ) -> FloatArray:
-        """Shape (1 + n_draws, 1250 / stride): the expected pulse in row 0, then draws; the rebound's are widened."""
+        """Shape (1 + n_draws, 1250 / stride), the expected pulse first."""
         speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
         stopping, common = curve.stopping_accel(_SHARES, end_share), curve.accel_at(fine, end_share)
         functions = bias.over_displacement_mps2, fine[FINER], stopping + bias.over_speed_mps2
-        n_times = N_SAMPLES // stride
-        motion = integrate(*functions, speed, common_mps2=common, dt_s=stride * DT_S, n_times=n_times)
+        motion = integrate(*functions, speed, common_mps2=common, dt_s=stride * DT_S, n_times=N_SAMPLES // stride)
         return rebound.follow(motion, cae.accel_mps2, curve.phase, speed, rng, widening)
 
     def _calibrate(self, campaign: Campaign, known: _LeftOutTests, watch: Watch) -> Calibration:
@@ -373,8 +365,7 @@ class DisplacementDomain(BandedApproach):
         return bias.common([self._crushing(test.condition, displacement_m) for test in tests])
 
     def _crushing(self, condition: Condition, displacement_m: FloatArray) -> BiasPoints:
-        curve = self.model_.loading_curve(condition)
-        return BiasPoints.moving(condition, displacement_m, curve, self.bias_.end_share)
+        return BiasPoints.moving(condition, displacement_m, self.model_.loading_curve(condition), self.bias_.end_share)
 
     def mended(self, condition: Condition, added: Callable[[FloatArray], FloatArray]) -> FloatArray:
         """CAE pulses at a condition with functions of displacement, shape (n, n_displacements), added: (n, 1250)."""

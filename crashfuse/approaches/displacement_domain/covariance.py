@@ -80,14 +80,11 @@ class TrainingCovariance:
             squares = [[(one[:, column] - two[:, column]) ** 2 for column, _ in group] for group in part.groups]
             self._parts.append((where, factor[where], squares))
 
-    def with_derivatives(
-        self, log_hyperparameters: FloatArray
-    ) -> tuple[FloatArray, list[tuple[np.ndarray, list[FloatArray]]]]:
+    def with_derivatives(self, logs: FloatArray) -> tuple[FloatArray, list[tuple[np.ndarray, list[FloatArray]]]]:
         """Covariance, its upper triangle zero, and each part's places in it with its derivatives."""
         values, derivatives = np.zeros(len(self.entries[0])), []
-        logs = np.split(log_hyperparameters, self._ends[:-1])
-        for (where, factor, squares), part_logs in zip(self._parts, logs, strict=True):
-            term, slopes = _term(factor, squares, part_logs, slopes=True)
+        for (where, factor, squares), own in zip(self._parts, np.split(logs, self._ends[:-1]), strict=True):
+            term, slopes = _term(factor, squares, own, slopes=True)
             values[where] += term
             derivatives.append((where, [2 * term, *slopes]))
         n = int(self.entries[0][-1]) + 1

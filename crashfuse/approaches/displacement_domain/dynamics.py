@@ -80,7 +80,7 @@ def replay(phase: LoadingPhase) -> FloatArray:
 
 
 class _Sum:
-    """Sum of functions, of each draw or of all alike, at even steps from 0: linear between, constant beyond."""
+    """Sum of functions at even steps from 0: linear between, constant beyond."""
 
     def __init__(self, tables: Sequence[tuple[FloatArray, float]], n_draws: int) -> None:
         slopes = [np.diff(values, axis=1, append=values[:, -1:]) for values, _ in tables]

@@ -124,7 +124,7 @@ def _events_of(domain: DisplacementDomain, tests: Sequence[CrashTest], window_ms
 
 
 def _steps(force: FloatArray) -> Iterator[slice]:
-    """The cells of steps, last first, that describe all tests with the least squares for their number."""
+    """Steps, last first, of the least squares for their number."""
     known, values = np.isfinite(force), np.nan_to_num(force)
     sums = [np.pad(np.cumsum(of, axis=1), ((0, 0), (1, 0))) for of in (known, values, values**2)]
     count, total, squares = (of[:, None, :] - of[:, :, None] for of in sums)
@@ -143,7 +143,7 @@ def _steps(force: FloatArray) -> Iterator[slice]:
 def _events(
     domain: DisplacementDomain, tests: Sequence[CrashTest], force: FloatArray, middles: FloatArray
 ) -> Iterator[CaeEvent]:
-    """The events in a step: of tests that resist more, and of those that resist less; most often one or none."""
+    """Events in a step: of tests that resist more, of those that resist less."""
     freedom, known = cast(HierarchicalBias, domain.bias_).freedom_, np.isfinite(force)
     arrived = known.mean(axis=1) > 0.5
     reached = [test for test, there in zip(tests, arrived, strict=True) if there]

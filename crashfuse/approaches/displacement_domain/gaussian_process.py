@@ -154,7 +154,7 @@ class GaussianProcess:
         return 0.5 * float(away @ away) - value, away / self._spread - gradient
 
     def _is_dead(self, theta: FloatArray) -> bool:
-        """Within a nat per hyperparameter of noise alone; less if there are few points."""
+        """Within a nat per hyperparameter of noise alone."""
         power = float(np.mean(self._y**2))
         noise_alone = -0.5 * self._y.size * (np.log(2 * np.pi * power) + 1) if power else np.inf
         gain = min(theta.size, _GAIN_A_POINT * self._y.size)
@@ -170,8 +170,7 @@ class GaussianProcess:
         covariance, derivatives = self._covariance.with_derivatives(theta[:-1])
         lower = self._cholesky(covariance, theta[-1])
         alpha = cho_solve((lower, True), self._y)
-        n = self._y.size
-        value = -0.5 * self._y @ alpha - np.log(np.diag(lower)).sum() - 0.5 * n * np.log(2 * np.pi)
+        value = -0.5 * self._y @ alpha - np.log(np.diag(lower)).sum() - 0.5 * self._y.size * np.log(2 * np.pi)
         rows, columns = self._covariance.entries
         outer = alpha[rows] * alpha[columns] - lapack.dpotri(lower, lower=1)[0][rows, columns]
         diagonal = rows == columns

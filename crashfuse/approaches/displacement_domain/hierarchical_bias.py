@@ -182,8 +182,7 @@ class HierarchicalBias:
     ) -> tuple[FloatArray, FloatArray]:
         """Half the width of the 95 % band of the targets' bias, now and after each of the further tests."""
         at = np.concatenate([self._rows(target) for target in targets])
-        tests = [self._rows(test, self._next_number) for test in further]
-        now, then = self.process_.std_given(at, tests)
+        now, then = self.process_.std_given(at, [self._rows(test, self._next_number) for test in further])
         return _reach(self.freedom_) * now, _reach(_freedom(self.tests_ + 1)) * then
 
     @property
@@ -196,7 +195,7 @@ class HierarchicalBias:
         return int(self.process_.x_[:, TEST].max()) + 1
 
     def _rows(self, points: BiasPoints, test: int = -1, *, crushing: bool = True) -> FloatArray:
-        """Columns are numbered at the top of this module: factor values as numbers, the test number last."""
+        """Columns as numbered above, factor values, the test number."""
         condition, cae, share = points.condition, points.cae, points.speed_share
         n, mass, values = share.size, self.mass_kg_ / condition.mass_kg, dict(condition.factors)
         stopping = mass * np.maximum(1 - share / self.end_share, 0.0)
@@ -230,15 +229,12 @@ class HierarchicalBias:
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
         mean, covariance = self.process_.posterior(x)
-        expected = self._expected(x)
-        names = [part.name for part in over_displacement]
+        expected, names = self._expected(x), [part.name for part in over_displacement]
         if self.taught is not None:
             names.append("past vehicles")
             moments.append((expected, np.zeros(len(x))))
         moments.append((mean + expected, np.sqrt(np.maximum(np.diag(covariance), 0.0))))
-        names.append("total")
-        reach = _reach(self.freedom_)
-        named = zip(names, moments, strict=True)
+        reach, named = _reach(self.freedom_), zip([*names, "total"], moments, strict=True)
         return tuple(BiasPart(name, mean, mean - reach * std, mean + reach * std) for name, (mean, std) in named)
 
     @property
@@ -292,10 +288,9 @@ def _reach(freedom: int) -> float:
 
 
 def _levels(conditions: Sequence[Condition]) -> dict[str, dict[str, int]]:
-    """Numbered values of each usable factor: all tests have it, and two of its values occur in two tests each."""
-    names = [name for name, _ in conditions[0].factors]
+    """Numbered values of factors that all tests have, two of them in two tests each."""
     levels = {}
-    for name in names:
+    for name, _ in conditions[0].factors:
         counts = Counter(dict(condition.factors).get(name, "") for condition in conditions)
         if counts[""] == 0 and sum(count > 1 for count in counts.values()) > 1:
             levels[name] = {value: number for number, value in enumerate(sorted(counts))}

@@ -52,7 +52,7 @@ def follow_unloading(
 
 
 class _SinceStop(NamedTuple):
-    """The samples from just before any pulse's zero velocity on, none if no vehicle stops, and when they are."""
+    """The samples from just before any zero velocity on, and when they are."""
 
     samples: slice
     after_s: FloatArray  # time since zero velocity, shape (n_draws, n_samples); 0 before it, or if there is none
@@ -151,8 +151,7 @@ class Rebound:
             correction = StudentT(mean, root(widening**2 * covariance), self.freedom_)
             if len(self._corrections) < _MOST_KEPT:
                 self._corrections[speed_mps, widening] = correction
-        draws = correction.draw(len(whole) - 1, rng)
-        return _with(np.vstack([correction.mean, draws]), whole, since)
+        return _with(np.vstack([correction.mean, correction.draw(len(whole) - 1, rng)]), whole, since)
 
     def repeat(self, pulses: Kinematics, test_mps2: FloatArray, speed_mps: float, rng: Generator) -> FloatArray:
         """Let each pulse rebound as a repeat of this test would."""
@@ -173,7 +172,7 @@ def _with(extra: FloatArray, pulses_mps2: FloatArray, since: _SinceStop) -> Floa
 
 
 def _at(rows: FloatArray, place: FloatArray) -> FloatArray:
-    """Each row, linear between its samples, at its places, or one row at all places, counted in samples."""
+    """Each row at its places, or one row at all, counted in samples."""
     low = np.minimum(place.astype(np.intp), rows.shape[1] - 2)
     share = place - low
     if len(rows) > 1:

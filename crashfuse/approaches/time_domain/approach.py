@@ -47,10 +47,9 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         campaign = self._seen(campaign)
         accel = self._begin(campaign, self._lf().fit(campaign, run), run)
         if self.config.tuning == "gradient":
-            key = {**self.identity, "campaign": campaign.fingerprint}
-            checkpoint = Checkpoint(run, {**key, "training": self.name})
-            tuned = fine_tune(self.network_, self.scaling_, self._vectors, accel, checkpoint)
-            self.network_, self.losses_ = tuned
+            key = {**self.identity, "campaign": campaign.fingerprint, "training": self.name}
+            checkpoint = Checkpoint(run, key)
+            self.network_, self.losses_ = fine_tune(self.network_, self.scaling_, self._vectors, accel, checkpoint)
         else:
             self._learn(campaign, run.watch)
         return self
@@ -130,8 +129,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         return KernelBlocks(lf.network_, self.config, lf.scaling_.inputs, library, run.cache)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
-        apart = self._vectors[:, None, 0] - vectors[:, 0]
-        return np.asarray(np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2))
+        return np.asarray(np.exp(-0.5 * ((self._vectors[:, None, 0] - vectors[:, 0]) / _DRIFT_MPS) ** 2))
 
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition, with draws if the increments were learned in closed form."""

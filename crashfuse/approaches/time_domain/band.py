@@ -114,8 +114,7 @@ class Band:
         deviations = np.vstack([np.zeros(n_times), factors[:, None] * normal])
         after = Stopping.of(at, self.scaling).after_t0(posterior.mean)
         parts = [posterior.mean[None], deviations * (1 - after), deviations * after]
-        vectors = (np.tile(at.vector, (len(part), 1)) for part in parts)
-        pulses = map(self.scaling.pulses, parts, vectors)
+        pulses = map(self.scaling.pulses, parts, (np.tile(at.vector, (len(part), 1)) for part in parts))
         mean, early, late = (np.ascontiguousarray(rows[:, ::stride]) for rows in pulses)
         return lambda widening, late_widening: mean + widening * early + late_widening * late
 

@@ -89,8 +89,7 @@ class Increments:
 
     def posterior(self, across: FloatArray, here: FloatArray) -> Posterior:
         """Correction to the LF prediction, by the kernels between tests and new condition, and of the latter."""
-        n_times = here.shape[0]
-        across, here = across.reshape(-1, n_times) / self._unit, here / self._unit
+        across, here = across.reshape(-1, here.shape[0]) / self._unit, here / self._unit
         mean = across.T @ self._weights
         covariance = (1 + self.band_penalty_) * here - across.T @ self._inverse @ across
         return Posterior(mean, self._size * covariance)

@@ -1,6 +1,7 @@
 """Writer of ISO-MME tests: :mod:`crashfuse.readers.isomme` reads the files back to the same numbers."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from textwrap import wrap
 
 import numpy as np
@@ -119,16 +120,10 @@ def isomme_pulse(
         ("DV", "displacement X", "m", motion.displacement_m, ("Integrated from the velocity.",)),
     )
     letter = _FILTER_LETTERS.get(cfc or 0.0, _SPECIAL)
+    predicted = partial(Channel, source="simulation", filter_class="" if cfc is None else f"{cfc:g}")
     channels = tuple(
-        Channel(
-            f"{location}{dimension}X{letter}",
-            f"{name}: {signal}",
-            unit,
-            values,
-            DT_S,
-            comments=(*own, *comments),
-            source="simulation",
-            filter_class="" if cfc is None else f"{cfc:g}",
+        predicted(
+            f"{location}{dimension}X{letter}", f"{name}: {signal}", unit, values, DT_S, comments=(*own, *comments)
         )
         for dimension, signal, unit, values, own in signals[: 3 if moves else 1]
     )

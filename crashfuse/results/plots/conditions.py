@@ -64,11 +64,8 @@ def condition_space(
         elsewhere = _WEIGHTS[2 - row]  # an axis of the other plot
         outside = [any(elsewhere not in note for note in own) for own in notes]
         words = [[*map(display.words, (test.condition, *own))] for test, own in zip(tests, notes, strict=True)]
-        for name, symbol, chosen in (
-            ("Tests", "circle", [i for i, is_out in enumerate(outside) if not is_out]),
-            ("Tests outside it: extrapolation", "circle-open", [i for i, is_out in enumerate(outside) if is_out]),
-        ):
-            if chosen:
+        for name, symbol in (("Tests", "circle"), ("Tests outside it: extrapolation", "circle-open")):
+            if chosen := [i for i, is_out in enumerate(outside) if is_out is (symbol == "circle-open")]:
                 drawing.points(
                     points[chosen, 0], points[chosen, row], name=name, mode="markers+text", cliponaxis=False,
                     text=[tests[i].id for i in chosen], textposition=[sides[i] for i in chosen],

@@ -77,10 +77,8 @@ def motion(
     drawing.update(hoversubplots="axis")
     drawing.axis("x", anchor="y3")
     drawing.axis("y", *display.accel_axis, domain=[0.53, 1.0])
-    drawing.axis("y2", *display.axis("Velocity", "km/h"), domain=[0.27, 0.5])
-    drawing.axis("y3", "Displacement", "mm", domain=[0.0, 0.24])
-    for axis in ("y2", "y3"):
-        drawing.axis(axis, title_font_size=12)  # else the titles would touch
+    drawing.axis("y2", *display.axis("Velocity", "km/h"), domain=[0.27, 0.5], title_font_size=12)  # else titles touch
+    drawing.axis("y3", "Displacement", "mm", domain=[0.0, 0.24], title_font_size=12)
     if test is not None:
         canvas.shade_window(drawing, display.window_ms, rows=3)
     return drawing

@@ -210,7 +210,6 @@ def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str
 
 
 def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
-    """Slides in 16:9: the answer with notices, what it rests on, then a figure each, the answer's first."""
     from pptx import Presentation
     from pptx.enum.text import PP_ALIGN
     from pptx.util import Emu, Inches, Pt

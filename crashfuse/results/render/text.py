@@ -87,8 +87,7 @@ def result_html(result: Result) -> str:
 
 
 def _column(heading: str, column: Column, cells: Sequence[Cell]) -> list[str]:
-    """Numbers at the right, text at the left: Jupyter would have all at the right."""
-    side = "right" if column.is_numeric else "left"
+    side = "right" if column.is_numeric else "left"  # Jupyter would have all at the right
     return [
         f'<th style="text-align: {side}">{escape(heading)}</th>',
         *(f'<td style="text-align: {side}; white-space: nowrap">{escape(cell.text)}</td>' for cell in cells),

@@ -145,8 +145,7 @@ def test_the_paper_preset_runs_and_tells_how_its_fit_went() -> None:
     campaign = made_up(bias())
     config = replace(DisplacementConfig.paper(), n_draws=20, projected_points=8, restarts=1)
     model = DisplacementDomain(config).fit(campaign.without(["T3"]))
-    prediction = model.predict(campaign.test("T3").condition)
-    assert np.asarray(prediction.draws_mps2).shape == (20, 1250)
+    assert np.asarray(model.predict(campaign.test("T3").condition).draws_mps2).shape == (20, 1250)
     assert json.loads(json.dumps(model.state))["points"] == 5 * 2 * 8
     assert "dead" in model.state
 
@@ -216,8 +215,7 @@ def test_the_band_after_the_stop_holds_tests_that_rebound_in_their_own_way() -> 
     tests = []
     for test in campaign.tests:
         accel = test.pulse.accel_mps2.copy()
-        t0 = float(test.pulse.kinematics(test.condition.speed_mps).t0_s)
-        after = np.maximum(GRID_S - t0, 0.0)
+        after = np.maximum(GRID_S - float(test.pulse.kinematics(test.condition.speed_mps).t0_s), 0.0)
         accel += (after > 0) * (40 + 15 * rng.normal()) * np.sin(np.pi * np.minimum(after / 0.02, 1.0))
         tests.append(replace(test, pulse=Pulse(GRID_S, accel)))
     campaign = replace(campaign, tests=tuple(tests))

@@ -24,8 +24,7 @@ def test_the_trend_of_a_curve_without_humps_is_the_curve() -> None:
     force = CaeForce.at(S, linear)
     np.testing.assert_array_equal(force.accel_mps2, linear(S))
     np.testing.assert_allclose(force.trend_mps2[S > 0.3], linear(S)[S > 0.3], atol=0.1)
-    constant = CaeForce.at(S, lambda s: np.full_like(s, -120.0))
-    np.testing.assert_allclose(constant.trend_mps2, -120.0, rtol=1e-12)
+    np.testing.assert_allclose(CaeForce.at(S, lambda s: np.full_like(s, -120.0)).trend_mps2, -120.0, rtol=1e-12)
 
 
 def test_the_trend_at_a_displacement_does_not_depend_on_the_others_asked_for() -> None:
@@ -110,6 +109,5 @@ def test_what_a_vehicle_does_while_it_stops_moves_to_where_the_test_stops() -> N
         return loading_phase(np.array(pulse), SPEED)
 
     points = BiasPoints.even(CONDITION, letting_go(-200.0), LoadingCurve(letting_go(-100.0)), 0.001, 0.25)
-    moving = points.speed_share > 0.2
-    np.testing.assert_allclose(points.bias_mps2[moving], -100.0, atol=3.0)
+    np.testing.assert_allclose(points.bias_mps2[points.speed_share > 0.2], -100.0, atol=3.0)
     np.testing.assert_allclose(points.bias_mps2[points.speed_share < 0.2], -50.0, atol=3.0)

@@ -50,8 +50,7 @@ def test_a_cae_model_that_equals_the_tests_has_no_event() -> None:
 
 @pytest.mark.parametrize(("start", "stop", "force_kn"), [(0.1, 0.2, 30.0), (0.25, 0.35, -30.0)])
 def test_a_constant_force_is_found_to_a_cell_and_a_tenth(start: float, stop: float, force_kn: float) -> None:
-    found = events(1e3 * force_kn * ((start <= S) & (stop > S)))
-    (row,) = events_frame(found).to_dict("records")
+    (row,) = events_frame(events(1e3 * force_kn * ((start <= S) & (stop > S)))).to_dict("records")
     assert (row["from_mm"], row["to_mm"]) == pytest.approx((1e3 * start, 1e3 * stop), abs=10)
     assert row["force_kn"] == pytest.approx(force_kn, rel=0.1)
     assert row["lower_kn"] < row["force_kn"] < row["upper_kn"]

@@ -69,8 +69,7 @@ def test_a_bias_that_all_tests_share_is_recovered_at_any_speed() -> None:
 
 def test_a_bias_in_proportion_to_the_cae_force_is_carried_to_other_speeds() -> None:
     """A structure 20 % stiffer at every speed has that bias at an untested speed too, in the CAE curve's own shape."""
-    model = fit({v: 0.2 * cae(v) for v in (5.0, 7.0, 9.0, 11.0)})
-    mean, _ = mean_and_width(model, 15.0)
+    mean, _ = mean_and_width(fit({v: 0.2 * cae(v) for v in (5.0, 7.0, 9.0, 11.0)}), 15.0)
     assert np.sqrt(np.mean((mean - 0.2 * cae(15.0)) ** 2)) < 0.25 * np.sqrt(np.mean((0.2 * cae(15.0)) ** 2))
 
 
@@ -100,8 +99,7 @@ def test_the_parts_add_up_to_what_is_expected() -> None:
     model = fit({v: v / 10 * shared(S) + 0.1 * cae(v) for v in (6.0, 8.0, 12.0, 14.0)})
     *parts, total = model.parts(moving(condition(10.0)))
     assert [part.name for part in parts] == ["shared", "by speed", "by weight", "ratio", "humps", "own"]
-    rng = np.random.default_rng(0)
-    draws = model.sample(moving(condition(10.0)), NO_HUMP, 8000, rng).over_displacement_mps2
+    draws = model.sample(moving(condition(10.0)), NO_HUMP, 8000, np.random.default_rng(0)).over_displacement_mps2
     np.testing.assert_allclose(sum(part.mean_mps2 for part in parts), draws[0], atol=1e-6)
     np.testing.assert_allclose(total.mean_mps2, draws[0], atol=1e-9)
     lower, upper = np.quantile(draws[1:], [0.025, 0.975], axis=0)

@@ -133,8 +133,7 @@ def test_the_papers_network_takes_a_few_steps(campaign: Campaign) -> None:
     paper = replace(TcnConfig.paper(), channels=60, epochs=1, batch=2, tuning_steps=3, tuning_rate=3e-5)
     cae = campaign.cae
     few = CaeLibrary(cae.ids[:3], cae.conditions[:3], cae.accel_mps2[:3])
-    small = replace(campaign, cae=few).without(["T2", "T3", "T4"])
-    mf = TimeDomain(paper).fit(small)
+    mf = TimeDomain(paper).fit(replace(campaign, cae=few).without(["T2", "T3", "T4"]))
     pulse = mf.predict(campaign.tests[2].condition).accel_mps2
     assert pulse.shape == GRID_S.shape
     assert np.isfinite(pulse).all()

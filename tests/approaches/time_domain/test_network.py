@@ -83,8 +83,7 @@ def test_members_know_nothing_of_each_other() -> None:
     generator = torch.Generator().manual_seed(0)
     alone = [Tcn(config, generator, members=1).double() for _ in range(3)]
     inputs = torch.randn(20, 4, config.n_inputs, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
-    whole = Tcn.joined(alone, config)
-    torch.testing.assert_close(whole(inputs), torch.cat([single(inputs) for single in alone]))
+    torch.testing.assert_close(Tcn.joined(alone, config)(inputs), torch.cat([single(inputs) for single in alone]))
 
 
 def test_members_may_be_fed_each_with_its_own(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,8 +40,7 @@ def test_the_tangent_kernel_is_the_product_of_gradients(dilations: tuple[int, ..
     outputs = network(inputs).sum(dim=0)
 
     def gradient(time: int, pulse: int) -> torch.Tensor:
-        gradients = torch.autograd.grad(outputs[time, pulse], tuned, retain_graph=True)
-        return torch.cat([g.flatten() for g in gradients])
+        return torch.cat([g.flatten() for g in torch.autograd.grad(outputs[time, pulse], tuned, retain_graph=True)])
 
     with single_thread():
         jacobian = torch.stack([torch.stack([gradient(t, i) for t in range(N_TIMES)]) for i in range(3)])

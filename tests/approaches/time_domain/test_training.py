@@ -132,8 +132,7 @@ def test_members_train_as_they_would_alone() -> None:
     targets = torch.randn(20, 30, generator=torch.Generator().manual_seed(1))
     config = replace(SMALL, dropout=0.0)
     network = Tcn(config, torch.Generator().manual_seed(2))
-    objective = LfTraining(inputs, targets, config, 3, 3, torch.Generator())
-    total, losses = objective.loss(network, 0)
+    total, losses = LfTraining(inputs, targets, config, 3, 3, torch.Generator()).loss(network, 0)
     whole = torch.autograd.grad(total, list(network.parameters()), retain_graph=True)
     own = torch.autograd.grad(losses[1], list(network.parameters()))
     for one, other in zip(whole, own, strict=True):
