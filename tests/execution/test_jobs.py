@@ -37,12 +37,10 @@ def held(gate: threading.Event) -> Work:
 
 @pytest.fixture
 def jobs() -> Jobs:
-    """A queue with nothing in it."""
     return Jobs()
 
 
 def ended(job: Job[Any]) -> object:
-    """What a job has come to, once it has ended."""
     assert job.wait(SOON)
     return job.result
 

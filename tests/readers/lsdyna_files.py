@@ -110,7 +110,6 @@ class Run:
 
     @property
     def time_s(self) -> FloatArray:
-        """When a state is written."""
         return self.step_s * np.arange(round((self.rest_s + self.end_s) / self.step_s) + 1)
 
     def columns(self, scale: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -213,7 +212,6 @@ class Energies:
         return named | ({} if self.added_percent is None else {"percent_increase": self.added_percent})
 
     def glstat_folders(self) -> dict[str, dict[str, Values]]:
-        """Folders of a binout."""
         states = range(len(self.time))
         return {f"/glstat/d{n + 1:06d}": floats({name: of[n] for name, of in self.whole.items()}) for n in states}
 

@@ -39,12 +39,10 @@ def only(path: Path) -> Record:
 
 
 def problem(path: Path) -> str:
-    """What is said to be wrong with it, in one sentence."""
     return sentence(lambda: read_lsdyna(path))
 
 
 def same(one: Record, other: Record) -> bool:
-    """Whether two records have the same channels, numbers and all."""
     return [c.name for c in one.channels] == [c.name for c in other.channels] and all(
         np.array_equal(a.time_s, b.time_s) and np.array_equal(a.values, b.values)
         for a, b in zip(one.channels, other.channels, strict=True)

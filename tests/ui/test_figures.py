@@ -110,7 +110,6 @@ def test_files_of_a_dark_page_have_the_colours_of_a_light_one(campaign: Campaign
 
 
 def drawn(session: Session) -> list[list[dict[str, Any]]]:
-    """The traces of every figure on the page."""
     return [json.loads(chart.proto.spec)["data"] for chart in session.app.get("plotly_chart")]
 
 
@@ -120,7 +119,6 @@ def traces(*figures: go.Figure) -> list[list[dict[str, Any]]]:
 
 
 def opened(visit: "Visit", page: str, press: str, **parameters: object) -> Session:
-    """A page with two approaches, once its result is there."""
     session = visit(page, **OPTIONS, **parameters)
     if press in session.buttons:
         session.press(press)
@@ -128,7 +126,6 @@ def opened(visit: "Visit", page: str, press: str, **parameters: object) -> Sessi
 
 
 def test_on_data(open_campaign: Path, visit: "Visit") -> None:
-    """Tests, conditions and CAE runs."""
     campaign = load_campaign(open_campaign)
     session = visit("data", test="T2", **OPTIONS)
     on_cae = ("cae and test", "cae events", "cae")
@@ -189,7 +186,6 @@ def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
 
 
 def test_on_an_import(open_campaign: Path, visit: "Visit", tmp_path: Path) -> None:
-    """The pulse over what was recorded."""
     assert open_campaign.is_dir()
     source = tmp_path / "v5.zip"
     source.write_bytes(zipped(nhtsa_files()))
