@@ -183,11 +183,8 @@ def test_what_was_planned_or_carried_is_not_what_was_tested(tmp_path: Path) -> N
     assert dict(one.condition.factors)["Masse Dummys [kg]"] == "156"
 
 
-TWICE = {
-    "speed": "v1 [km/h];v2 [km/h]",
-    "mass": "Leergewicht [kg];Testgewicht [kg]",
-    "front_weight": "1 VA [kg];2 VA [kg]",
-}
+TWICE = {"speed": "v1 [km/h];v2 [km/h]", "mass": "Leergewicht [kg];Testgewicht [kg]"}
+TWICE |= {"front_weight": "1 VA [kg];2 VA [kg]"}
 
 
 @pytest.mark.parametrize("role", TWICE)

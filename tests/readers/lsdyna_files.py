@@ -136,9 +136,8 @@ class Run:
             legend = np.concatenate([chars(self.nodes[number][0]) for number in named])
             metadata |= {"legend": legend, "legend_ids": np.array(named, "i8")}
         folders: dict[str, dict[str, Values]] = {f"/{self.database}/metadata": metadata}
-        still = {
-            f"{axis}_{what}": np.zeros(len(chosen), "f4") for axis in "xyz" for what in ("velocity", "acceleration")
-        }
+        zeros = np.zeros(len(chosen), "f4")
+        still = {f"{axis}_{what}": zeros for axis in "xyz" for what in ("velocity", "acceleration")}
         for state in range(self.time_s.size)[states]:
             velocity, accel = (np.array([of[kind][state] for of in columns], "f4") for kind in (1, 2))
             folders[f"/{self.database}/d{state + 1:06d}"] = {

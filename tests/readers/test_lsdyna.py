@@ -154,9 +154,8 @@ def test_of_states_that_a_binout_repeats_the_later_are_read(tmp_path: Path) -> N
     written_twice = enumerate([*once[:60], *other[60:80], *once[60:]], start=1)
     again = {name: of for name, of in FOLDERS.items() if name not in STATES}
     again |= {f"/nodout/d{number:06d}": state for number, state in written_twice}
-    assert same(
-        only(saved(tmp_path / "a", binout0000=lsda(again))), only(saved(tmp_path / "b", binout0000=RUN.binout()))
-    )
+    whole = only(saved(tmp_path / "b", binout0000=RUN.binout()))
+    assert same(only(saved(tmp_path / "a", binout0000=lsda(again))), whole)
 
 
 def as_bodies(folders: Folders) -> Folders:

@@ -149,9 +149,8 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
         session.app.button_group(key="compared").set_value(choice).run()
         assert drawn(session) == library(figure), figure
     session.app.button_group(key="compare_tab").set_value("Why").run()
-    assert drawn(session) == traces(
-        study.plot("T2", "scores", display=SHOWN), study.plot("T2", "rating", approaches=["cae"], display=SHOWN)
-    )
+    why = study.plot("T2", "scores", display=SHOWN), study.plot("T2", "rating", approaches=["cae"], display=SHOWN)
+    assert drawn(session) == traces(*why)
 
 
 @pytest.mark.usefixtures("quick_networks")
