@@ -79,7 +79,7 @@ def test_curves_and_conditions_stay_as_chosen_whatever_else_is(small_server: Ser
     user.sees("Velocity (km/h)", FIGURE)
     user.fill("Impact speed (km/h)", "56")
     shows_speed(user, "56.0", "km/h")
-    user.press("More: ", "summary")
+    user.press("More metrics", "summary")
     assert " lb" not in user.sees("kg in all")
     assert "(mph)" not in user.sees("ΔV (km/h)", TABLE)
     user.press("Export")

@@ -77,7 +77,7 @@ def test_predict_answers_another_speed_at_once_and_what_is_pinned_stands_everywh
     table = user.sees("[≤ ", TABLE)
     assert "[open]" in table  # of whose ends neither is known
     assert "open, " not in table
-    user.press("More: ", "summary")
+    user.press("More metrics", "summary")
     assert "which leaves open: OLC" in user.sees("OLC's restraint is over")
     user.open_tab("Over speed")
     user.press("Predict over speed")

@@ -35,7 +35,7 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     user.open_tab("Ratings and metrics")
     made_of = r"Made of \d+ % .*, because the nearest test is [\d.]+ mph away"
-    user.press("More: ", "summary")
+    user.press("More metrics", "summary")
     user.wait(lambda: re.search(made_of, f"{why} {user.sees('Pulse metric')}"), "Nothing said what Fused is made of.")
     user.chooses_approach(LABELS["time_domain"])
     user.open_tab("Why")
