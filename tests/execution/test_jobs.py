@@ -31,7 +31,6 @@ def gate() -> Iterator[threading.Event]:
 
 @pytest.fixture
 def held(gate: threading.Event) -> Work:
-    """Work that ends as the gate opens."""
     return lambda _: gate.wait(SOON)
 
 

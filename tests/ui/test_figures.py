@@ -31,7 +31,6 @@ SHOWN = Display(40.0, "m/s²", deceleration=True, system=KPH_KG)
 
 
 def sent(drawing: Drawing) -> dict[str, Any]:
-    """What the browser gets."""
     drawn: dict[str, Any] = json.loads(SentFigure(drawing).to_json())
     return drawn
 
