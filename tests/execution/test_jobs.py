@@ -31,18 +31,15 @@ def gate() -> Iterator[threading.Event]:
 
 @pytest.fixture
 def held(gate: threading.Event) -> Work:
-    """Work that ends as the gate opens."""
     return lambda _: gate.wait(SOON)
 
 
 @pytest.fixture
 def jobs() -> Jobs:
-    """A queue with nothing in it."""
     return Jobs()
 
 
 def ended(job: Job[Any]) -> object:
-    """What a job has come to, once it has ended."""
     assert job.wait(SOON)
     return job.result
 

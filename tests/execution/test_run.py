@@ -68,7 +68,6 @@ def test_a_campaign_keeps_to_the_cache_of_its_run(campaign: Campaign, default: P
 
 
 def test_a_fit_by_hand_keeps_nothing(campaign: Campaign, default: Path) -> None:
-    """However often it is made."""
 
     def work(_campaign: Campaign, task: str, unkept: Run) -> list[str]:
         return [unkept.get_or_compute("kind", {}, lambda: (task, {}), str)]

@@ -301,7 +301,6 @@ def test_a_scheduler_that_died_is_named_before_its_client_notices(campaign: Camp
 
 
 def test_an_unreachable_scheduler_is_one_sentence(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:
-    """With exit code 1."""
     command = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:9"]
     assert cli.main(command) == cli.WRONG_DATA
     assert capsys.readouterr().err == "crashfuse: No Dask scheduler answers at tcp://127.0.0.1:9.\n"

@@ -27,7 +27,6 @@ def german(time_s: FloatArray, *pulses: FloatArray, header: str = "Zeit [ms];a_x
 def isomme(
     name: str, scatter: float = 0.0, values_g: FloatArray | None = None, start_s: float = -0.05
 ) -> dict[str, bytes]:
-    """Files of an ISO-MME test."""
     values_g = half_sine_g(clock()) + scatter_g(clock(), scatter) if values_g is None else values_g
     descriptors = [("Velocity test object 1", f"{SPEED_MPS:.9g}"), ("Mass test object 1", "1700")]
     channel = Channel("10VEHC000000ACXP", "X", "g", values_g, 1e-4, start_s)
@@ -49,7 +48,6 @@ def library(folder: Path) -> Path:
 
 
 def workbook(sheets: Mapping[str, Iterable[Sequence[object]]], hidden: str = "") -> bytes:
-    """An Excel file with these rows in its sheets."""
     book, content = Workbook(), BytesIO()
     book.remove(book.worksheets[0])
     for name, rows in sheets.items():

@@ -31,7 +31,6 @@ def scatter_g(time_s: FloatArray, size_g: float) -> FloatArray:
 
 
 def clock(start_s: float = -0.05, end_s: float = 0.3, rate_hz: float = 10_000) -> FloatArray:
-    """An even clock."""
     return start_s + np.arange(round((end_s - start_s) * rate_hz) + 1) / rate_hz
 
 

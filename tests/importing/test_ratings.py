@@ -162,9 +162,8 @@ def test_files_that_are_no_pulse_say_what_they_lack(files: Path) -> None:
 
 
 def test_pairs_of_a_table_are_rated_and_those_that_cannot_be_say_why(files: Path) -> None:
-    (files / "pairs.csv").write_text(
-        "reference,comparison,comparison_channel\nown.csv,lab.csv,\nown.csv,gone.csv,\nown.csv,iso.zip,10VEHC000000ACXP\n"
-    )
+    pairs = "own.csv,lab.csv,\nown.csv,gone.csv,\nown.csv,iso.zip,10VEHC000000ACXP\n"
+    (files / "pairs.csv").write_text(f"reference,comparison,comparison_channel\n{pairs}")
     table = rate_pairs(files / "pairs.csv", [40, 60])
     assert table["comparison"].tolist() == ["lab.csv"] * 2 + ["gone.csv"] + ["iso.zip"] * 2
     alone = [*overall(rate_files(files / "own.csv", files / "lab.csv", [40, 60]))]

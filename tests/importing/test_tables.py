@@ -183,11 +183,8 @@ def test_what_was_planned_or_carried_is_not_what_was_tested(tmp_path: Path) -> N
     assert dict(one.condition.factors)["Masse Dummys [kg]"] == "156"
 
 
-TWICE = {
-    "speed": "v1 [km/h];v2 [km/h]",
-    "mass": "Leergewicht [kg];Testgewicht [kg]",
-    "front_weight": "1 VA [kg];2 VA [kg]",
-}
+TWICE = {"speed": "v1 [km/h];v2 [km/h]", "mass": "Leergewicht [kg];Testgewicht [kg]"}
+TWICE |= {"front_weight": "1 VA [kg];2 VA [kg]"}
 
 
 @pytest.mark.parametrize("role", TWICE)
@@ -256,7 +253,6 @@ def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
     whole = lines("Time [s];Accel [g]", TIME_S, PULSE_G).split("\n")
     path.write_text("\n".join([*whole[:51], "# airbag", *whole[51:]]))
     assert "row 52: expected a number, found '# airbag'" in refusal(path)
-    path = tmp_path / "x.csv"
     rows = "\n".join(f'"{t / MS:.2f}","{a:.4f}"'.replace(".", ",") for t, a in zip(TIME_S, PULSE_G, strict=True))
     path.write_text(f'"Zeit [ms]","a [g]"\n{rows}\n')
     (record,) = read_records(Reading(path))

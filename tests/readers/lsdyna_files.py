@@ -110,7 +110,6 @@ class Run:
 
     @property
     def time_s(self) -> FloatArray:
-        """When a state is written."""
         return self.step_s * np.arange(round((self.rest_s + self.end_s) / self.step_s) + 1)
 
     def columns(self, scale: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -137,9 +136,8 @@ class Run:
             legend = np.concatenate([chars(self.nodes[number][0]) for number in named])
             metadata |= {"legend": legend, "legend_ids": np.array(named, "i8")}
         folders: dict[str, dict[str, Values]] = {f"/{self.database}/metadata": metadata}
-        still = {
-            f"{axis}_{what}": np.zeros(len(chosen), "f4") for axis in "xyz" for what in ("velocity", "acceleration")
-        }
+        zeros = np.zeros(len(chosen), "f4")
+        still = {f"{axis}_{what}": zeros for axis in "xyz" for what in ("velocity", "acceleration")}
         for state in range(self.time_s.size)[states]:
             velocity, accel = (np.array([of[kind][state] for of in columns], "f4") for kind in (1, 2))
             folders[f"/{self.database}/d{state + 1:06d}"] = {
@@ -213,7 +211,6 @@ class Energies:
         return named | ({} if self.added_percent is None else {"percent_increase": self.added_percent})
 
     def glstat_folders(self) -> dict[str, dict[str, Values]]:
-        """Folders of a binout."""
         states = range(len(self.time))
         return {f"/glstat/d{n + 1:06d}": floats({name: of[n] for name, of in self.whole.items()}) for n in states}
 

@@ -30,7 +30,6 @@ def specification(speed: str = "56.0", behind: str = "1200", setup: str = "VTB",
 
 
 def samples(time_s: FloatArray, values: FloatArray) -> str:
-    """A channel file."""
     return "".join(f"{t:f}\t{value:f}\n" for t, value in zip(time_s.tolist(), values.tolist(), strict=True))
 
 

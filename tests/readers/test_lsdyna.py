@@ -39,12 +39,10 @@ def only(path: Path) -> Record:
 
 
 def problem(path: Path) -> str:
-    """What is said to be wrong with it, in one sentence."""
     return sentence(lambda: read_lsdyna(path))
 
 
 def same(one: Record, other: Record) -> bool:
-    """Whether two records have the same channels, numbers and all."""
     return [c.name for c in one.channels] == [c.name for c in other.channels] and all(
         np.array_equal(a.time_s, b.time_s) and np.array_equal(a.values, b.values)
         for a, b in zip(one.channels, other.channels, strict=True)
@@ -156,9 +154,8 @@ def test_of_states_that_a_binout_repeats_the_later_are_read(tmp_path: Path) -> N
     written_twice = enumerate([*once[:60], *other[60:80], *once[60:]], start=1)
     again = {name: of for name, of in FOLDERS.items() if name not in STATES}
     again |= {f"/nodout/d{number:06d}": state for number, state in written_twice}
-    assert same(
-        only(saved(tmp_path / "a", binout0000=lsda(again))), only(saved(tmp_path / "b", binout0000=RUN.binout()))
-    )
+    whole = only(saved(tmp_path / "b", binout0000=RUN.binout()))
+    assert same(only(saved(tmp_path / "a", binout0000=lsda(again))), whole)
 
 
 def as_bodies(folders: Folders) -> Folders:

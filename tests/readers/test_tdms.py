@@ -76,7 +76,6 @@ def saved(path: Path, content: bytes) -> Path:
 
 
 def problem(path: Path) -> str:
-    """What is said to be wrong with it, in one sentence."""
     return sentence(lambda: read_tdms(path))
 
 

@@ -85,12 +85,10 @@ def reason(session: Session, cell: str) -> str:
 
 
 def answers(session: Session) -> list[str]:
-    """What is said of the planned tests."""
     return [label.split("**")[1] for label in session.buttons if label.startswith("**")]
 
 
 def of_row(session: Session, row: str) -> str:
-    """The label of the button of a planned test."""
     return next(label for label in session.buttons if f"*{row}*" in label)
 
 

@@ -32,7 +32,6 @@ def rated(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def studied(request: Request[Study]) -> Study:
-    """The study that was asked for, once it is there."""
     request.start()
     job = request.find()
     assert job is not None

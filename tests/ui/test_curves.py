@@ -50,7 +50,6 @@ def test_the_nearest_tests_follow_the_test_and_go_as_they_came(visit: Visit) -> 
 
 
 def test_a_test_that_stands_apart_is_always_among_the_nearest(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However many are nearer."""
     apart = SimpleNamespace(test="T1")
     monkeypatch.setattr("crashfuse.ui.kit.curves.departures_near", lambda *_: (apart,))
     monkeypatch.setattr("crashfuse.ui.kit.curves._NEAREST", 1)
@@ -77,15 +76,12 @@ def test_a_page_begins_with_the_curves_that_matter(visit: Visit, monkeypatch: py
 
 
 def predicted(session: Session, test: str = "T2") -> Session:
-    """The page once the test is predicted."""
     return session.press(f"Predict test {test}").finish()
 
 
 def figure(session: Session) -> str:
-    """What the figure is made of."""
     return json.dumps(json.loads(session.app.get("plotly_chart")[0].proto.spec), ensure_ascii=False)
 
 
 def fitted(session: Session) -> Session:
-    """The page once the approaches are fitted."""
     return session.press("Predict").finish()

@@ -315,7 +315,6 @@ def pills(session: Session) -> list[Any]:
 
 
 def in_use(session: Session) -> list[str]:
-    """The tests that are marked as in use."""
     return list(pills(session)[0].value)
 
 

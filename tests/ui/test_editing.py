@@ -30,7 +30,6 @@ def _form(folder: str) -> None:
 
 
 def visit(folder: Path) -> AppTest:
-    """A reader in front of them."""
     return AppTest.from_function(_form, args=(str(folder),)).run()
 
 

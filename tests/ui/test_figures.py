@@ -31,7 +31,6 @@ SHOWN = Display(40.0, "m/s²", deceleration=True, system=KPH_KG)
 
 
 def sent(drawing: Drawing) -> dict[str, Any]:
-    """What the browser gets."""
     drawn: dict[str, Any] = json.loads(SentFigure(drawing).to_json())
     return drawn
 
@@ -110,7 +109,6 @@ def test_files_of_a_dark_page_have_the_colours_of_a_light_one(campaign: Campaign
 
 
 def drawn(session: Session) -> list[list[dict[str, Any]]]:
-    """The traces of every figure on the page."""
     return [json.loads(chart.proto.spec)["data"] for chart in session.app.get("plotly_chart")]
 
 
@@ -120,7 +118,6 @@ def traces(*figures: go.Figure) -> list[list[dict[str, Any]]]:
 
 
 def opened(visit: "Visit", page: str, press: str, **parameters: object) -> Session:
-    """A page with two approaches, once its result is there."""
     session = visit(page, **OPTIONS, **parameters)
     if press in session.buttons:
         session.press(press)
@@ -128,7 +125,6 @@ def opened(visit: "Visit", page: str, press: str, **parameters: object) -> Sessi
 
 
 def test_on_data(open_campaign: Path, visit: "Visit") -> None:
-    """Tests, conditions and CAE runs."""
     campaign = load_campaign(open_campaign)
     session = visit("data", test="T2", **OPTIONS)
     on_cae = ("cae and test", "cae events", "cae")
@@ -152,9 +148,8 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
         session.app.button_group(key="compared").set_value(choice).run()
         assert drawn(session) == library(figure), figure
     session.app.button_group(key="compare_tab").set_value("Why").run()
-    assert drawn(session) == traces(
-        study.plot("T2", "scores", display=SHOWN), study.plot("T2", "rating", approaches=["cae"], display=SHOWN)
-    )
+    why = study.plot("T2", "scores", display=SHOWN), study.plot("T2", "rating", approaches=["cae"], display=SHOWN)
+    assert drawn(session) == traces(*why)
 
 
 @pytest.mark.usefixtures("quick_networks")
@@ -189,7 +184,6 @@ def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
 
 
 def test_on_an_import(open_campaign: Path, visit: "Visit", tmp_path: Path) -> None:
-    """The pulse over what was recorded."""
     assert open_campaign.is_dir()
     source = tmp_path / "v5.zip"
     source.write_bytes(zipped(nhtsa_files()))

@@ -199,7 +199,6 @@ def test_a_link_with_no_number_shows_the_default(visit: Visit, number: str) -> N
 
 
 def left_out(session: Session) -> str:
-    """What the page shows as chosen under *Left out*."""
     (asked,) = [each for each in session.app.button_group if each.label == "Left out"]
     return str(asked.value)
 

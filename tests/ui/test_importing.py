@@ -47,13 +47,11 @@ def curves(session: Session) -> dict[str, np.ndarray]:
 
 
 def into(session: Session, folder: Path) -> Session:
-    """Name the campaign folder to add to."""
     session.app.text_input(key="import folder").set_value(str(folder))
     return session.run()
 
 
 def added(folder: Path) -> list[str]:
-    """Ids that campaign.toml tells of."""
     return [one["id"] for one in tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))["imported"]]
 
 

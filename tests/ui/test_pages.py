@@ -89,7 +89,6 @@ def nothing_cached(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 
 @pytest.fixture
 def studies_are_quick(nothing_cached: pytest.MonkeyPatch) -> None:
-    """Studies take no time."""
     nothing_cached.setattr(computation, "run_study", quick_study)
 
 
@@ -116,7 +115,6 @@ start = partial(begin, test="T1")
 
 
 def rated(session: Session) -> list[str]:
-    """Labels in the row of ratings."""
     row = [group.options for group in session.app.button_group if group.key == "explained"]
     return [re.sub(r"^:\S+ | \*\*.*", "", option) for options in row for option in options]
 
@@ -216,7 +214,6 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
 def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The second waits for the first one's answer."""
 
     def slow(*_: object) -> bool:
         time.sleep(0.3)
@@ -384,7 +381,6 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("page", ["data", "compare"])
 @pytest.mark.slow
 def test_a_page_on_one_test_says_that_it_lies_outside_the_cae_runs(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the sidebar, beside the test's name."""
     monkeypatch.setattr(CaeLibrary, "extrapolation", lambda *_: ("Extrapolation: made for a test.",))
     told = "".join(caption.value for caption in start(page).app.sidebar.caption)
     assert "Extrapolation: made for a test." in told.replace("\\", "")
@@ -396,17 +392,14 @@ class Quick(Approach):
     name, label = "cae", "CAE"
 
     def fit(self, campaign: Campaign, run: Run = UNKEPT) -> "Quick":
-        """Remember the campaign."""
         run.watch.report("Fit", 1, 1)
         self.campaign_ = campaign
         return self
 
     def learned(self) -> FittedState:
-        """Nothing."""
         return FittedState({}, {})
 
     def restore(self, campaign: Campaign, learned: FittedState, run: Run = UNKEPT) -> "Quick":  # noqa: ARG002
-        """Remember the campaign."""
         return self.fit(campaign, run)
 
     def predict(self, condition: Condition) -> Prediction:

@@ -29,12 +29,10 @@ def kept(day: int, data: str, seed: int = 0, tests: str = "T1 T2", **changes: ob
 
 @pytest.fixture
 def data(open_campaign: Path) -> str:
-    """The fingerprint of the open campaign."""
     return load_campaign(open_campaign).fingerprint
 
 
 def past(visit: Visit, *ticked: PastResult) -> Session:
-    """The list, in which some are ticked."""
     return visit("study", study_tab="Past results", ticked=[result.id for result in ticked])
 
 
@@ -49,7 +47,6 @@ def test_what_predict_and_certify_answer_is_listed(visit: Visit, open_campaign: 
 
 
 def open_last(session: Session) -> Session:
-    """Open what is ticked last."""
     session.app.button[-1].click()
     return session.run()
 

@@ -41,7 +41,6 @@ def test_numbers_stand_at_the_right_and_words_at_the_left() -> None:
 
 
 def test_settings_of_the_occupant_stand_beside_its_metrics(campaign: Campaign) -> None:
-    """With the filter class; the usual ones are left out."""
     own = replace(campaign, occupant=OccupantModel(olc_restraint_mm=200.0), channel_filter_class=60.0)
     main, _ = metrics_shown([("Test", own.metrics_of(own.tests[0]))], own)
     expected = {"OLC, occupant load criterion, 65 + 200 mm, CFC 60 (g)", "VPI, vehicle pulse index, CFC 60 (g)"}
@@ -84,7 +83,6 @@ def test_the_next_tests_show_their_gain_first_and_equal_digits(campaign: Campaig
 
 
 def test_conditions_are_in_the_chosen_units_alone(campaign: Campaign) -> None:
-    """One column for each speed and weight."""
     table = result_tables.tests_table(campaign).texts(Display(system=KPH_KG)).set_index("Test")
     assert table.loc["T1", ["Speed (km/h)", "Front weight (kg)", "Rear weight (kg)"]].tolist() == ["24.1", "907", "658"]
     assert not [name for name in table.columns if "mph" in name or "lb" in name]

@@ -14,7 +14,6 @@ pytestmark = pytest.mark.usefixtures("open_campaign")
 
 
 def fields(session: Session) -> dict[str, float]:
-    """The number fields of a page by their labels."""
     return {field.label: float(field.value or 0.0) for field in session.app.number_input}
 
 
@@ -74,7 +73,6 @@ def test_units_that_were_chosen_are_kept_in_any_campaign(
 
 
 def in_metric(folder: Path) -> None:
-    """Declare the tests in km/h and kg."""
     table = pd.read_csv(folder / "tests.csv")
     table["speed_kph"] = table.pop("speed_mph") * MPH / KPH
     for weight in ("front_weight", "rear_weight"):

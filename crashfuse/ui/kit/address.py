@@ -129,10 +129,7 @@ CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_P
 
 
 def follow(page: str, wanted: Callable[[], Mapping[str, list[str]]] = dict) -> None:
-    """Take all choices from the address if a session begins, the page's if the user goes back or forward.
-
-    At no other time: a click may come from a browser that has not seen the latest address yet.
-    """
+    """Take all choices from the address as a session begins, the page's on Back: else a browser may not know it yet."""
     state, context, asked = st.session_state, get_script_run_ctx(), given()
     began = _PAGE not in state
     state[_PAGE] = page

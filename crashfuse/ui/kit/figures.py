@@ -23,13 +23,10 @@ T = TypeVar("T")
 
 
 class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
-    """A drawing for ``st.plotly_chart`` with numbers of few digits, copied once and not whenever it is shown.
-
-    ``light`` has the parts that differ on a light page, by name or place: files have its colours.
-    """
+    """A drawing for ``st.plotly_chart`` with numbers of few digits, copied once and not whenever it is shown."""
 
     drawing = Drawing({}, {})
-    light: Mapping[str, Any] = {}
+    light: Mapping[str, Any] = {}  # parts that differ on a light page, by name or place: files have its colours
 
     def __init__(self, drawing: Drawing, *, dark: bool = False, **more: object) -> None:
         super().__init__()
