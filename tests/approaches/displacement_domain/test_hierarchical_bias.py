@@ -75,8 +75,7 @@ def test_a_bias_in_proportion_to_the_cae_force_is_carried_to_other_speeds() -> N
 
 def test_tests_that_contradict_each_other_are_not_believed() -> None:
     """Repeats at one speed with opposite biases: the prediction stays near the CAE model, and the band is wide."""
-    model = fit({10.0: shared(S), 10.01: -shared(S), 9.99: shared(S), 10.02: -shared(S)})
-    mean, width = mean_and_width(model, 10.0)
+    mean, width = mean_and_width(fit({10.0: shared(S), 10.01: -shared(S), 9.99: shared(S), 10.02: -shared(S)}), 10.0)
     assert np.abs(mean).max() < 0.25 * np.abs(shared(S)).max()
     assert width.max() > 0.4 * np.abs(shared(S)).max()
 
