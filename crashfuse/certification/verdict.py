@@ -13,6 +13,7 @@ from crashfuse.certification.domain import REST_ON_PEAK
 from crashfuse.certification.forecasts import Forecast
 from crashfuse.condition import Condition
 from crashfuse.errors import require_a
+from crashfuse.signals.metrics import in_sentence
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.units import Sentence, joined, probability_text
 
@@ -191,7 +192,7 @@ def _word(probability: float | None, confidence: float, error: float = 0.0) -> W
 def _reason(verdict: Verdict, confidence: float) -> str:
     if verdict.probability is None:
         short = "The records end" if verdict.value is None else "More than one predicted pulse in ten ends"
-        return f"{short} too early to tell the {verdict.criterion.title} here; only longer records can."
+        return f"{short} too early to tell the {in_sentence(verdict.criterion.label)} here; only longer records can."
     chances = verdict.probability, 1 - verdict.probability
     met, missed = (probability_text(p, confidence).replace(">", "over ") for p in chances)
     came = {"met": f"is met with probability {met}.", "not met": f"is missed with probability {missed}."}

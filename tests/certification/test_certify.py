@@ -363,7 +363,7 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
     trials = {(one.held_out, one.left_out, one.verdict.criterion): one for one in found.record.trials}
     assert rating.run == {test.id: trials[test.id, "test", RATING].measured}
     assert (found.answers["P1"], found.answers["P2"]) == ("was run", "was run")
-    assert [*run_already(found).values()] == [f"{test.id} missed Peak deceleration"] * 2
+    assert [*run_already(found).values()] == [f"{test.id} missed peak deceleration"] * 2
     assert certification_table(found)["test"].tolist() == [test.id] * 6 + [""] * 3
     assert certification_record(found)["run"]["P1"][test.id]["crush"] == crush.run[test.id]  # type: ignore[index]
 
