@@ -33,8 +33,7 @@ def crash_test(accel: FloatArray) -> CrashTest:
 
 
 def draws(centre: float, spread: float, n: int = 400) -> FloatArray:
-    peaks = np.random.default_rng(0).normal(centre, spread, n)
-    return np.array([half_sine(peak) for peak in peaks])
+    return np.array([half_sine(peak) for peak in np.random.default_rng(0).normal(centre, spread, n)])
 
 
 @pytest.mark.parametrize("stride", [1, 5])

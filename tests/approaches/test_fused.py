@@ -62,11 +62,8 @@ def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Cam
 
 def test_the_reason_is_a_sentence_with_the_weights(campaign: Campaign, fused: Fused) -> None:
     reason, *_ = fused.predict(campaign.test("T3").condition).notes
-    found = re.fullmatch(
-        r"Made of (.+), because the nearest test is 1\.0 mph away "
-        r"\(weights learned from 3 tests, each predicted from the others\)\.",
-        reason,
-    )
+    source = r"\(weights learned from 3 tests, each predicted from the others\)"
+    found = re.fullmatch(rf"Made of (.+), because the nearest test is 1\.0 mph away {source}\.", reason)
     assert found is not None
     shares = dict(part.split(" % ")[::-1] for part in found[1].split(", "))
     assert sum(map(int, shares.values())) == 100

@@ -59,8 +59,7 @@ def test_two_steps_are_their_own_two_step_pulse(g1: float, g2: float, step_s: fl
 def test_centroid_is_that_of_the_area_under_the_pulse() -> None:
     """∫ a t dt / ∫ a dt up to the time of zero velocity, summed sample by sample, for a pulse of random waves."""
     rng = np.random.default_rng(1)
-    waves = sum(rng.normal() * np.sin(2 * np.pi * f * GRID_S) for f in (20, 35, 60, 90))
-    accel = -25 * G * (1 + 0.3 * waves)
+    accel = -25 * G * (1 + 0.3 * sum(rng.normal() * np.sin(2 * np.pi * f * GRID_S) for f in (20, 35, 60, 90)))
     motion = moved(accel)
     until = motion.t0_s >= GRID_S
     expected = (accel * GRID_S)[until].sum() / accel[until].sum()

@@ -69,8 +69,7 @@ def test_a_faster_neighbour_is_scaled_to_the_tests_speed(campaign: Campaign, mod
     first, *others = group.tests
     condition = replace(first.condition, speed_mps=1.02 * first.condition.speed_mps)
     faster = replace(first, condition=condition, pulse=replace(first.pulse, accel_mps2=1.02 * first.pulse.accel_mps2))
-    found = not_none(departure(replace(group, tests=(faster, *others)), "S1", model))
-    assert found.ratings == pytest.approx([1.0] * 3)
+    assert not_none(departure(replace(group, tests=(faster, *others)), "S1", model)).ratings == pytest.approx([1.0] * 3)
 
 
 def test_both_the_bias_and_the_pulse_have_to_differ() -> None:

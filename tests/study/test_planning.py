@@ -81,8 +81,7 @@ def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campai
     pulse = np.full(GRID_S.size, -400.0, dtype=np.float32)  # takes 40 m/s off in its 100 ms
     speeds = np.array([1.0, 7.3, 12.0, 28.4, 120.0])  # mph; the last is too fast to be stopped
     conditions = tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds.tolist())
-    library = CaeLibrary(tuple("abcde"), conditions, np.tile(pulse, (5, 1)))
-    without = replace(campaign, cae=library, tests=())
+    without = replace(campaign, cae=CaeLibrary(tuple("abcde"), conditions, np.tile(pulse, (5, 1))), tests=())
     np.testing.assert_allclose(usual_speeds(without) / MPH, [7.3, *range(8, 29), 28.4])
     test = CrashTest("fast", Condition.of_vector([31 * MPH, 900.0, 700.0]), Pulse(GRID_S, pulse.astype(float)))
     assert usual_speeds(replace(without, tests=(test,)))[-1] == pytest.approx(31 * MPH)

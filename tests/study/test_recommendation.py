@@ -113,10 +113,8 @@ def values(found: Recommendation, code: str) -> Mapping[str, object]:
 def offsets_study(campaign: Campaign, offsets_g: dict[str, list[float]]) -> Study:
     """A study in which each approach is off by known amounts, one a test."""
     config = StudyConfig(approaches=tuple(offsets_g))
-    folds = [
-        Fold.of(test, [off_by(name, test, own[i]) for name, own in offsets_g.items()], config.windows_ms)
-        for i, test in enumerate(campaign.tests)
-    ]
+    rows = [[off_by(name, test, own[i]) for name, own in offsets_g.items()] for i, test in enumerate(campaign.tests)]
+    folds = [Fold.of(test, row, config.windows_ms) for test, row in zip(campaign.tests, rows, strict=True)]
     return Study(campaign, config, tuple(folds))
 
 
@@ -151,8 +149,7 @@ def test_of_a_single_left_out_test_it_is_what_was_recommended_without_it(campaig
     """One test cannot tell approaches apart: hindsight recommends nothing, and how it came out is told."""
     both = study(campaign, {"time_domain": 0.99, "displacement_domain": 0.8})
     fold = both.folds[0]
-    rest = both.config.training_campaign(campaign, fold.held_out)
-    before = recommend_for(fold.estimates, rest, fold.test.condition)
+    before = recommend_for(fold.estimates, both.config.training_campaign(campaign, fold.held_out), fold.test.condition)
     found = recommend(replace(both, folds=(fold,)))
     assert before.expected is not None
     rated = fold.ratings["time_domain"][60.0].overall
@@ -200,8 +197,7 @@ def test_the_headline_says_which_window_prefers_what_cannot_be_told_apart(campai
     for headline in (found.sentences[0], found.after(0.85)[0].sentence):
         assert "the displacement domain. On 3 left-out tests the time domain did as well. " in headline
         assert re.search(r"Ahead of it was the time domain over 0–20 ms \(1\.000, not 0\.\d{3}\)", headline)
-    clear = [early_right, estimate("displacement_domain", rest, test, 0.5)]
-    assert not recommend_for(clear, rest, test.condition).ties
+    assert not recommend_for([early_right, estimate("displacement_domain", rest, test, 0.5)], rest, test.condition).ties
 
 
 @pytest.mark.parametrize(
@@ -218,10 +214,8 @@ def test_two_hundredths_of_the_rating_are_a_difference(
 ) -> None:
     """Less is none, and then the preferred one is taken; that it beats the raw model no more is said where so."""
     rest, test = campaign.without(["T2"]), campaign.test("T2")
-    both = [
-        estimate(name, rest, test, scaled_to(rating, rest, test))
-        for name, rating in ((other, 0.85), ("displacement_domain", 0.85 + ahead))
-    ]
+    ratings = {other: 0.85, "displacement_domain": 0.85 + ahead}
+    both = [estimate(name, rest, test, scaled_to(rating, rest, test)) for name, rating in ratings.items()]
     found = recommend_for(both, rest, test.condition)
     assert found.approach == chosen
     assert not_none(found.expected).mean == pytest.approx(0.85 if chosen == other else 0.85 + ahead, abs=1e-3)
@@ -233,11 +227,9 @@ def test_two_hundredths_of_the_rating_are_a_difference(
 @pytest.mark.parametrize(("away_mph", "approach"), [(2.9, "time_domain"), (3.1, "displacement_domain")])
 def test_the_papers_advice_turns_at_3_mph(campaign: Campaign, away_mph: float, approach: str) -> None:
     """Faster than the fastest test by a little less, and by a little more (Sect. 4.3); no test was left out."""
-    condition = replace(campaign.tests[-1].condition, speed_mps=(35 + away_mph) * MPH)
-    both = [
-        replace(estimate(name, campaign, campaign.tests[-1], 1.0), left_out_mps2={})
-        for name in ("time_domain", "displacement_domain")
-    ]
+    last, names = campaign.tests[-1], ("time_domain", "displacement_domain")
+    condition = replace(last.condition, speed_mps=(35 + away_mph) * MPH)
+    both = [replace(estimate(name, campaign, last, 1.0), left_out_mps2={}) for name in names]
     found = recommend_for(both, campaign, condition)
     assert (found.approach, found.expected) == (approach, None)
     assert f"{away_mph:.1f} mph away" in found.sentences[2]

@@ -75,5 +75,5 @@ def test_a_speed_group_of_one_test_is_that_test_alone(campaign: Campaign) -> Non
 
 def test_predictions_from_the_same_tests_are_one_task() -> None:
     asked = ((("A",), "A"), (("A", "B"), "A"), (("A", "B"), "B"))
-    wanted = [running.Wanted(*own, name) for own in asked for name in CONFIG.approaches]
+    wanted = [running.Wanted(out, test, name) for out, test in asked for name in CONFIG.approaches]
     assert [len(task.wanted) for task in running._tasks(wanted)] == [2, 4]

@@ -130,8 +130,7 @@ def test_what_folds_say_together_is_their_mean(campaign: Campaign) -> None:
 @pytest.fixture(scope="module")
 def finished(campaign: Campaign, quick_networks: None, tmp_path_factory: pytest.TempPathFactory) -> Study:  # noqa: ARG001
     """A study of the small campaign with two tests held out, in one process."""
-    cache = Cache(tmp_path_factory.mktemp("study"))
-    return run_study(campaign, CONFIG, held_out=["T2", "T4"], cache=cache, workers=1)
+    return run_study(campaign, CONFIG, held_out=["T2", "T4"], cache=Cache(tmp_path_factory.mktemp("study")), workers=1)
 
 
 def test_each_held_out_test_has_every_approach_rated_over_every_window(finished: Study) -> None:
@@ -310,9 +309,7 @@ def test_a_recommendation_for_a_test_does_not_know_its_pulse(campaign: Campaign,
     test = campaign.test("T2")
     changed = with_pulse(campaign, "T2", 0.5 * test.pulse.accel_mps2)
     study = run_study(changed, CONFIG, held_out=["T2"], workers=1)
-    first, second = (
-        recommend_for(s.fold("T2").estimates, c.without(["T2"]), test.condition)
-        for s, c in ((finished, campaign), (study, changed))
-    )
+    pairs = ((finished, campaign), (study, changed))
+    first, second = (recommend_for(s.fold("T2").estimates, c.without(["T2"]), test.condition) for s, c in pairs)
     assert first == second
     assert first.expected is not None

@@ -150,10 +150,8 @@ def test_pulses_at_35_mph_are_those_of_a_car(sample: Campaign, test_id: str) -> 
 
 def test_variants_differ_and_unknown_ones_are_refused() -> None:
     plain = CONDITIONS[-1]
-    variants = [
-        replace(plain, factors=(("powertrain", powertrain), ("drive", drive)))
-        for powertrain, drive in (("Type I", "FWD"), ("Type II", "FWD"), ("Type I", "AWD"))
-    ]
+    kinds = (("Type I", "FWD"), ("Type II", "FWD"), ("Type I", "AWD"))
+    variants = [replace(plain, factors=(("powertrain", engine), ("drive", drive))) for engine, drive in kinds]
     first, second, third = (Pulse(GRID_S, measured_pulses([variant], seed=0)[0]) for variant in variants)
     assert overall(first, second)[2] < 0.97
     assert overall(first, third)[2] < 0.99

@@ -252,10 +252,8 @@ def test_a_left_out_group_says_nothing_of_its_tests() -> None:
     np.testing.assert_array_equal(domain.left_out_groups_.numbers, range(4))
     np.testing.assert_array_equal(domain.left_out_groups_.mean_mps2[others], domain.left_out_.mean_mps2[others])
     np.testing.assert_array_equal(domain.left_out_groups_.draws_mps2[others], domain.left_out_.draws_mps2[others])
-    stiffer = [
-        replace(t, pulse=Pulse(GRID_S, (1 + 0.3 * (i in group)) * t.pulse.accel_mps2))
-        for i, t in enumerate(campaign.tests)
-    ]
+    pulses = [Pulse(GRID_S, (1 + 0.3 * (i in group)) * t.pulse.accel_mps2) for i, t in enumerate(campaign.tests)]
+    stiffer = (replace(test, pulse=pulse) for test, pulse in zip(campaign.tests, pulses, strict=True))
     changed = replace(campaign, tests=tuple(stiffer))
     again = DisplacementDomain(FEW).restore(changed, domain.learned())  # with the hyperparameters of the others
     again._calibrate(changed, {}, SILENT)

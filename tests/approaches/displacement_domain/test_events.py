@@ -32,13 +32,10 @@ def events(missing_n: FloatArray, slowest: float = 0.0) -> CaeEvents:
     tested = [Condition.of_vector([v, 800.0 + 20 * i, 600.0]) for i, v in enumerate(SPEEDS.tolist())]
     runs = tested + [Condition.of_vector([v, 700.0 + 10 * v, 600.0]) for v in np.linspace(4, 17, 20).tolist()]
     pulses = np.array([crash(run, 0 * S) for run in runs], dtype=np.float32)
-    tests = [
-        CrashTest(f"T{at.speed_mps:g}", at, Pulse(GRID_S, crash(at, missing_n * (at.speed_mps >= slowest))))
-        for at in tested
-    ]
-    return cae_events(
-        Campaign("rigid", CaeLibrary(tuple(map(str, range(len(runs)))), tuple(runs), pulses), tuple(tests)), 60.0
-    )
+    measured = [Pulse(GRID_S, crash(at, missing_n * (at.speed_mps >= slowest))) for at in tested]
+    tests = [CrashTest(f"T{at.speed_mps:g}", at, pulse) for at, pulse in zip(tested, measured, strict=True)]
+    library = CaeLibrary(tuple(map(str, range(len(runs)))), tuple(runs), pulses)
+    return cae_events(Campaign("rigid", library, tuple(tests)), 60.0)
 
 
 def test_a_cae_model_that_equals_the_tests_has_no_event() -> None:

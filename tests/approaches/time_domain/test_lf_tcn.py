@@ -29,11 +29,8 @@ def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> No
     """Its loss falls to a hundredth, and it gives the CAE pulses back to within 15 % at the tests' conditions."""
     assert lf.losses_.shape[0] == 2
     assert (lf.losses_[:, -1, 0] < 0.01 * lf.losses_[:, 0, 0]).all()
-    errors = [
-        relative_error(lf.predict(campaign.cae.conditions[i]).accel_mps2, campaign.cae.accel_mps2[i])
-        for i in range(20, 24)
-    ]
-    assert max(errors) < 0.15
+    runs = [*zip(campaign.cae.conditions, campaign.cae.accel_mps2, strict=True)][20:24]
+    assert max(relative_error(lf.predict(at).accel_mps2, accel) for at, accel in runs) < 0.15
 
 
 def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:

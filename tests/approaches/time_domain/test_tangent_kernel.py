@@ -31,12 +31,8 @@ def test_the_tangent_kernel_is_the_product_of_gradients(dilations: tuple[int, ..
     config = TcnConfig(channels=4, dilations=dilations, members=members)
     network = Tcn(config, torch.Generator().manual_seed(1))
     inputs = torch.randn(N_TIMES, 3, config.n_inputs, generator=torch.Generator().manual_seed(5))
-    tuned = [
-        weight
-        for name, weight in network.named_parameters()
-        if name.startswith(("head.", "blocks.0.", f"blocks.{len(dilations) - 1}."))
-    ]
-
+    ends = ("head.", "blocks.0.", f"blocks.{len(dilations) - 1}.")
+    tuned = [weight for name, weight in network.named_parameters() if name.startswith(ends)]
     outputs = network(inputs).sum(dim=0)
 
     def gradient(time: int, pulse: int) -> torch.Tensor:
