@@ -122,10 +122,10 @@ def test_nothing_shown_is_read_back() -> None:
 
 MOST = {
     "modules": 228,
-    "lines": 43_953,
-    "words of docstrings": 46_549,
-    "words of other texts": 28_063,
-    "of tests": 34_705,
+    "lines": 43_814,
+    "words of docstrings": 45_942,
+    "words of other texts": 27_380,
+    "of tests": 34_491,
 }
 """The size of the house: package and pages, then lines of tests. It may be lowered, never raised."""
 LONGEST, SHORTEST = 450, 40  # lines of a module; one that is a face (``__init__``) or a table may be shorter
