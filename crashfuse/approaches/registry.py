@@ -18,7 +18,13 @@ from crashfuse.approaches.time_domain.config import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
 from crashfuse.extensions import NO_FAULTS, Extended, Names, said
 
-_ALL: tuple[type[Approach], ...] = (Cae, AboutLfTcn, AboutTimeDomain, DisplacementDomain, AboutFused)
+_ALL: tuple[type[Approach], ...] = (  # a line each, as the how-to adds one
+    Cae,
+    AboutLfTcn,
+    AboutTimeDomain,
+    DisplacementDomain,
+    AboutFused,
+)
 
 
 def _checked(name: str, loaded: object, _: str) -> type[Approach]:
