@@ -18,7 +18,7 @@ from crashfuse.approaches.time_domain.config import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
 from crashfuse.extensions import NO_FAULTS, Extended, Names, said
 
-_ALL: tuple[type[Approach], ...] = (  # a line each, as the how-to adds one
+_ALL: tuple[type[Approach], ...] = (
     Cae,
     AboutLfTcn,
     AboutTimeDomain,
