@@ -122,7 +122,7 @@ def test_nothing_shown_is_read_back() -> None:
 
 MOST = {
     "modules": 228,
-    "lines": 43_820,
+    "lines": 43_821,
     "words of docstrings": 45_942,
     "words of other texts": 27_380,
     "of tests": 34_491,

@@ -139,7 +139,8 @@ def confirmed(
         within = (fault.start_s - _BEYOND_S <= time_s) & (time_s <= fault.end_s + _BEYOND_S)
         if fault.kind == "noise":
             loud, usual = of_each(lambda _, hidden: float(np.std(hidden[within])))
-            return loud > _NOISE * usual
+            # what rings from the first on may be as sound as a single other record, which was filtered
+            return loud > _NOISE * usual and (len(alike_mps2) > 1 or fault.strength > LIKELY)
         if not within.any() or within.all():
             return False
         if fault.kind == "saturated" and np.abs(expected_mps2[within]).max() < _CUT * abs(fault.size_mps2):

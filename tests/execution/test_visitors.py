@@ -118,5 +118,5 @@ def test_a_log_in_that_was_asked_for_must_be_set_up(tmp_path: Path, monkeypatch:
     file = tmp_path / "secrets.toml"
     file.write_text(GOOD)
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    with pytest.raises(UsageError, match=r'pip install "crashfuse\[login\]"'):
+    with pytest.raises(UsageError, match=r'pip install "\.\[login\]"'):
         visitors.check_login([file])
