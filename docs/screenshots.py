@@ -28,11 +28,11 @@ _FLAGS = (
 _SHOTS = {  # page, height that shows it, theme, button that starts the computation, text that marks its end
     "data": ("data", 1000, "light", None, "CAE model"),
     "train": ("train", 870, "light", "Train without", "Rated, "),
-    "compare": ("compare", 1200, "light", "Predict test", "We recommended"),
+    "compare": ("compare", 1200, "light", "Predict test", "T09 left out:"),
     "study": ("study", 1240, "light", "Leave out each", "Use the"),
     "predict": ("predict", 1280, "light", "Predict", "Use the"),
     "certify": ("certify", 1100, "light", "Certify", "Validated domain"),
-    "compare-dark": ("compare", 1200, "dark", None, "We recommended"),
+    "compare-dark": ("compare", 1200, "dark", None, "T09 left out:"),
 }
 _LONGEST_S = 1200.0
 
