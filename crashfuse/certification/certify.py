@@ -327,17 +327,17 @@ def certify_matrix(
         if not is_variant:
             pairs = zip(plan.cells, judged, strict=True)
             judged = tuple(tuple(v.with_interval(at_cells[cell]) for v in row) for cell, row in pairs)
-        checks = {
-            i: float(np.mean(chances))
-            for (i, at), cell, tests in zip(matrix.items, plan.cells, tests_run, strict=True)
-            if not (tests or domain.outside(at) or domain.unshown(at))
-            and (chances := at_cells[cell].chances(criteria.spot_check))
-        }
         verdicts = _hold(judged, campaign, criteria, record)
         found = Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
-        return replace(found, record_with_runs=flattered, spot_checks=checks)
+        return replace(found, record_with_runs=flattered)
 
-    found = by(criteria, is_variant=False)
+    checks = {
+        i: float(np.mean(chances))
+        for (i, at), cell, tests in zip(matrix.items, plan.cells, tests_run, strict=True)
+        if not (tests or domain.outside(at) or domain.unshown(at))
+        and (chances := at_cells[cell].chances(criteria.spot_check))
+    }
+    found = replace(by(criteria, is_variant=False), spot_checks=checks)
     return replace(found, variants=tuple(Variant.of(name, found, by(own)) for name, own in varied(criteria).items()))
 
 
