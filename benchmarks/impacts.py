@@ -161,7 +161,7 @@ def _tables(shown: pd.DataFrame, of_metrics: pd.DataFrame) -> tuple[pd.DataFrame
     for (left_out, series), rows in shown.xs("tests", level="of").groupby(level=["left out", "series"], sort=False):
         by_approach = rows.droplevel(["left out", "series"])
         row = {"series": _TITLES.get(series, series), "left out": way[left_out]}
-        for name in (_REPEAT, *_APPROACHES, *METHODS):
+        for name in (_REPEAT, _APPROACHES[0], *METHODS, *_APPROACHES[1:]):
             for window in ("0-60 ms", "0-80 ms"):
                 column = f"{names.get(name, name)}, {window.replace('-', '–')}"
                 row[column] = f"{by_approach[window][name]:.2f}"
@@ -179,13 +179,17 @@ def _tables(shown: pd.DataFrame, of_metrics: pd.DataFrame) -> tuple[pd.DataFrame
                 "mean error of the value (%)": _signed(row["value"]),
                 "mean error of the averaged pulse (%)": _signed(row["of_pulse"]),
                 "width of the interval (%)": f"{100 * row['width']:.0f}" if row["open"] < 0.5 else "mostly open",
-                "inside (%)": f"{100 * row['inside']:.0f}",
-                "further repeats inside (%)": "" if np.isnan(further) else f"{100 * further:.0f}",
+                "inside (%)": _percent(row["inside"]),
+                "further repeats inside (%)": _percent(further),
             }
         )
     order = [*titles.values()]
     by = pd.DataFrame(metrics).sort_values("metric", key=lambda column: column.map(order.index), kind="stable")
     return pd.DataFrame(ratings), by.sort_values("series", kind="stable")
+
+
+def _percent(share: float) -> str:
+    return "" if np.isnan(share) else f"{100 * share:.0f}"
 
 
 def _signed(share: float) -> str:

@@ -30,7 +30,7 @@ from crashfuse.results.result import Deferred, Figure, ForReading, Result
 from crashfuse.results.result_tables import repeats_table
 from crashfuse.results.table import Table
 from crashfuse.study.repeatability import repeatability
-from crashfuse.units import LB, MPH
+from crashfuse.units import LB, MPH, Sentence, joined
 
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # of a sheet at the height it has on paper; of several, two fill a page
 _CRITERIA = 2  # of a sheet
@@ -56,6 +56,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
 
     told: dict[str, tuple[str, ...]] = {place: said.sentences(certification, place) for place in said.PLACES}
     told["verdicts"] += (criteria.scatter,)
+    limits = Sentence("Limits: {}.", joined([Sentence("{} {}", own.name, own.limits) for own in criteria.items], ", "))
     sealed = f"Sealed by the key {certification.key}." if certification.key else "Not sealed."
     return Result(
         kind="certification",
@@ -67,7 +68,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
         answer=said.answer(certification),
         against=said.against(certification),
         shown=("planned", "counts"),
-        sentences={**told, "evidence": (*told["record"][:2], campaign.quality.checks, sealed)},
+        sentences={**told, "limits": (limits,), "evidence": (*told["record"][:2], campaign.quality.checks, sealed)},
         tables=Deferred(**tables.makers_of_tables(certification), credibility=credibility, repeats=repeats),
         figures=_figures(certification),
         parts={"data": (campaign_result(campaign),), "left_out": _left_out(certification)},

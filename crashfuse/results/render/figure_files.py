@@ -28,7 +28,8 @@ FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido", "pptx")}  # modules, by format
 _BEGIN, _END = '<script type="application/json" id="report">', "</script>"
 _WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
-_SLIDE_ROWS, _ANSWERS, _NARROW = 12, 3, 4  # of the first slide: rows of its table, sentences, columns beside a figure
+# Of the first slide: rows of its table, sentences, columns beside a figure, letters of a cell that stay in a line.
+_SLIDE_ROWS, _ANSWERS, _NARROW, _UNBROKEN = 12, 3, 4, 12
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
     "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
@@ -86,8 +87,9 @@ def contents_of(result: Result, display: Display) -> FiguresOfReport:
     table = tuple(tuple(map(str, row)) for row in (rows.columns, *rows.to_numpy()[:_SLIDE_ROWS], *left) if len(rows))
     labels, doubts = tuple(fact.label for fact in result.facts), tuple(against_lines(result, display))
     others = tuple(text for text in notices if text not in answers)  # a fact may be an answer, too
-    evidence = tuple(map(display.words, result.sentences.get("evidence", ())))
-    return FiguresOfReport(display.words(result.heading), others, labels, figures, answers, table, doubts, evidence)
+    limits, evidence = (tuple(map(display.words, result.sentences.get(place, ()))) for place in ("limits", "evidence"))
+    told = (*answers[:_ANSWERS], *limits)
+    return FiguresOfReport(display.words(result.heading), others, labels, figures, told, table, doubts, evidence)
 
 
 def slides(result: Result, display: Display) -> bytes:
@@ -236,16 +238,16 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
         picture.width, picture.height = Emu(int(picture.width * scale)), Emu(int(picture.height * scale))
         picture.left, picture.name = Emu(left + (Inches(width) - picture.width) // 2), figure.title
 
-    first, (headline, *details) = deck.slides.add_slide(only_title), report.answers[:_ANSWERS] or ("",)
-    write(first.shapes.title, headline or report.title, 0.3, 0.9, 28 if len(headline) < 100 else 20)
-    below(first, report.title if headline else "", 1.1, 0.3, 14)
-    below(first, "\n".join(details), 1.5, 0.9, 14)
+    first, (headline, *details) = deck.slides.add_slide(only_title), report.answers or ("",)
+    write(first.shapes.title, headline or report.title, 0.3, 0.7, 24 if len(headline) < 70 else 18)
+    below(first, report.title if headline else "", 1.0, 0.3, 14)
+    below(first, "\n".join(details), 1.35, 1.0, 12)
     drawn = sorted(zip(report.figures, images, strict=True), key=lambda own: not own[0].is_answer)
     narrow = any(figure.is_answer for figure, _ in drawn) and len(next(iter(report.table), ())) in range(1, _NARROW + 1)
     if narrow:
         draw(first, *drawn[0], 2.4, 6.5, 3.6)
     _add_table(first, report.table, *((7.2, 5.5) if narrow else (0.6, 12.1)))
-    below(first, "\n".join([*report.notices, *report.against]), 6.1, 1.2, 11)
+    below(first, "\n".join([*report.notices, *report.against]), 6.35, 1.0, 10)
     if report.evidence:
         slide = deck.slides.add_slide(only_title)
         write(slide.shapes.title, "What it rests on", 0.3, 0.75, 20)
@@ -265,10 +267,12 @@ def _add_table(slide: Any, rows: Sequence[Sequence[str]], left: float, width: fl
 
     if not rows:
         return
-    lengths = [max(len(row[place]) for row in rows) + 2 for place in range(len(rows[0]))]
+    columns = [(max(map(len, head.split())), *map(len, texts)) for head, *texts in zip(*rows, strict=True)]
+    least = [0.25 + 0.085 * min(max(column), _UNBROKEN) for column in columns]  # of a wide font
+    lengths = [max(column) + 2 for column in columns]
     table = slide.shapes.add_table(len(rows), len(lengths), *map(Inches, (left, 2.5, width, 0.25 * len(rows)))).table
-    for column, length in zip(table.columns, lengths, strict=True):
-        column.width = Inches(width * length / sum(lengths))
+    for column, narrowest, length in zip(table.columns, least, lengths, strict=True):
+        column.width = Inches(narrowest + max(width - sum(least), 0) * length / sum(lengths))
     for number, row in enumerate(rows):
         table.rows[number].height = Inches(0.25)
         for cell, text in zip(table.rows[number].cells, row, strict=True):
