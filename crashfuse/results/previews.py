@@ -17,7 +17,7 @@ from crashfuse.results.drawing import Drawing
 from crashfuse.results.plots.pulses import imported_pulse
 from crashfuse.results.render.text import card
 from crashfuse.results.table import Column, Table
-from crashfuse.units import MS
+from crashfuse.units import MS, counted
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,8 +40,7 @@ class Preview:
     """The same as a Plotly figure."""
 
     def __repr__(self) -> str:
-        n = len(self.problems)
-        comes = f"{n} problem{'s' * (n > 1)}" if self.settled is None else str(self.settled.condition)
+        comes = counted(len(self.problems), "problem") if self.settled is None else str(self.settled.condition)
         return f"<Preview of {self.record.id!r}: {comes}>"
 
     def _repr_html_(self) -> str:

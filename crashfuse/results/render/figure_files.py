@@ -92,11 +92,6 @@ def contents_of(result: Result, display: Display) -> FiguresOfReport:
     return FiguresOfReport(display.words(result.heading), others, labels, figures, told, table, doubts, evidence)
 
 
-def slides(result: Result, display: Display) -> bytes:
-    """Its answer and figures as PowerPoint slides."""
-    return figure_files(contents_of(result, display), ("pptx",))["figures.pptx"]
-
-
 def read_figures(path: Path) -> FiguresOfReport:
     """The figures of a report's file; a DataError if there is none, or none in it."""
 
@@ -114,8 +109,8 @@ def read_figures(path: Path) -> FiguresOfReport:
             raise problem("no figure")
         values = json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))
         figures = tuple(ReportFigure(**figure) for figure in values["figures"])
-        lines = {name: tuple(map(str, values[name])) for name in ("notices", "labels", "answers", "against")}
-        lines["evidence"] = tuple(map(str, values.get("evidence", ())))
+        names = ("notices", "labels", "answers", "against", "evidence")
+        lines = {name: tuple(map(str, values.get(name, ()))) for name in names}
         table = tuple(tuple(map(str, row)) for row in values["table"])
         report = FiguresOfReport(title=str(values["title"]), figures=figures, table=table, **lines)
     except (ValueError, TypeError, LookupError, RecursionError) as error:
@@ -133,7 +128,7 @@ def embedded(report: FiguresOfReport) -> Markup:
 
 def missing_for(formats: Sequence[FigureFormat]) -> str:
     """A sentence on the extra or browser that these formats lack; empty if none."""
-    instead = "Or save figures from the report in a browser."
+    instead = "Or save them from the report."
     if any(importlib.util.find_spec(module) is None for form in formats for module in _NEEDS[form]):
         extra = "pptx" if "pptx" in formats else "figures"
         wanted = f'need python -m pip install ".[{extra}]" in a checkout'
