@@ -29,7 +29,7 @@ _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido
 _BEGIN, _END = '<script type="application/json" id="report">', "</script>"
 _WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
 # Of the first slide: rows of its table, sentences, columns beside a figure, letters of a cell that stay in a line.
-_SLIDE_ROWS, _ANSWERS, _NARROW, _UNBROKEN = 12, 3, 4, 12
+_SLIDE_ROWS, _ANSWERS, _NARROW, _UNBROKEN = 12, 4, 4, 12
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
     "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
@@ -88,8 +88,8 @@ def contents_of(result: Result, display: Display) -> FiguresOfReport:
     labels, doubts = tuple(fact.label for fact in result.facts), tuple(against_lines(result, display))
     others = tuple(text for text in notices if text not in answers)  # a fact may be an answer, too
     limits, evidence = (tuple(map(display.words, result.sentences.get(place, ()))) for place in ("limits", "evidence"))
-    told = (*answers[:_ANSWERS], *limits)
-    return FiguresOfReport(display.words(result.heading), others, labels, figures, told, table, doubts, evidence)
+    answers = (*answers[:1], *limits, *answers[1:])
+    return FiguresOfReport(display.words(result.heading), others, labels, figures, answers, table, doubts, evidence)
 
 
 def read_figures(path: Path) -> FiguresOfReport:
@@ -233,7 +233,7 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
         picture.width, picture.height = Emu(int(picture.width * scale)), Emu(int(picture.height * scale))
         picture.left, picture.name = Emu(left + (Inches(width) - picture.width) // 2), figure.title
 
-    first, (headline, *details) = deck.slides.add_slide(only_title), report.answers or ("",)
+    first, (headline, *details) = deck.slides.add_slide(only_title), report.answers[:_ANSWERS] or ("",)
     write(first.shapes.title, headline or report.title, 0.3, 0.7, 24 if len(headline) < 70 else 18)
     below(first, report.title if headline else "", 1.0, 0.3, 14)
     below(first, "\n".join(details), 1.35, 1.0, 12)
