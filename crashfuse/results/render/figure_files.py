@@ -29,7 +29,7 @@ _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido
 _BEGIN, _END = '<script type="application/json" id="report">', "</script>"
 _WIDTH_PX, HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
 # Of the first slide: rows of its table, sentences, columns beside a figure, letters of a cell that stay in a line.
-_SLIDE_ROWS, _ANSWERS, _NARROW, _UNBROKEN = 12, 4, 4, 12
+_SLIDE_ROWS, _ANSWERS, _NARROW, _UNBROKEN = 12, 4, 6, 12
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
     "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
@@ -238,10 +238,12 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
     below(first, report.title if headline else "", 1.0, 0.3, 14)
     below(first, "\n".join(details), 1.35, 1.0, 12)
     drawn = sorted(zip(report.figures, images, strict=True), key=lambda own: not own[0].is_answer)
-    narrow = any(figure.is_answer for figure, _ in drawn) and len(next(iter(report.table), ())) in range(1, _NARROW + 1)
-    if narrow:
-        draw(first, *drawn[0], 2.4, 6.5, 3.6)
-    _add_table(first, report.table, *((7.2, 5.5) if narrow else (0.6, 12.1)))
+    n_columns = len(next(iter(report.table), ()))
+    beside = any(figure.is_answer for figure, _ in drawn) and 0 < n_columns <= _NARROW
+    width_in = min(1.4 * n_columns, 7.2) if beside else 12.1
+    if beside:
+        draw(first, *drawn[0], 2.4, 12.0 - width_in, 3.6)
+    _add_table(first, report.table, 12.7 - width_in, width_in)
     below(first, "\n".join([*report.notices, *report.against]), 6.35, 1.0, 10)
     if report.evidence:
         slide = deck.slides.add_slide(only_title)
@@ -262,14 +264,13 @@ def _add_table(slide: Any, rows: Sequence[Sequence[str]], left: float, width: fl
 
     if not rows:
         return
-    columns = [(max(map(len, head.split())), *map(len, texts)) for head, *texts in zip(*rows, strict=True)]
-    least = [0.25 + 0.085 * min(max(column), _UNBROKEN) for column in columns]  # of a wide font
-    lengths = [max(column) + 2 for column in columns]
-    table = slide.shapes.add_table(len(rows), len(lengths), *map(Inches, (left, 2.5, width, 0.25 * len(rows)))).table
-    for column, narrowest, length in zip(table.columns, least, lengths, strict=True):
-        column.width = Inches(narrowest + max(width - sum(least), 0) * length / sum(lengths))
+    longest = [max(map(len, (*head.split(), *texts))) for head, *texts in zip(*rows, strict=True)]
+    least = [0.25 + 0.077 * min(letters, _UNBROKEN) for letters in longest]  # of a wide font
+    table = slide.shapes.add_table(len(rows), len(least), *map(Inches, (left, 2.5, width, 0.25 * len(rows)))).table
+    for column, narrowest, letters in zip(table.columns, least, longest, strict=True):
+        column.width = Inches(narrowest + max(width - sum(least), 0) * letters / sum(longest))
     for number, row in enumerate(rows):
         table.rows[number].height = Inches(0.25)
         for cell, text in zip(table.rows[number].cells, row, strict=True):
             cell.text, cell.margin_top, cell.margin_bottom = text, 0, 0
-            cell.text_frame.paragraphs[0].font.size = Pt(10)
+            cell.text_frame.paragraphs[0].font.size = Pt(9)
