@@ -2,7 +2,8 @@
 
 Every campaign in the folder is taken, with its further repeats (``unseen.parquet``, see ``impacts.py``). Each record is
 checked as in a campaign: beside the other tests and the CAE runs. Counted is how many sound records are accused of
-anything, and how many broken ones are, as recorded and after CFC 60. Faults are drawn (``--seed``):
+anything, and how many broken ones are, as recorded and after CFC 60. What a missed fault does is told by the rating of
+the record with it against the record without, over 0-80 ms, both after CFC 60. Faults are drawn (``--seed``):
 
 - saturation at 60 to 80 % of the peak, and at 90 to 95 %;
 - a signal lost, or held, for 4 to 6 ms in the crash, where that changes it by 20 or 5 % of the peak at least;
@@ -33,12 +34,14 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.crash_test import CrashTest
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.sensor_faults import sensor_faults
 from crashfuse.study.outliers import departures
 from crashfuse.units import MS, G
 
 Fault = Callable[[FloatArray, FloatArray, np.random.Generator], FloatArray]
 _DRAWN = 10  # times a group of each speed
+_WINDOW_MS = 80.0
 _FEWEST, _MOST = 4, 6  # records in it
 _NONE, _APART, _STRANGER = "none", "none, in a group at one speed", "another structure's, in a group at one speed"
 CFCS = {"as recorded": None, "CFC 60": 60}
@@ -130,13 +133,13 @@ def _sensors(folder: Path, campaign: Campaign, further: Sequence[CrashTest], see
             for seen, cfc in CFCS.items():
                 given = broken if cfc is None else cfc_filter(broken, cfc=cfc, dt_s=float(time_s[1] - time_s[0]))
                 kinds = _alarms(tests, runs, test, time_s, given)
-                yield {
-                    "record": name,
-                    "seen": seen,
-                    "test": test.id,
-                    "kinds": " ".join(sorted(kinds)),
-                    "found": bool(kinds),
-                }
+                row = {"record": name, "seen": seen, "test": test.id, "kinds": " ".join(sorted(kinds))}
+                sound, faulty = (
+                    Pulse(GRID_S, np.interp(GRID_S, time_s, cfc_filter(one, cfc=60, dt_s=float(time_s[1] - time_s[0]))))
+                    for one in (accel, broken)
+                )
+                rating = rate_windows(sound, faulty, [_WINDOW_MS])[_WINDOW_MS].overall
+                yield {**row, "found": bool(kinds), "rating": rating}
 
 
 def _apart(
@@ -179,7 +182,11 @@ def counted(frame: pd.DataFrame) -> pd.DataFrame:
     """How many were found of how many, by fault."""
     by = frame.groupby(["record", "seen"], sort=False)["found"].agg(["sum", "size"]).unstack()
     by.columns = [f"{'found' if what == 'sum' else 'records'}, {seen}" for what, seen in by.columns]
-    return by.astype("Int64").reset_index().rename(columns={"record": "fault"})
+    by = by.astype("Int64")
+    missed = frame[(frame["seen"] == "CFC 60") & ~frame["found"].astype(bool)].groupby("record")["rating"]
+    for name, share in {"median": 0.5, "lowest twentieth": 0.05}.items():
+        by[f"rating of the missed, {name}"] = missed.quantile(share).map("{:.3f}".format)
+    return by.reset_index().rename(columns={"record": "fault"})
 
 
 def main() -> None:
