@@ -122,10 +122,10 @@ def test_nothing_shown_is_read_back() -> None:
 
 MOST = {
     "modules": 228,
-    "lines": 43_821,
-    "words of docstrings": 45_942,
-    "words of other texts": 27_380,
-    "of tests": 34_491,
+    "lines": 43_819,
+    "words of docstrings": 45_931,
+    "words of other texts": 27_377,
+    "of tests": 34_487,
 }
 """The size of the house: package and pages, then lines of tests. It may be lowered, never raised."""
 LONGEST, SHORTEST = 450, 40  # lines of a module; one that is a face (``__init__``) or a table may be shorter

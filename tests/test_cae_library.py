@@ -18,8 +18,7 @@ from tests.golden import assert_golden
 
 def test_a_run_at_a_tests_condition_is_its_pair(campaign: Campaign) -> None:
     """The last four runs were made at the tests' conditions; they say nothing of the drive."""
-    pairs = [campaign.cae.paired_run(test.condition) for test in campaign.tests]
-    assert pairs == [20, 21, 22, 23]
+    assert [campaign.cae.paired_run(test.condition) for test in campaign.tests] == [20, 21, 22, 23]
 
 
 def test_a_condition_without_a_run_has_no_pair(campaign: Campaign) -> None:
@@ -70,8 +69,7 @@ def test_runs_are_paired_with_tests_of_their_kind(
 
 def test_a_weight_beyond_the_library_is_flagged(campaign: Campaign) -> None:
     """The sentence names the input, its value and the range."""
-    condition = Condition.of_vector([25 * MPH, 2400 * LB, 1500 * LB])
-    (note,) = campaign.cae.extrapolation(condition)
+    (note,) = campaign.cae.extrapolation(Condition.of_vector([25 * MPH, 2400 * LB, 1500 * LB]))
     assert note.startswith("Extrapolation: front weight 2400 lb lies outside the CAE runs' 19")
 
 

@@ -78,9 +78,8 @@ def edit(arguments: argparse.Namespace) -> None:
         return
     if arguments.because and not arguments.leave_out:
         raise UsageError("--because is the reason of --leave-out.")
-    leaving = partial(leave_out, why=arguments.because or "")
     asked = (
-        (leaving, arguments.leave_out),
+        (partial(leave_out, why=arguments.because or ""), arguments.leave_out),
         (use_again, arguments.use),
         (remove_tests, arguments.remove),
         (partial(say_tuned, tuned=True), arguments.cae_tuned),
@@ -115,8 +114,7 @@ def import_(arguments: argparse.Namespace) -> None:
     how = {name: getattr(arguments, name) for name in ("role", "cae", "conditions", "travel")}
     tuned = None if arguments.cae_tuned is None else arguments.cae_tuned == "yes"
     how |= {"columns": [*map(ColumnChoice.parsed, arguments.column)], "fmt": arguments.format, "cae_tuned": tuned}
-    added = import_source(arguments.source, arguments.out, choices, record_id=arguments.id, **how)
-    for one in added:
+    for one in import_source(arguments.source, arguments.out, choices, record_id=arguments.id, **how):
         print(f"{one.id}: {one.condition}")
         for step in one.steps:
             print(f"  {step}")

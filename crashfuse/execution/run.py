@@ -89,7 +89,7 @@ class Run:
         return self.cache.get_or_compute(kind, key, compute, restore, self.watch)
 
     def completed(self, work: "Work[T, R]", campaign: Campaign, tasks: Sequence[T]) -> Generator[list[R]]:
-        """What the workers have completed, see :meth:`Workers.completed`."""
+        """See :meth:`Workers.completed`."""
         return self.workers.completed(work, campaign, tasks, self)
 
 

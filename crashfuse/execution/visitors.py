@@ -81,8 +81,7 @@ def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:
     for path, auth in asked:
         _check_section(path, auth)
     if required and not asked:
-        expected = "a secrets file with a section [auth]"
-        raise DataError(Problem(str(files[0]), expected, "none", _HOW_TO))
+        raise DataError(Problem(str(files[0]), "a secrets file with a section [auth]", "none", _HOW_TO))
     if asked and importlib.util.find_spec("authlib") is None:
         raise UsageError('A log-in needs, in a checkout: python -m pip install ".[login]".')
     return bool(asked)

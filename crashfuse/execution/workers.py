@@ -70,7 +70,7 @@ class OtherProcesses(Workers, ABC):
         """Raise if no worker is left and none is expected."""
 
     def completed(self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], run: Run) -> Generator[list[R]]:
-        """See :meth:`Workers.completed`; the task of a worker that dies is taken over by another."""
+        """See :meth:`Workers.completed`."""
         if not self.are_elsewhere(tasks):
             yield from super().completed(work, campaign, tasks, run)
             return

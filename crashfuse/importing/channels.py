@@ -146,8 +146,7 @@ def agreeing_channels(case: Case) -> Channels:
         steps.append(Sentence(careful, joined(texts, "; ")))
         return chosen
     if not majority:
-        expected = f"channels of {record.id} that agree"
-        raise refusal(record.source, expected, joined(texts, "; "), _choose(reference))
+        raise refusal(record.source, f"channels of {record.id} that agree", joined(texts, "; "), _choose(reference))
     if not near.all():
         odd = joined([text for text, agrees in zip(texts, near, strict=True) if not agrees], "; ")
         steps.append(Sentence("Careful: left out, unlike the others: {}.", odd))

@@ -259,8 +259,7 @@ def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) ->
     if raw:
         return Pulse(time_s, accel)
     step = max(detection.step_of(time_s), DT_S) if filtered else detection.step_of(time_s)
-    last = min(time_s[-1], _LONGEST_S)
-    grid = step * np.arange(max(int(np.floor(last / step + 1e-6)) + 1, 2))
+    grid = step * np.arange(max(int(np.floor(min(time_s[-1], _LONGEST_S) / step + 1e-6)) + 1, 2))
     return Pulse(grid, np.interp(grid, time_s, accel))
 
 

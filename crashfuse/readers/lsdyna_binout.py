@@ -213,8 +213,7 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     title = next((part.of.title for part in parts if part.of.title), "")
     if not parts:
         return Histories(title, (), 0), glstat, matsum
-    kept = sum(len(part.states) * min(part.of.ids.size, most) for part in parts)
-    lsdyna_histories.check_count(kept, parts[0].where)
+    lsdyna_histories.check_count(sum(len(own.states) * min(own.of.ids.size, most) for own in parts), parts[0].where)
     start, fastest = _motion(parts)
     axis = AXES[axis_of_travel(start, travel, fastest)]
     pieces: dict[tuple[str, str], list[History]] = {}

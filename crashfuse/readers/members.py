@@ -29,8 +29,7 @@ def opened_members(
             members = [member for member in zip_members(stream, path.name, limits) if wanted(member.path)]
             yield members, Budget(limits, path.stat().st_size)
         return
-    is_other = path.is_file() and not wanted(path)
-    refuse_if(is_other, path.name, kind, "a file of another kind", "choose its folder")
+    refuse_if(path.is_file() and not wanted(path), path.name, kind, "a file of another kind", "choose its folder")
     folder = path.parent if path.is_file() else path
     refuse_if(not folder.is_dir(), str(path), kind, "no such folder or file", CHECK_PATH)
     members, size = [], 0

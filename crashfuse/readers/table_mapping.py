@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, groupby
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -54,7 +54,7 @@ class Mapping:
             return "pulses"
         return "conditions" if any(self.of(role) for role in _OF_CONDITIONS) else "neither"
 
-    def overruled(self, column: str, role: ColumnRole, unit: str | None = None) -> "Mapping":
+    def overruled(self, column: str, role: ColumnRole, unit: str | None = None) -> Self:
         """The mapping with a column assigned by the user, its unit kept if it fits; a UsageError for an unfit unit."""
         quantity = QUANTITIES.get(role)
         units = {} if quantity is None else UNITS[quantity]
@@ -308,8 +308,7 @@ def mapping_steps(mapping: Mapping) -> tuple[str, ...]:
 
 def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> Problem:
     have = ", ".join(printable(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
-    advice = "map the columns (--column COLUMN=ROLE:UNIT)"
-    return Problem(sheet.name, f"one column that is the {role}", have, advice)
+    return Problem(sheet.name, f"one column that is the {role}", have, "map the columns (--column COLUMN=ROLE:UNIT)")
 
 
 def _decimal(sheet: Sheet, column: str) -> FloatArray:

@@ -12,7 +12,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
@@ -68,7 +68,7 @@ class Sheet:
     part_of: str = ""  # the table that it was split from, unless titles name each part as a test of its own
     origin: str = ""  # the line above it that says that a program computed it
 
-    def of_columns(self, numbers: Sequence[int]) -> "Sheet":
+    def of_columns(self, numbers: Sequence[int]) -> Self:
         """The sheet with some of its columns, by their numbers."""
         rows = (self.columns, self.units, *self.titles)
         columns, units, *titles = (tuple(row[number] for number in numbers) for row in rows)
@@ -163,8 +163,7 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str, lines: Seq
     if listed := listed_channels(rest, width):
         titles.append([listed.get(number, "") for number in range(width)])
     names, units, *titles = ([*row, *[""] * width][:width] for row in (names, units, *titles))
-    of_columns = tuple(map(tuple, titles))
-    return Header(begin, unique(names), tuple(map(str.strip, units)), of_columns, tuple(rest))
+    return Header(begin, unique(names), tuple(map(str.strip, units)), tuple(map(tuple, titles)), tuple(rest))
 
 
 def _names_an_index(above: Sequence[Sequence[str]], width: int) -> bool:

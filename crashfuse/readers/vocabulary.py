@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum
 from functools import cache
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 from crashfuse.errors import UsageError, printable
 from crashfuse.files.toml_text import package_data
@@ -162,7 +162,7 @@ class ChannelCode:
     text: str
 
     @classmethod
-    def parsed(cls, text: str) -> "ChannelCode | None":
+    def parsed(cls, text: str) -> Self | None:
         """Read a code in any spelling of its fill characters; None if it is none."""
         code = text.strip().upper()
         return cls(re.sub("[?_]", "0", code)) if _FORM.fullmatch(code) else None

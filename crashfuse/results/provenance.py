@@ -88,11 +88,10 @@ def next_test_command(low: Condition, high: Condition, config: StudyConfig, unit
 
 def certification_settings(campaign: Campaign, config: StudyConfig, confidence: float) -> dict[str, str]:
     """What decides a certification's verdicts besides tests, criteria and matrix."""
-    approach = config.approaches[0]
     return {
         "campaign": campaign.name,
         "version": __version__,
-        "approach": label_of(approach),
+        "approach": label_of(config.approaches[0]),
         **({"preset": config.preset} if config.under_preset else {}),
         "seeds": " and ".join(map(str, SEEDS)),
         "confidence": f"{confidence:g}",

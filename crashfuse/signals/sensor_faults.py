@@ -49,6 +49,7 @@ _AROUND_S = 30e-3
 _BEYOND_S, _EDGE_S = 1e-3, 4e-3
 _CUT, _ODD = 1.3, 1.5  # of the level, and of the difference elsewhere; sound, with a flat top: 1.24 and 3.1
 _NOISE, _NOISE_MPS2, _BLOCK_S, _LEAST_S, _STEADY = 2.2, 0.8 * G, 10e-3, 2.5e-3, 5.0
+_RIPPLE, _CALM_S = 3.5, 0.08  # beside records alike, once the vehicle has left the barrier; sound: 3.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +109,7 @@ def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFau
         return ()
     raw, band, hidden, above = signals
     found: list[SensorFault] = []
-    noise = *_noise(raw, hidden), *_noise(raw, above)
+    noise = *_noisy_end(raw), *_noise(raw, hidden), *_noise(raw, above)
     sudden = *_equal_samples(raw), *(one for one in noise if one.strength >= 1), *_lost(band), *_spike(raw, band)
     for one in (*sudden, *_flat_top(band), *_left_at_once(raw), *_held(band), *noise):
         apart = (one.start_s >= other.end_s + _EDGE_S or other.start_s >= one.end_s + _EDGE_S for other in found)
@@ -137,12 +138,14 @@ def confirmed(
 
     def is_odd(fault: SensorFault) -> bool:
         within = (fault.start_s - _BEYOND_S <= time_s) & (time_s <= fault.end_s + _BEYOND_S)
+        if not within.any() or (within.all() and fault.kind != "noise"):
+            return False
         if fault.kind == "noise":
             loud, usual = of_each(lambda _, hidden: float(np.std(hidden[within])))
+            calm = of_each(lambda raw, _: _ripple(raw))
+            is_noise = calm[0] > _RIPPLE * max(calm[1], 0.3 * G) or (fault.start_s < _CALM_S and loud > _NOISE * usual)
             # what rings from the first on may be as sound as a single other record, which was filtered
-            return loud > _NOISE * usual and (len(alike_mps2) > 1 or fault.strength > LIKELY)
-        if not within.any() or within.all():
-            return False
+            return is_noise and (len(alike_mps2) > 1 or fault.strength > LIKELY)
         if fault.kind == "saturated" and np.abs(expected_mps2[within]).max() < _CUT * abs(fault.size_mps2):
             return False
         inside, elsewhere = (float(np.sqrt(np.mean(off[part] ** 2))) for part in (within, ~within))
@@ -393,3 +396,15 @@ def _noise(raw: _Signal, hidden: FloatArray) -> Iterator[SensorFault]:
             score = (loud / max(quiet, _FLOOR * raw.peak) - 1) / (_NOISE - 1) if start > raw.first else LIKELY
             best = max(best, (score, start, float(np.sqrt(np.mean(after**2)))))
     yield raw.fault("noise", best[1], raw.accel.size - 1, best[2], best[0])
+
+
+def _noisy_end(raw: _Signal) -> Iterator[SensorFault]:
+    if (rms := _ripple(raw)) > _NOISE_MPS2:
+        yield raw.fault("noise", int(np.searchsorted(raw.time_s, _CALM_S)), raw.accel.size - 1, rms, LIKELY)
+
+
+def _ripple(raw: _Signal) -> float:
+    """Root mean square of what is faster than some 40 Hz, from 80 to 90 or to 100 ms, the lesser."""
+    off, ends = raw.accel - gaussian_filter1d(raw.accel, 4e-3 / raw.step_s), _CALM_S + np.array([0, 10, 20]) * MS
+    first, middle, last = np.searchsorted(raw.time_s, ends)
+    return float(min(off[first:middle].std(), off[middle:last].std())) if first < middle < last else 0.0

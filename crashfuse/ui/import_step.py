@@ -216,9 +216,8 @@ def show_import(source: Source, view: View | None) -> None:
         elif problems:
             can = f"{_counts_of(settled)} can be added without." if settled else ""
             show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
-    notice = "" if view is None else view.campaign.notice
     with above:
-        _show_add_form(source, role, settle, settled, notice)
+        _show_add_form(source, role, settle, settled, "" if view is None else view.campaign.notice)
 
 
 def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, ...]]:

@@ -141,8 +141,7 @@ def _show_bands(outcome: _Outcome) -> None:
     left, right = st.columns(2, gap="medium")
     with left:
         meaning = f"Marks: rating of the expected pulse. Lines: {DRAWS}"
-        window = results.window_label(outcome.view.display.window_ms)
-        st.subheader(f"How sure the ratings are, {window}", help=meaning)
+        st.subheader(f"How sure the ratings are, {results.window_label(outcome.view.display.window_ms)}", help=meaning)
         alt = f"Rating of each test, {left_out}, by approach, with the interval of single draws"
         show("draws", alt, "ratings of draws")
     with right:

@@ -169,8 +169,7 @@ def test_files_that_nothing_reads_are_named(campaign_folder: Path) -> None:
     (campaign_folder / "summary.csv").touch()
     (campaign_folder / "tests" / "T9.xlsx").touch()
     (campaign_folder / "study").mkdir()
-    told = unread_files(campaign_folder)
-    assert told.partition(": ")[2] == "study/, summary.csv, tests/T9.xlsx."
+    assert unread_files(campaign_folder).partition(": ")[2] == "study/, summary.csv, tests/T9.xlsx."
 
 
 _no_drive = edit("tests.csv", lambda t: t.assign(drive=t.drive.where(t.id != "T3", "")))

@@ -75,8 +75,7 @@ def test_a_unit_that_contradicts_the_speed_is_refused_until_the_user_says_so() -
 
 def test_time_zero_is_the_files_own_where_it_has_one() -> None:
     assert settle(record(channel())).time_zero_s == 0.0
-    own = replace(record(channel(start_s=0.0)), own_time_zero="by definition")
-    assert settle(own).time_zero_s == 0.0
+    assert settle(replace(record(channel(start_s=0.0)), own_time_zero="by definition")).time_zero_s == 0.0
     assert settle(record(channel()), Choices(time_zero_s=1 * MS)).time_zero_s == 1 * MS
 
 
@@ -150,8 +149,7 @@ def test_what_reads_something_before_contact_is_pointed_out() -> None:
 
 def test_channels_are_averaged_chosen_or_left_out() -> None:
     left, right, dead = channel("L", 1.05), channel("R", 0.95), channel("D", 0.1)
-    both = settle(record(left, right))
-    assert both.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
+    assert settle(record(left, right)).pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
     without = settle(record(left, right, dead))
     assert without.channels == ("L", "R")
     assert steps_with(without, "unlike the others: D")

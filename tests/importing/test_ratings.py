@@ -76,10 +76,8 @@ def test_a_rating_is_the_same_before_and_after_the_import(files: Path) -> None:
     for source in ("lab.csv", "iso.zip"):
         import_source(files / source, files / "campaign", conditions=files / "conditions.csv")
     lab, iso = (files / "campaign" / "tests" / f"{name}.csv" for name in ("lab", "V2"))
-    after = rate_files(lab, iso, [20, 60])
-    assert overall(before) == pytest.approx(overall(after), abs=1e-4)
-    filtering = "reference CFC 60, comparison filtered as supplied"
-    assert set(before["basis"]) == {f"ISO/TS 18571:2024, 10 kHz, {filtering}"}
+    assert overall(before) == pytest.approx(overall(rate_files(lab, iso, [20, 60])), abs=1e-4)
+    assert set(before["basis"]) == {"ISO/TS 18571:2024, 10 kHz, reference CFC 60, comparison filtered as supplied"}
 
 
 HEADERS = ["Time [ms];Acceleration x [g]", "t/ms;a_x (g)", "Zeit [ms];Beschleunigung x in g", "time_ms;acceleration_g"]
@@ -94,8 +92,7 @@ def test_a_table_is_rated_as_it_stands(tmp_path: Path, header: str, late_ms: int
     written(tmp_path, {name: german(time_s, pulse, header=header) for name, pulse in pulses.items()})
     table = rate_files(tmp_path / "one.csv", tmp_path / "other.csv", [80])
     one, other = (Pulse(time_s, pulse) for pulse in pulses.values())
-    expected = rate_windows(one, other, [80])[80]
-    assert overall(table) == pytest.approx([expected.overall], abs=1e-5)
+    assert overall(table) == pytest.approx([rate_windows(one, other, [80])[80].overall], abs=1e-5)
     phase = pytest.approx(1 - late_ms / 16)  # of a fifth of 80 ms
     assert table["phase"].item() == phase if sign > 0 else table["overall"].item() < 0.4
     assert set(table["note"]) == {""}

@@ -112,8 +112,7 @@ def test_a_velocity_that_is_set_after_a_preload_begins_the_crash(
 
 def test_nodes_that_are_sped_up_are_no_vehicle_unless_the_user_gives_their_travel(tmp_path: Path) -> None:
     """Accelerations that tell of it may be a blow; with the travel given, the crash begins where they are fastest."""
-    run = Run(step_s=5e-4, rest_s=0.03)
-    folders = run.folders()
+    folders = Run(step_s=5e-4, rest_s=0.03).folders()
     for state in range(52, 61):  # 4 ms
         told = folders[f"/nodout/d{state:06d}"]
         told["x_velocity"] = np.full(4, SPEED_MPS * (state - 52) / 8, "f4")
@@ -292,8 +291,7 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     assert "choose the folder of a run" in problem(saved(tmp_path / "empty"))
     other = lsda({"/matsum/metadata": {"title": chars("x")}})
     assert "DATABASE_HISTORY_NODE" in problem(saved(tmp_path / "a", binout=other))
-    turned = SHORT.nodout().replace(b"x-accl", b"x-temp")
-    assert "x-accl" in problem(saved(tmp_path / "b", nodout=turned))
+    assert "x-accl" in problem(saved(tmp_path / "b", nodout=SHORT.nodout().replace(b"x-accl", b"x-temp")))
     slow = Run(nodes={1: ("", 1.0)}, end_s=3.0, step_s=0.1)
     assert "ends at 3000" in problem(saved(tmp_path / "c", nodout=slow.nodout()))
 
@@ -350,8 +348,7 @@ def test_a_state_that_was_never_finished_is_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("there", "missing"),
-    [("binout0000 %002", "%001"), ("%001 %002", ""), ("binout0000 %001 %003", "%002"), ("_", "")],
+    ("there", "missing"), [("binout0000 %002", "%001"), ("%001 %002", ""), ("binout0000 %001 %003", "%002"), ("_", "")]
 )
 def test_a_family_with_a_missing_member_is_refused(tmp_path: Path, there: str, missing: str) -> None:
     names = [name if name == "binout0000" else f"binout0000{name}" for name in there.split()]
@@ -437,8 +434,7 @@ def test_a_run_in_three_files_of_the_solver_s_own_library_is_the_crash(tmp_path:
     choices, real = Choices(condition=PartialCondition(mass_kg=1719.0), front_share=0.56), SHARED / "real"
     (run,) = import_source(real / "formats/lsdyna_split", tmp_path / "run", choices, role="cae")
     (test,) = import_source(real / "nhtsa_10146_camry2018", tmp_path / "test")
-    record = only(real / "formats/lsdyna_split")
-    assert {channel.time_s.size for channel in record.channels} == {1501}
+    assert {channel.time_s.size for channel in only(real / "formats/lsdyna_split").channels} == {1501}
     of_run, of_test = (each.pulse.kinematics(each.condition.speed_mps) for each in (run, test))
     assert of_run.t0_s == pytest.approx(of_test.t0_s, abs=0.5 * MS)
     assert of_run.displacement_m.max() == pytest.approx(of_test.displacement_m.max(), rel=0.01)

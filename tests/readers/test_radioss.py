@@ -254,8 +254,7 @@ def test_rows_that_hold_no_state_each_are_refused(tmp_path: Path) -> None:
     head, *rows = RUN.csv().decode().splitlines()
     cells = ",".join(rows).split(",")
     wrapped = [",".join(cells[at : at + 31]) for at in range(0, len(cells) // 31 * 31, 31)]
-    said = refusal(tmp_path, hc1T01_csv="\n".join([head, *wrapped, ""]).encode())
-    assert "import the T01 itself." in said
+    assert "import the T01 itself." in refusal(tmp_path, hc1T01_csv="\n".join([head, *wrapped, ""]).encode())
 
 
 @needs_shared

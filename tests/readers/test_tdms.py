@@ -236,8 +236,7 @@ def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
     assert settled.channel_filter_class == 60
     assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=5e-3)
     assert settled.pulse.kinematics(settled.condition.speed_mps).t0_s == pytest.approx(STOP_S, abs=2e-4)
-    filtered = settle(record, Choices(("11VEHC0000__ACXD",), condition=WEIGHTS.condition))
-    assert filtered.channel_filter_class is None
+    assert settle(record, Choices(("11VEHC0000__ACXD",), condition=WEIGHTS.condition)).channel_filter_class is None
 
 
 def test_the_speed_is_a_property(tmp_path: Path) -> None:

@@ -154,6 +154,21 @@ def test_noise_from_the_first_on_is_one_if_records_alike_are_quieter() -> None:
     assert (late.kind, late.strength > 1) == ("noise", True)
 
 
+def test_noise_that_a_filter_left_is_seen_where_records_alike_are_calm() -> None:
+    """From 30 ms on, 20 g at 1,667 samples a second, after CFC 60; what rings in all records, or once, is none."""
+    time_s, rng = np.arange(0, 0.12, 6e-4), np.random.default_rng(11)
+
+    def record(noise_g: float) -> FloatArray:
+        broken = crash(time_s) + (time_s > 30 * MS) * rng.normal(0, noise_g * G, time_s.size)
+        return cfc_filter(broken, cfc=60, dt_s=6e-4)
+
+    noisy, calm, loud, event = record(20), [record(0.5), record(0.5)], [record(20), record(20)], record(0.5)
+    event += 8 * G * np.exp(-(((time_s / MS - 87) / 3) ** 2))
+    for accel, alike, kinds in ((noisy, calm, ["noise"]), (noisy, loud, []), (noisy, calm[:1], []), (event, calm, [])):
+        faults = confirmed(sensor_faults(time_s, accel), time_s, accel, accel, alike)
+        assert [fault.kind for fault in faults] == kinds
+
+
 def test_a_likely_fault_is_one_if_other_records_do_not_show_it() -> None:
     """A flat top that all tests have is the structure; one that hides a peak of the others is the sensor."""
     time_s = np.arange(0, 0.1, 1e-4)

@@ -42,8 +42,7 @@ def tables(n: int) -> dict[str, bytes]:
 def curves(session: Session) -> dict[str, np.ndarray]:
     """Ordinates of the preview by the names of its curves; the last of a name."""
     (figure,) = session.app.get("plotly_chart")
-    data = json.loads(figure.proto.spec)["data"]
-    return {curve["name"]: np.array(curve["y"]) for curve in data}
+    return {curve["name"]: np.array(curve["y"]) for curve in json.loads(figure.proto.spec)["data"]}
 
 
 def into(session: Session, folder: Path) -> Session:
@@ -92,8 +91,7 @@ def test_an_isomme_archive_says_what_it_lacks(tmp_path: Path, name: str, content
     assert button.disabled
     session = into(session.fill({"Front share": 56.0}), tmp_path / "m").press("Add as test")
     assert added(tmp_path / "m") == ["M1"]
-    rows = (tmp_path / "m" / "tests.csv").read_text()
-    assert "952" in rows  # 56 % of 1700 kg
+    assert "952" in (tmp_path / "m" / "tests.csv").read_text()  # 56 % of 1700 kg
 
 
 def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields() -> None:

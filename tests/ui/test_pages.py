@@ -137,8 +137,7 @@ def test_training_shows_progress_and_can_be_cancelled() -> None:
     assert session.charts == 1
     drawn = json.loads(session.app.get("plotly_chart")[0].proto.spec)
     assert drawn["data"] == SentFigure(drawing_of(job.steps["LF TCN"].plot())).to_dict()["data"]
-    layout = drawn["layout"]
-    assert [layout[axis]["title"]["text"] for axis in ("xaxis", "yaxis")] == ["Step", "Loss"]
+    assert [drawn["layout"][axis]["title"]["text"] for axis in ("xaxis", "yaxis")] == ["Step", "Loss"]
     session.press("Cancel")
     assert job.wait(SOON)
     assert "Cancelled" in session.run().words
@@ -347,8 +346,7 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
         session.app.button_group(key="ways").set_value("With all tests at about its speed").run()
     session.app.selectbox(key="window").select(20.0).run()
     assert "Ratings over 0–20 ms." in session.words
-    mean = study.mean_rating(approach, 20.0)
-    assert session.tables[0]["Mean"][0].startswith(f"{mean:.3f} ")
+    assert session.tables[0]["Mean"][0].startswith(f"{study.mean_rating(approach, 20.0):.3f} ")
     session.open_tab("study", "Bands")
     assert session.charts == 2
     assert session.tables[0]["Maximum crush"][0].endswith(f" of {len(study.folds)}")

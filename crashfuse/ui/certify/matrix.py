@@ -182,8 +182,7 @@ def offer_saving(view: View, criteria: Criteria | None, matrix: Matrix | None) -
     with suppress(DataError, OSError):
         path = folder / "matrix.csv"
         known |= question_files(None, read_own(path, campaigns.stamp(path), view.campaign))
-    asked = question_files(criteria, matrix)
-    files = {name: content for name, content in asked.items() if known.get(name) != content}
+    files = {name: own for name, own in question_files(criteria, matrix).items() if known.get(name) != own}
 
     def save() -> str:
         what = _save(folder, files)

@@ -47,7 +47,7 @@ class View:
 
     @property
     def folder(self) -> Path:
-        """The folder of the campaign; a DataError if pages may not open it any more."""
+        """The folder of the campaign, see :func:`folder_of`."""
         return folder_of(self.name)
 
 

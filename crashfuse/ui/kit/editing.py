@@ -58,8 +58,7 @@ def choose_tests_in_use(view: View) -> None:
     if not can_be_edited(view.folder):
         with st.popover("Save a copy to edit", icon=":material/content_copy:"):
             st.markdown("Tests are left out of use, or added, in a copy.")
-            usual = str(Path.home() / "my-campaign")
-            st.text_input("Folder of the copy", placeholder=usual, **kept(_COPY))
+            st.text_input("Folder of the copy", placeholder=str(Path.home() / "my-campaign"), **kept(_COPY))
             st.button("Save the copy", type="primary", on_click=_save_copy, args=(view,))
         return
     used, unused = view.campaign.test_ids, [test_id for test_id, _ in view.campaign.unused]

@@ -77,8 +77,7 @@ def offer_files(sent: SentFigure, caption: Caption, key: str) -> None:
     if asked:
         table = drawing_table(sent.drawing, [int(place) for place in asked["hidden"]])
         data |= {"at": asked["at"], "csv": csv_bytes(table).decode()}
-    tools = component("figure_tools", css="buttons.css")
-    tools(data=data, key=key, on_csv_change=lambda: None)
+    component("figure_tools", css="buttons.css")(data=data, key=key, on_csv_change=lambda: None)
 
 
 def choose(label: str, options: Sequence[str], key: str, label_of: Callable[[str], str] = str) -> str:

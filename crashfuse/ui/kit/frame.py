@@ -316,8 +316,7 @@ def _show_answer(row: DeltaGenerator, view: View) -> None:
         if fact.code == "test.stands_apart":  # over the others at its speed
             test = fact.about[0]
             chosen = {**chosen, "test": test, "overlaid": list(campaign.speed_group(test))}
-            at = words(speed(campaign.test(test).condition.speed_mps, form=".0f"))
-            label = f"{label} at {at}"
+            label += f" at {words(speed(campaign.test(test).condition.speed_mps, form='.0f'))}"
         if page:
             label = label if fact.code in ("campaign.archive", "campaign.notice") else f":orange[{label}]"
             _link(row, f"{fact.code} {fact.label}", label, words(fact.sentence), page, **chosen)

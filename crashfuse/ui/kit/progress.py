@@ -83,8 +83,7 @@ def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> N
         with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
             st.markdown(f"**{plain(job.title)}**", width="content")
             if wanted or job.cancelling:
-                key = f"cancel {id(job)}"
-                st.button("Cancel", on_click=job.cancel, args=(me,), disabled=job.cancelling, key=key)
+                st.button("Cancel", on_click=job.cancel, args=(me,), disabled=job.cancelling, key=f"cancel {id(job)}")
             else:
                 st.button("I want it, too", on_click=job.join, args=(me,), key=f"join {id(job)}")
         if job.cancelling:
