@@ -18,6 +18,7 @@ written to ``record_alarms.csv``.
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,7 @@ _DRAWN = 10  # times a group of each speed
 _WINDOW_MS = 80.0
 _FEWEST, _MOST = 4, 6  # records in it
 _NONE, _APART, _STRANGER = "none", "none, in a group at one speed", "another structure's, in a group at one speed"
-CFCS = {"as recorded": None, "CFC 60": 60}
+_SMOOTH = "CFC 60"
 
 
 def _crash(accel: FloatArray) -> npt.NDArray[np.intp]:
@@ -127,18 +128,17 @@ def _sensors(folder: Path, campaign: Campaign, further: Sequence[CrashTest], see
             records[str(name)] = rows.time_ms.to_numpy() * MS, rows.acceleration_g.to_numpy() * G
     for test in (*campaign.tests, *further):
         time_s, accel = records[test.id]
+        smooth = partial(cfc_filter, cfc=60, dt_s=float(time_s[1] - time_s[0]))
+        sound = Pulse(GRID_S, np.interp(GRID_S, time_s, smooth(accel)))
         for name, fault in {_NONE: None, **FAULTS}.items():
             rng = np.random.default_rng([seed, *f"{folder.name} {test.id} {name}".encode()])
             broken = accel if fault is None else fault(time_s, accel, rng)
-            for seen, cfc in CFCS.items():
-                given = broken if cfc is None else cfc_filter(broken, cfc=cfc, dt_s=float(time_s[1] - time_s[0]))
+            smoothed = smooth(broken)
+            faulty = Pulse(GRID_S, np.interp(GRID_S, time_s, smoothed))
+            rating = rate_windows(sound, faulty, [_WINDOW_MS])[_WINDOW_MS].overall
+            for seen, given in {"as recorded": broken, _SMOOTH: smoothed}.items():
                 kinds = _alarms(tests, runs, test, time_s, given)
                 row = {"record": name, "seen": seen, "test": test.id, "kinds": " ".join(sorted(kinds))}
-                sound, faulty = (
-                    Pulse(GRID_S, np.interp(GRID_S, time_s, cfc_filter(one, cfc=60, dt_s=float(time_s[1] - time_s[0]))))
-                    for one in (accel, broken)
-                )
-                rating = rate_windows(sound, faulty, [_WINDOW_MS])[_WINDOW_MS].overall
                 yield {**row, "found": bool(kinds), "rating": rating}
 
 
@@ -183,7 +183,7 @@ def counted(frame: pd.DataFrame) -> pd.DataFrame:
     by = frame.groupby(["record", "seen"], sort=False)["found"].agg(["sum", "size"]).unstack()
     by.columns = [f"{'found' if what == 'sum' else 'records'}, {seen}" for what, seen in by.columns]
     by = by.astype("Int64")
-    missed = frame[(frame["seen"] == "CFC 60") & ~frame["found"].astype(bool)].groupby("record")["rating"]
+    missed = frame[(frame["seen"] == _SMOOTH) & ~frame["found"].astype(bool)].groupby("record")["rating"]
     for name, share in {"median": 0.5, "lowest twentieth": 0.05}.items():
         by[f"rating of the missed, {name}"] = missed.quantile(share).map("{:.3f}".format)
     return by.reset_index().rename(columns={"record": "fault"})

@@ -122,9 +122,9 @@ def test_nothing_shown_is_read_back() -> None:
 
 MOST = {
     "modules": 228,
-    "lines": 43_819,
+    "lines": 43_814,
     "words of docstrings": 45_931,
-    "words of other texts": 27_377,
+    "words of other texts": 27_376,
     "of tests": 34_487,
 }
 """The size of the house: package and pages, then lines of tests. It may be lowered, never raised."""

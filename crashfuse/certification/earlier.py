@@ -198,10 +198,9 @@ def _leaves(values: dict[str, Any], above: str = "") -> Iterator[tuple[str, obje
 
 
 def _agreement(then: object, now: object) -> str:
-    lists = (
-        (then, now) if isinstance(then, list) and isinstance(now, list) and len(then) == len(now) else ([then], [now])
-    )
-    pairs = zip(*lists, strict=True)
+    pairs = [(then, now)]
+    if isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
+        pairs = [*zip(then, now, strict=True)]
     near = all(a == b or (is_number(a) and is_number(b) and math.isclose(a, b, rel_tol=_ROUNDING)) for a, b in pairs)
     return AGREEMENTS[0 if then == now else 1 if near else 2]
 

@@ -49,9 +49,7 @@ def certification_result(certification: Certification, notes: Sequence[Note] = (
 
     def credibility() -> Table:
         rows = credibility_rows(certification)
-        again = rows.duplicated("factor")
-        for name in ("activity", "factor", "question"):
-            rows[name] = rows[name].mask(again, "")
+        rows.loc[rows.duplicated("factor"), ["activity", "factor", "question"]] = ""
         return Table.of("credibility", rows.set_axis(_SHEET, axis=1))
 
     told: dict[str, tuple[str, ...]] = {place: said.sentences(certification, place) for place in said.PLACES}
@@ -266,5 +264,4 @@ def _costs(certification: Certification) -> dict[str, object]:
 
 
 def _criterion(criterion: Criterion) -> dict[str, object]:
-    given = {key: value for key, value in asdict(criterion).items() if value is not None}
-    return {**given, **({"unit": criterion.unit} if criterion.unit else {})}
+    return {k: v for k, v in {**asdict(criterion), "unit": criterion.unit or None}.items() if v is not None}

@@ -6,6 +6,7 @@ undone: a dropout has its edges again, a flat top its corners. Limits stand besi
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -49,7 +50,8 @@ _AROUND_S = 30e-3
 _BEYOND_S, _EDGE_S = 1e-3, 4e-3
 _CUT, _ODD = 1.3, 1.5  # of the level, and of the difference elsewhere; sound, with a flat top: 1.24 and 3.1
 _NOISE, _NOISE_MPS2, _BLOCK_S, _LEAST_S, _STEADY = 2.2, 0.8 * G, 10e-3, 2.5e-3, 5.0
-_RIPPLE, _CALM_S = 3.5, 0.08  # beside records alike, once the vehicle has left the barrier; sound: 3.1
+# Beside records alike, once the vehicle has left the barrier; sound: 3.1
+_RIPPLE, _RIPPLE_S, _CALM_S, _QUIET = 3.5, 4e-3, 0.08, 0.3 * G
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,10 +132,10 @@ def confirmed(
     A spike that most records of about the same condition (``alike_mps2``) show, too, is none.
     """
     off = accel_mps2 - expected_mps2
+    signals = cache(lambda: [_signals(time_s, accel) for accel in (accel_mps2, *alike_mps2)])
 
     def of_each(measure: Callable[[_Signal, FloatArray], float]) -> tuple[float, float]:
-        signals = (_signals(time_s, accel) for accel in (accel_mps2, *alike_mps2))
-        first, *alike = (measure(one[0], one[2]) if one else 0.0 for one in signals)
+        first, *alike = (measure(one[0], one[2]) if one else 0.0 for one in signals())
         return first, float(np.median(alike)) if alike else first
 
     def is_odd(fault: SensorFault) -> bool:
@@ -143,7 +145,7 @@ def confirmed(
         if fault.kind == "noise":
             loud, usual = of_each(lambda _, hidden: float(np.std(hidden[within])))
             calm = of_each(lambda raw, _: _ripple(raw))
-            is_noise = calm[0] > _RIPPLE * max(calm[1], 0.3 * G) or (fault.start_s < _CALM_S and loud > _NOISE * usual)
+            is_noise = calm[0] > _RIPPLE * max(calm[1], _QUIET) or (fault.start_s < _CALM_S and loud > _NOISE * usual)
             # what rings from the first on may be as sound as a single other record, which was filtered
             return is_noise and (len(alike_mps2) > 1 or fault.strength > LIKELY)
         if fault.kind == "saturated" and np.abs(expected_mps2[within]).max() < _CUT * abs(fault.size_mps2):
@@ -405,6 +407,6 @@ def _noisy_end(raw: _Signal) -> Iterator[SensorFault]:
 
 def _ripple(raw: _Signal) -> float:
     """Root mean square of what is faster than some 40 Hz, from 80 to 90 or to 100 ms, the lesser."""
-    off, ends = raw.accel - gaussian_filter1d(raw.accel, 4e-3 / raw.step_s), _CALM_S + np.array([0, 10, 20]) * MS
+    off, ends = raw.accel - gaussian_filter1d(raw.accel, _RIPPLE_S / raw.step_s), _CALM_S + np.array([0, 10, 20]) * MS
     first, middle, last = np.searchsorted(raw.time_s, ends)
     return float(min(off[first:middle].std(), off[middle:last].std())) if first < middle < last else 0.0

@@ -115,7 +115,8 @@ class PastResult:
 
 
 def _asked(campaign: Campaign, config: StudyConfig, approach: str) -> tuple[str, str, StudyConfig, str, str, str]:
-    return campaign.name, campaign.fingerprint, config, campaign.rating_basis, approach, _now()
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return campaign.name, campaign.fingerprint, config, campaign.rating_basis, approach, now
 
 
 def keep(result: PastResult) -> None:
@@ -219,10 +220,6 @@ def _overall(study: Study) -> Ratings:
 
 def _home() -> Path:
     return default_folder() / "history"
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,10 +107,10 @@ def read_figures(path: Path) -> FiguresOfReport:
         _, begin, rest = path.read_text(encoding="utf-8").rpartition(_BEGIN)
         if not begin:
             raise problem("no figure")
-        values = json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))
+        values = {"evidence": (), **json.loads(without_links(json.dumps(json.loads(rest.partition(_END)[0]))))}
         figures = tuple(ReportFigure(**figure) for figure in values["figures"])
-        names = ("notices", "labels", "answers", "against", "evidence")
-        lines = {name: tuple(map(str, values.get(name, ()))) for name in names}
+        names = {*FiguresOfReport._fields} - {"title", "figures", "table"}
+        lines = {name: tuple(map(str, values[name])) for name in names}
         table = tuple(tuple(map(str, row)) for row in values["table"])
         report = FiguresOfReport(title=str(values["title"]), figures=figures, table=table, **lines)
     except (ValueError, TypeError, LookupError, RecursionError) as error:
